@@ -23,6 +23,8 @@ OTHER = wp.constant(0)  # L of the last row but one to the node
 LAST = wp.constant(1)  # L of the last row to the node
 BORDERS = 2
 
+OVERLAP = wp.constant(64)  # nodes
+
 NEGLIGIBLE = wp.constant(wp.float64(1.0e-30))  # entry of a full row of L that counts as zero: it decays along the wire
 
 
@@ -80,8 +82,73 @@ def inverse_pivot(i: int, d: wp.vec4d, following: wp.array(dtype=wp.int32), held
     return inverse
 
 
+@wp.func
+def diagonal(i: int, node_mass: wp.array(dtype=wp.vec3d), spin_inertia: wp.array(dtype=wp.float64)) -> wp.vec4d:
+    return wp.vec4d(node_mass[i][0], node_mass[i][1], node_mass[i][2], spin_inertia[i])
+
+
 @wp.kernel
 def factor_masses(
+    # in: wires, and how many threads share each
+    wire_first: wp.array(dtype=wp.int32),
+    wire_count: wp.array(dtype=wp.int32),
+    first_wire: int,
+    parts: int,
+    following: wp.array(dtype=wp.int32),
+    held: wp.array(dtype=wp.int32),
+    # in: diagonals of the masses and of the spin inertias; couplings that do not exist are zero
+    node_mass: wp.array(dtype=wp.vec3d),
+    next_mass: wp.array(dtype=wp.float64),
+    second_mass: wp.array(dtype=wp.float64),
+    spin_inertia: wp.array(dtype=wp.float64),
+    next_inertia: wp.array(dtype=wp.float64),
+    # out: (node, FACTORS), and D; not those of the last two nodes of a wire
+    mass_factor: wp.array2d(dtype=wp.vec4d),
+    sweep: wp.array(dtype=wp.vec4d),
+):
+    """`parts` threads a wire of two nodes or more: one, or more on a GPU.
+
+    A part begins OVERLAP nodes before its own as if the wire began there: D approaches its value within these, from above. What
+    is left of the difference adds to the masses of the first two nodes of the part.
+    """
+    thread = wp.tid()
+    wire = first_wire + thread / parts
+    part = thread % parts
+    first = wire_first[wire]
+    inside = wp.int64(wire_count[wire] - 2)
+    begin = int(inside * wp.int64(part) / wp.int64(parts))
+    end = int(inside * wp.int64(part + 1) / wp.int64(parts))
+    start = wp.max(0, begin - OVERLAP)
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    # D and L at the two nodes before
+    d1 = beside(one, one)
+    d2 = beside(one, one)
+    lower_before = wp.vec4d()
+    for j in range(start, end):
+        i = first + j
+        lower = wp.vec4d()
+        lower_second = wp.vec4d()
+        if j >= start + 2:
+            lower_second = wp.cw_div(beside(second_mass[i - 2], zero), d2)
+        if j >= start + 1:
+            lower = wp.cw_div(
+                beside(next_mass[i - 1], next_inertia[i - 1]) - wp.cw_mul(wp.cw_mul(lower_second, d2), lower_before), d1
+            )
+        d = diagonal(i, node_mass, spin_inertia)
+        d = d - wp.cw_mul(lower, wp.cw_mul(lower, d1)) - wp.cw_mul(lower_second, wp.cw_mul(lower_second, d2))
+        if j >= begin:
+            mass_factor[i, PIVOT] = inverse_pivot(i, d, following, held)
+            mass_factor[i, NEXT] = lower
+            mass_factor[i, SECOND] = lower_second
+            sweep[i] = d
+        d2 = d1
+        d1 = d
+        lower_before = lower
+
+
+@wp.kernel
+def factor_borders(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
@@ -96,57 +163,48 @@ def factor_masses(
     second_mass: wp.array(dtype=wp.float64),
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
-    # out: (node, FACTORS), and (row, BORDERS): a row for each node of a closed wire and the last four of an open one, that of
-    # node j is wire_border + j; first node of each wire from which full rows are zero, up to the last four nodes
+    # in: D
+    sweep: wp.array(dtype=wp.vec4d),
+    # in and out: (node, FACTORS), of which those of the last two nodes are found
     mass_factor: wp.array2d(dtype=wp.vec4d),
+    # out: (row, BORDERS): a row for each node of a closed wire and the last four of an open one, that of node j is
+    # wire_border + j; first node of each wire from which full rows are zero, up to the last four nodes
     mass_border: wp.array2d(dtype=wp.vec4d),
     wire_quiet: wp.array(dtype=wp.int32),
 ):
-    """One thread a wire, of two nodes or more."""
+    """One thread a wire."""
     wire = first_wire + wp.tid()
     first = wire_first[wire]
     count = wire_count[wire]
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    # D, L and the last rows at the two nodes before
-    d1 = beside(one, one)
-    d2 = beside(one, one)
-    lower_before = wp.vec4d()
+    # the last rows at the two nodes before
     last_before = wp.vec4d()
     last_before_that = wp.vec4d()
     other_before = wp.vec4d()
     other_before_that = wp.vec4d()
-    i = first + count - 1
-    last = wp.vec4d(node_mass[i][0], node_mass[i][1], node_mass[i][2], spin_inertia[i])
-    i = first + count - 2  # the last but one
-    other = wp.vec4d(node_mass[i][0], node_mass[i][1], node_mass[i][2], spin_inertia[i])
+    last = diagonal(first + count - 1, node_mass, spin_inertia)
+    other = diagonal(first + count - 2, node_mass, spin_inertia)
     cross = entry(count - 2, count - 1, first, count, next_mass, second_mass, next_inertia)
     quiet = int(0)
-    for j in range(count - 2):
+    j = int(0)
+    while j < count - 2:
         i = first + j
-        lower = wp.vec4d()
-        lower_second = wp.vec4d()
-        if j >= 2:
-            lower_second = wp.cw_div(beside(second_mass[i - 2], zero), d2)
-        if j >= 1:
-            lower = wp.cw_div(
-                beside(next_mass[i - 1], next_inertia[i - 1]) - wp.cw_mul(wp.cw_mul(lower_second, d2), lower_before), d1
-            )
-        below = wp.cw_mul(lower, d1)
-        below_second = wp.cw_mul(lower_second, d2)
-        d = wp.vec4d(node_mass[i][0], node_mass[i][1], node_mass[i][2], spin_inertia[i])
-        d = d - wp.cw_mul(lower, below) - wp.cw_mul(lower_second, below_second)
         of_other = entry(j, count - 2, first, count, next_mass, second_mass, next_inertia)
         of_last = entry(j, count - 1, first, count, next_mass, second_mass, next_inertia)
-        of_other -= wp.cw_mul(other_before, below) + wp.cw_mul(other_before_that, below_second)
-        of_last -= wp.cw_mul(last_before, below) + wp.cw_mul(last_before_that, below_second)
+        if j >= 1:
+            below = wp.cw_mul(mass_factor[i, NEXT], sweep[i - 1])
+            of_other -= wp.cw_mul(other_before, below)
+            of_last -= wp.cw_mul(last_before, below)
+        if j >= 2:
+            below_second = wp.cw_mul(mass_factor[i, SECOND], sweep[i - 2])
+            of_other -= wp.cw_mul(other_before_that, below_second)
+            of_last -= wp.cw_mul(last_before_that, below_second)
+        d = sweep[i]
         of_other = without_tiny(wp.cw_div(of_other, d))
         of_last = without_tiny(wp.cw_div(of_last, d))
-        if j < count - 4 and wp.length_sq(of_other) + wp.length_sq(of_last) > zero:
+        is_zero = wp.length_sq(of_other) + wp.length_sq(of_last) == wp.float64(0.0)
+        was_zero = wp.length_sq(other_before) + wp.length_sq(last_before) == wp.float64(0.0)
+        if j < count - 4 and not is_zero:
             quiet = j + 1
-        mass_factor[i, PIVOT] = inverse_pivot(i, d, following, held)
-        mass_factor[i, NEXT] = lower
-        mass_factor[i, SECOND] = lower_second
         if wire_closed[wire] != 0 or j >= count - 4:
             mass_border[wire_border[wire] + j, OTHER] = of_other
             mass_border[wire_border[wire] + j, LAST] = of_last
@@ -157,9 +215,9 @@ def factor_masses(
         other_before = of_other
         last_before_that = last_before
         last_before = of_last
-        d2 = d1
-        d1 = d
-        lower_before = lower
+        j += 1
+        if j >= 2 and is_zero and was_zero:
+            j = wp.max(j, count - 4)
     wire_quiet[wire] = quiet
     lower = wp.cw_div(cross, other)
     for k in range(count - 2, count):

@@ -1,10 +1,10 @@
 """One explicit step of the contact bodies under the forces of their two pairs.
 
-A thread steps BODY_BLOCK consecutive bodies and leaves one row of partial sums; its loop is C++, which the CPU compiler
-vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is that of control.py. With
-fictitious masses a free body is slowed down (`slow_when_free`), as its flight has no physical meaning and could carry it out of
-its lens. It is not stopped at once: between two moving wires it would be hit and stopped again and again, which would keep the
-wires from converging.
+A thread, or on a GPU BODY_BLOCK of them, steps BODY_BLOCK consecutive bodies and leaves one row of partial sums; the loop is
+C++, which the CPU compiler vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is
+that of control.py. With fictitious masses a free body is slowed down (`slow_when_free`), as its flight has no physical meaning
+and could carry it out of its lens. It is not stopped at once: between two moving wires it would be hit and stopped again and
+again, which would keep the wires from converging.
 """
 
 from typing import Any
@@ -12,13 +12,14 @@ from typing import Any
 import warp as wp
 
 from .control import STATUS, STATUS_RUNNING, STEP
-from .native import STEERING, constants
+from .native import SHARING, STEERING, SUM_OF_LANES, constants
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
 FREE_FLIGHT = 0.9  # velocity factor of a free body a step; its total path is nine steps
 
-_STEP = r"""
+_STEP = (
+    r"""
     typedef decltype(unit) real;
     typedef decltype(ux.data[0] + ux.data[0]) coordinate;
     const bool counted = coordinate(0.5) == coordinate(0);  // see wires.py
@@ -35,11 +36,12 @@ _STEP = r"""
     coordinate* __restrict moved_y = uy.data + begin;
     real* __restrict speed_x = vx.data + begin;
     real* __restrict speed_y = vy.data + begin;
-    real square = 0, speed = 0, ff[BODY_BLOCK], qq[BODY_BLOCK];
+    real square = 0, speed = 0;
+    SHARED real ff[BODY_BLOCK], qq[BODY_BLOCK];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int i = 0; i < count; ++i) {
+    EACH(i, 0, count) {
         const real first = force[2 * i], second = force[2 * i + 1];
         const real fx = (first != zero ? on_x[2 * i] : zero) + (second != zero ? on_x[2 * i + 1] : zero);
         const real fy = (first != zero ? on_y[2 * i] : zero) + (second != zero ? on_y[2 * i + 1] : zero);
@@ -65,25 +67,25 @@ _STEP = r"""
     }
     }
     real strongest = 0, fastest = 0;
-    for (int i = 0; i < count; ++i) {
+    EACH(i, 0, count) {
         strongest = ff[i] > strongest ? ff[i] : strongest;
         fastest = qq[i] > fastest ? qq[i] : fastest;
     }
+    const double kinetic = double(speed) / inverse_mass;
     double* row = partial.data + PARTIAL_COUNT * block;
-    row[KINETIC_PART] = double(speed) / inverse_mass;
-    row[SPEED_PART] = fastest;
-    row[STRONGEST_PART] = strongest;
-    row[FORCE_PART] = square;
 """
+    + SUM_OF_LANES
+)
 
 
-_CONSTANTS = STEERING + constants(BODY_BLOCK=BODY_BLOCK, FREE_FLIGHT=FREE_FLIGHT)
+_CONSTANTS = STEERING + SHARING + constants(BODY_BLOCK=BODY_BLOCK, FREE_FLIGHT=FREE_FLIGHT)
 
 
 @wp.func_native(_CONSTANTS + _STEP)
 def step_block_of_bodies(
     # in: what steers the step
     block: wp.int32,
+    lane: wp.int32,
     control: wp.array(dtype=wp.float64),
     phase: Any,
     unit: Any,
@@ -108,6 +110,7 @@ def step_bodies(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
+    threads_a_block: int,
     slow_when_free: int,
     # in: contact
     pair_force: wp.array(dtype=Any),
@@ -121,11 +124,13 @@ def step_bodies(
     # out
     partial: wp.array2d(dtype=wp.float64),
 ):
-    block = first_block + wp.tid()
+    """`threads_a_block` threads a block: one, or BODY_BLOCK on a GPU."""
+    thread = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
     step_block_of_bodies(
-        block,
+        first_block + thread / threads_a_block,
+        thread % threads_a_block,
         control,
         type(unit)(rounding_phase(control[STEP])),
         unit,

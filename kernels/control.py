@@ -162,35 +162,6 @@ def set_row(partial: wp.array2d(dtype=wp.float64), row: int, sums: partial_sums)
 
 
 @wp.kernel
-def sum_nodes_of_blocks(
-    # in: blocks, and a row of each node
-    block_first: wp.array(dtype=wp.int32),
-    block_count: wp.array(dtype=wp.int32),
-    first_block: int,
-    node_partial: wp.array2d(dtype=wp.float64),
-    # out: a row of each block
-    partial: wp.array2d(dtype=wp.float64),
-):
-    """A thread a block of nodes."""
-    block = first_block + wp.tid()
-    begin = block_first[block]
-    set_row(partial, block, add_rows(partial_sums(), node_partial, begin, begin + block_count[block], 1))
-
-
-@wp.kernel
-def sum_rows(
-    # in
-    partial: wp.array2d(dtype=wp.float64),
-    # out: fewer rows
-    fewer: wp.array2d(dtype=wp.float64),
-):
-    """Each thread adds its row and every so many behind it: the order of the threads does not matter, and neighbours read
-    neighbouring rows."""
-    row = wp.tid()
-    set_row(fewer, row, add_rows(partial_sums(), partial, row, partial.shape[0], fewer.shape[0]))
-
-
-@wp.kernel
 def sum_partials(
     # in
     wire_partial: wp.array2d(dtype=wp.float64),

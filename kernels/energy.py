@@ -15,7 +15,7 @@ from .wire_forces import forces
 
 _RESULTS = r"""
     const real* __restrict natural_bow = rest_bow.data + table - HALO;
-    for (int k = HALO; k < count + HALO; ++k) {
+    EACH(k, HALO, count + HALO) {
         const int i = offset_of_block + k, local = i - wire_begin, last = wire_nodes - 1;
         const bool turns = closed || (local > 0 && local < last), goes_on = closed || local < last;
         tension_out.data[i] = tension[k];
@@ -56,8 +56,6 @@ _RESULTS = r"""
         }
         strain_out.data[i] = strain;
     }
-    #undef OVER
-    #undef UNROLL
 """
 
 
@@ -65,7 +63,7 @@ _RESULTS = r"""
 def evaluate_block(
     # in: what steers the step
     block: wp.int32,
-    lane: Any,
+    lane: wp.int32,
     control: wp.array(dtype=wp.float64),
     unit: Any,
     gripped: wp.int32,
@@ -114,7 +112,7 @@ def evaluate_block(
 def evaluate_wires(
     # in: what steers the step
     first_block: int,
-    threads_a_block: Any,
+    threads_a_block: int,
     control: wp.array(dtype=wp.float64),
     unit: Any,
     gripped: int,
@@ -161,19 +159,15 @@ def evaluate_wires(
     moment: wp.array(dtype=Any),
     bow_moment: wp.array(dtype=Any),
 ):
-    """A thread a block, or with 64-bit `threads_a_block` = BLOCK_SIZE a thread a node.
+    """`threads_a_block` threads a block: one, or WIRE_LANES on a GPU.
 
     What is wanted has room for all nodes, what is not has none.
     """
     thread = wp.tid()
-    threads = wp.int32(threads_a_block)
-    block = first_block + thread / threads
-    lane = thread % threads
-    if lane >= block_count[block]:
-        return
+    block = first_block + thread / threads_a_block
     evaluate_block(
         block,
-        type(threads_a_block)(lane),
+        thread % threads_a_block,
         control,
         unit,
         gripped,

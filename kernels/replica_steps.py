@@ -199,6 +199,7 @@ def step_replicas(
         for block in range(body_blocks):
             step_block_of_bodies(
                 block,
+                wp.int32(0),
                 control[r],
                 phase,
                 unit,

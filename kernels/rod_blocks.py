@@ -1,21 +1,27 @@
 """Blocks of nodes of rods: what the native functions on them begin with.
 
-A block holds at most ROD_BLOCK consecutive nodes of one wire. A thread works on a block, or, as on a GPU, on one node of it: the
-type of `lane` says which, 32 bits for all nodes, 64 bits for the node at `lane` alone.
+A block holds at most ROD_BLOCK consecutive nodes of one wire. A thread works on a block, or, on a GPU, ROD_LANES threads share it
+(native.py).
 """
 
-from .native import STEERING, constants
+from .native import SHARING, STEERING, constants
 
 ROD_BLOCK = 64
+ROD_LANES = 96  # whole warps for the nodes of a block and those around it
 
 BLOCK = (
     STEERING
+    + SHARING
     + constants(ROD_BLOCK=ROD_BLOCK)
     + r"""
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
-    enum { ALONE = sizeof(lane) == 8, HALO = 4, PAD = ALONE ? 1 : 8, SPAN = (ALONE ? 1 : ROD_BLOCK) + 2 * HALO + PAD };
-    const int first = block_first.data[block] + (int)lane;
-    const int count = ALONE ? 1 : block_count.data[block];
+    #ifdef __CUDA_ARCH__
+    enum { PAD = 1 };
+    #else
+    enum { PAD = 8 };
+    #endif
+    enum { HALO = 4, SPAN = ROD_BLOCK + 2 * HALO + PAD };
+    const int first = block_first.data[block], count = block_count.data[block];
     const int wire = block_wire.data[block];
     const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
     const int wire_end = wire_begin + wire_nodes;
@@ -27,9 +33,9 @@ BLOCK = (
 # for BLOCK: local node k is node first - HALO + k of the wire, unrolled around a closed one; segment k joins nodes k and k + 1
 AROUND = r"""
     const int nodes = count + 2 * HALO, whole = (nodes + PAD - 1) / PAD * PAD;
-    int at[SPAN];
-    double has[SPAN], inner[SPAN];
-    for (int k = 0; k < whole; ++k) {
+    SHARED int at[SPAN];
+    SHARED double has[SPAN], inner[SPAN];
+    EACH(k, 0, whole) {
         int i = first - HALO + (k < nodes ? k : nodes - 1);
         if (closed) {
             while (i < wire_begin) i += wire_nodes;

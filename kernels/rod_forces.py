@@ -52,8 +52,6 @@ with the tension T and the contact couple c_j on its section. Contact forces are
 their order (wire_contact_forces.py), so that sums do not depend on the number of threads.
 """
 
-from typing import Any
-
 import warp as wp
 
 from .arctangent import ARCTANGENT
@@ -77,22 +75,27 @@ _FORCES = (
         + r"""
     typedef double real;
     const bool steps = steer[STATUS] == STATUS_RUNNING;
-    // compiled for elastic wires and for those that yield
-    struct elastic { enum { YIELDS = 0 }; };
-    struct plastic { enum { YIELDS = 1 }; };
+    const bool any_yields = yield_curvature > 0 && hardening < 1;
+    // on a CPU compiled for elastic wires and for those that yield
+    struct elastic { static constexpr bool yields() { return false; } };
+    struct plastic { static constexpr bool yields() { return true; } };
     auto find = [&](auto kind) {
-    const bool yields = decltype(kind)::YIELDS;
+    #ifdef __CUDA_ARCH__
+    const bool yields = any_yields;
+    #else
+    const bool yields = decltype(kind)::yields();
+    #endif
     const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
-    double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
-    double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
-    double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
+    SHARED double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
+    SHARED double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
+    SHARED double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
     {
     const double* turned_by = (const double*)moment_turn.data;
     const double* t = (const double*)tangent.data;
     const double* d = (const double*)director.data;
     const double* bent = (const double*)natural_curvature.data;
     const double* flow = (const double*)plastic_turn.data;
-    for (int k = 0; k < whole; ++k) {
+    EACH(k, 0, whole) {
         const int i = at[k];
         tx[k] = t[3 * i];
         ty[k] = t[3 * i + 1];
@@ -125,16 +128,17 @@ _FORCES = (
         sin_r[k] = turned_by[2 * row + 1];
     }
     }
+    TOGETHER
     // turning vector and twist at a node, and the moment of the turn
-    double kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
-    double nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
-    double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
+    SHARED double kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
+    SHARED double nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
+    SHARED double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
     const double back = yields ? hardening / (1 - hardening) : 0.0, softness = 1 / bending_stiffness;
-    mx[0] = my[0] = mx[whole] = my[whole] = 0;
+    if (lane == 0) mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 1; k < whole; ++k) {
+    EACH(k, 1, whole) {
         const double ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
         const double ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
         const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
@@ -199,25 +203,27 @@ _FORCES = (
         turned[k] = inner[k] * m;
     }
     }
+    TOGETHER
     // moments with the first correction by their slopes along both segments
-    double ux[SPAN], uy[SPAN];
-    ux[0] = uy[0] = ux[whole] = uy[whole] = 0;
+    SHARED double ux[SPAN], uy[SPAN];
+    if (lane == 0) ux[0] = uy[0] = ux[whole] = uy[whole] = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 1; k < whole; ++k) {
+    EACH(k, 1, whole) {
         SLOPES_OF_M
         ux[k] = mx[k] + s11[k] * by_x + s12[k] * by_y;
         uy[k] = my[k] + s12[k] * by_x + s22[k] * by_y;
     }
     }
+    TOGETHER
     // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
-    double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
-    double acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
+    SHARED double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
+    SHARED double acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 1; k < whole; ++k) {
+    EACH(k, 1, whole) {
         const double ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
         const double ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
         const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
@@ -252,11 +258,19 @@ _FORCES = (
     }
     }
     // contact: forces on four nodes and couples on three sections from each contact of a segment
-    double cfx[SPAN], cfy[SPAN], cfz[SPAN], ccx[SPAN], ccy[SPAN], ccz[SPAN];
-    for (int k = 0; k < whole; ++k) cfx[k] = cfy[k] = cfz[k] = ccx[k] = ccy[k] = ccz[k] = 0;
+    SHARED double cfx[SPAN], cfy[SPAN], cfz[SPAN], ccx[SPAN], ccy[SPAN], ccz[SPAN];
+    EACH(k, 0, whole) cfx[k] = cfy[k] = cfz[k] = ccx[k] = ccy[k] = ccz[k] = 0;
     const int* start_of_first = touch_first_start.data;
     const int* start_of_second = touch_second_start.data;
-    for (int k = HALO - 2; k <= HALO + count; ++k) {
+    // on a GPU a node at a time of each segment, so that no two threads add to the same one
+    #ifdef __CUDA_ARCH__
+    enum { TURNS = 4 };
+    #else
+    enum { TURNS = 1 };
+    #endif
+    for (int now = 0; now < TURNS; ++now) {
+    TOGETHER
+    EACH(k, HALO - 2, HALO + count + 1) {
         if (has[k] == 0) continue;
         for (int side = 0; side < 2; ++side) {
             const int* start = (side ? start_of_second : start_of_first) + at[k];
@@ -265,12 +279,12 @@ _FORCES = (
                 if (!touch_loaded.data[touch]) continue;
                 const double* push = (const double*)(touch_force.data + 8 * touch + 4 * side);
                 const double* couple = (const double*)(touch_couple.data + 6 * touch + 3 * side);
-                for (int a = 0; a < 4; ++a) {
+                for (int a = now; a < 4; a += TURNS) {
                     cfx[k - 1 + a] += push[3 * a];
                     cfy[k - 1 + a] += push[3 * a + 1];
                     cfz[k - 1 + a] += push[3 * a + 2];
                 }
-                for (int a = 0; a < 3; ++a) {
+                for (int a = now; a < 3; a += TURNS) {
                     ccx[k - 1 + a] += couple[3 * a];
                     ccy[k - 1 + a] += couple[3 * a + 1];
                     ccz[k - 1 + a] += couple[3 * a + 2];
@@ -278,20 +292,22 @@ _FORCES = (
             }
         }
     }
+    }
+    TOGETHER
     if (steer[HAS_LOAD] != 0) {
         const double* given = (const double*)(load_force.data + first - HALO);
-        for (int k = HALO; k < HALO + count; ++k) {
+        EACH(k, HALO, HALO + count) {
             cfx[k] += given[3 * k];
             cfy[k] += given[3 * k + 1];
             cfz[k] += given[3 * k + 2];
         }
     }
     // forces of the segments, and their sums
-    double nx[SPAN], ny[SPAN], nz[SPAN];
+    SHARED double nx[SPAN], ny[SPAN], nz[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = HALO - 1; k < HALO + count; ++k) {
+    EACH(k, HALO - 1, HALO + count) {
         const double x = ty[k] * ccz[k] - tz[k] * ccy[k], y = tz[k] * ccx[k] - tx[k] * ccz[k];
         const double z = tx[k] * ccy[k] - ty[k] * ccx[k];
         nx[k] = has[k] * (pull[k] * tx[k] + gax[k] + gbx[k + 1] + il[k] * x);
@@ -299,11 +315,12 @@ _FORCES = (
         nz[k] = has[k] * (pull[k] * tz[k] + gaz[k] + gbz[k + 1] + il[k] * z);
     }
     }
+    TOGETHER
     double* __restrict sum = (double*)(force.data + first - HALO - stored_from);
     double* __restrict edge = (double*)(edge_force.data + first - HALO);
     double* __restrict turning = (double*)(curvature.data + first - HALO);
     double* __restrict acting = (double*)(moment.data + first - HALO);
-    for (int k = HALO; k < HALO + count; ++k) {
+    EACH(k, HALO, HALO + count) {
         sum[3 * k] = cfx[k] + (nx[k] - nx[k - 1]);
         sum[3 * k + 1] = cfy[k] + (ny[k] - ny[k - 1]);
         sum[3 * k + 2] = cfz[k] + (nz[k] - nz[k - 1]);
@@ -311,7 +328,7 @@ _FORCES = (
         torque.data[first - HALO + k - stored_from] = has[k] * (about - ga[k] - gb[k + 1]);
     }
     if (steps) return;
-    for (int k = HALO; k < HALO + count; ++k) {
+    EACH(k, HALO, HALO + count) {
         edge[3 * k] = nx[k];
         edge[3 * k + 1] = ny[k];
         edge[3 * k + 2] = nz[k];
@@ -332,8 +349,13 @@ _FORCES = (
         bend_energy.data[first - HALO + k] = 0.5 * (at_node + along + again);
     }
     };
-    if (yield_curvature > 0 && hardening < 1) find(plastic());
-    else find(elastic());
+    #ifndef __CUDA_ARCH__
+    if (!any_yields) {
+        find(elastic());
+        return;
+    }
+    #endif
+    find(plastic());
 """
     )
     .replace("ARCTANGENT", ARCTANGENT)
@@ -347,7 +369,7 @@ _FORCES = (
 def forces_of_block(
     # in: blocks and wires
     block: wp.int32,
-    lane: Any,
+    lane: wp.int32,
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
@@ -408,7 +430,7 @@ def find_rod_forces(
     wire_closed: wp.array(dtype=wp.int32),
     rest_row: wp.array(dtype=wp.int32),
     first_block: int,
-    threads_a_block: Any,
+    threads_a_block: int,
     # in: rest data
     natural_length: wp.array(dtype=wp.float64),
     node_length: wp.array(dtype=wp.float64),
@@ -449,15 +471,13 @@ def find_rod_forces(
     force: wp.array(dtype=wp.vec3d),
     torque: wp.array(dtype=wp.float64),
 ):
-    """A thread a block, or with 64-bit `threads_a_block` = ROD_BLOCK a thread a node."""
+    """`threads_a_block` threads a block: one, or ROD_LANES on a GPU."""
     thread = wp.tid()
-    threads = wp.int32(threads_a_block)
-    block = first_block + thread / threads
-    lane = thread % threads
-    if lane < block_count[block] and not is_halted(control):
+    block = first_block + thread / threads_a_block
+    if not is_halted(control):
         forces_of_block(
             block,
-            type(threads_a_block)(lane),
+            thread % threads_a_block,
             block_first,
             block_count,
             block_wire,

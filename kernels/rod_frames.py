@@ -12,8 +12,6 @@ jump.
 Positions are x = F X + u; F acts in the plane of the mesh only. The last node of an open wire has no segment.
 """
 
-from typing import Any
-
 import warp as wp
 
 from .control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
@@ -40,16 +38,17 @@ _FRAMES = (
     double* __restrict d = (double*)(director.data + first);
     double* __restrict turn = pending_turn.data + first;
     double* __restrict size = length.data + first;
-    double ux[SPAN], uy[SPAN], uz[SPAN], sines[SPAN], cosines[SPAN];
-    for (int k = 0; k <= count; ++k) {
+    SHARED double ux[SPAN], uy[SPAN], uz[SPAN], sines[SPAN], cosines[SPAN];
+    EACH(k, 0, count + 1) {
         int i = first + k;
         if (i >= wire_end) i = closed ? wire_begin : wire_end - 1;
         ux[k] = moved[3 * i];
         uy[k] = moved[3 * i + 1];
         uz[k] = moved[3 * i + 2];
     }
+    TOGETHER
     double widest = 0;
-    for (int k = 0; k < segments; ++k) {
+    EACH(k, 0, segments) {
         const double a = turn[k], z = a * a;
         widest = a > widest ? a : (-a > widest ? -a : widest);
         sines[k] = a * (1 + z * (-1.0 / 6 + z * (1.0 / 120 + z * (-1.0 / 5040 + z * (1.0 / 362880 + z * (-1.0 / 39916800
@@ -58,7 +57,7 @@ _FRAMES = (
             + z * (1.0 / 479001600 + z * (-1.0 / 87178291200)))))));
     }
     if (widest > HALF) {
-        for (int k = 0; k < segments; ++k) {
+        EACH(k, 0, segments) {
             sines[k] = wp::sin(turn[k]);
             cosines[k] = wp::cos(turn[k]);
         }
@@ -66,7 +65,7 @@ _FRAMES = (
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < count; ++k) {
+    EACH(k, 0, count) {
         place[3 * k] = fxx * rest[3 * k] + fxy * rest[3 * k + 1] + ux[k];
         place[3 * k + 1] = fyx * rest[3 * k] + fyy * rest[3 * k + 1] + uy[k];
         place[3 * k + 2] = rest[3 * k + 2] + uz[k];
@@ -75,7 +74,7 @@ _FRAMES = (
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    for (int k = 0; k < segments; ++k) {
+    EACH(k, 0, segments) {
         const double ex = fxx * span[3 * k] + fxy * span[3 * k + 1] + (ux[k + 1] - ux[k]);
         const double ey = fyx * span[3 * k] + fyy * span[3 * k + 1] + (uy[k + 1] - uy[k]);
         const double ez = span[3 * k + 2] + (uz[k + 1] - uz[k]);
@@ -123,7 +122,7 @@ def affine_map(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3
 def frames_of_block(
     # in: blocks and wires
     block: wp.int32,
-    lane: Any,
+    lane: wp.int32,
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
@@ -158,7 +157,7 @@ def update_frames(
     wire_closed: wp.array(dtype=wp.int32),
     rest_row: wp.array(dtype=wp.int32),
     first_block: int,
-    threads_a_block: Any,
+    threads_a_block: int,
     when: int,
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
@@ -174,18 +173,16 @@ def update_frames(
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
 ):
-    """A thread a block, or with 64-bit `threads_a_block` = ROD_BLOCK a thread a node. `rest_edge` may cross the border of a
+    """`threads_a_block` threads a block: one, or ROD_LANES on a GPU. `rest_edge` may cross the border of a
     periodic tile."""
     if (when == UNLESS_AHEAD and control[FRAMES_AHEAD] != wp.float64(0.0)) or (when == AHEAD and not is_at_rest(control)):
         return
     thread = wp.tid()
-    threads = wp.int32(threads_a_block)
-    block = first_block + thread / threads
-    lane = thread % threads
-    if lane < block_count[block] and not is_halted(control):
+    block = first_block + thread / threads_a_block
+    if not is_halted(control):
         frames_of_block(
             block,
-            type(threads_a_block)(lane),
+            thread % threads_a_block,
             block_first,
             block_count,
             block_wire,

@@ -7,8 +7,6 @@ With lengths a, c of the segments before and behind a node and p, m its turning 
 A node and its neighbours have the masses of (dx_b/c - dx_a/a)^2 bend + (dx)^2 edge; sections those of twist and bent, likewise.
 """
 
-from typing import Any
-
 import warp as wp
 
 from .banded_mass import HELD_NODE, HELD_TURN
@@ -28,12 +26,12 @@ _MASSES = (
     const bool yields = yield_curvature > 0 && hardening < 1;
     const double factor = steer[LENGTH_FACTOR], back = yields ? hardening / (1 - hardening) : 0.0;
     const double most = twist_stiffness > bending_stiffness ? twist_stiffness : bending_stiffness;
-    double inverse[SPAN], rest[SPAN], pull[SPAN], soft[SPAN], slides[SPAN], free[SPAN], turns[SPAN];
+    SHARED double inverse[SPAN], rest[SPAN], pull[SPAN], soft[SPAN], slides[SPAN], free[SPAN], turns[SPAN];
     const double* bent = (const double*)curvature.data;
     const double* own = (const double*)natural_curvature.data;
     const double* flow = (const double*)plastic_turn.data;
     const double* weight = (const double*)bow_weight.data;
-    for (int k = 0; k < whole; ++k) {
+    EACH(k, 0, whole) {
         const int i = at[k];
         rest[k] = natural_length.data[i];
         inverse[k] = 1 / rest[k];
@@ -44,9 +42,10 @@ _MASSES = (
         free[k] = (held.data[i] & HELD_NODE) == 0;
         turns[k] = (held.data[i] & HELD_TURN) == 0;
     }
-    double bend[SPAN], turned[SPAN], twist[SPAN], twisted[SPAN];
-    bend[0] = turned[0] = twist[0] = twisted[0] = 0;
-    for (int k = 1; k < whole; ++k) {
+    SHARED double bend[SPAN], turned[SPAN], twist[SPAN], twisted[SPAN];
+    if (lane == 0) bend[0] = turned[0] = twist[0] = twisted[0] = 0;
+    TOGETHER
+    EACH(k, 1, whole) {
         const int i = at[k], row = i + to_row;
         bend[k] = turned[k] = twist[k] = twisted[k] = 0;
         if (inner[k] == 0) continue;
@@ -74,6 +73,7 @@ _MASSES = (
         twist[k] = most * share;
         twisted[k] = twist[k] + stiffest * half_square;
     }
+    TOGETHER
     double* __restrict mass = (double*)(node_mass.data + first - HALO);
     double* __restrict next = next_mass.data + first - HALO;
     double* __restrict second = second_mass.data + first - HALO;
@@ -81,7 +81,7 @@ _MASSES = (
     double* __restrict next_turn = next_inertia.data + first - HALO;
     const double* pushed = (const double*)(sweep.data + first - HALO);
     const bool touches = may_touch != 0;
-    for (int k = HALO; k < HALO + count; ++k) {
+    EACH(k, HALO, HALO + count) {
         const double a = inverse[k - 1], c = inverse[k], beyond = inverse[k + 1];
         double edge[2];
         for (int side = 0; side < 2; ++side) {
@@ -107,7 +107,7 @@ _MASSES = (
 def masses_of_block(
     # in: blocks and wires
     block: wp.int32,
-    lane: Any,
+    lane: wp.int32,
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_wire: wp.array(dtype=wp.int32),
@@ -164,7 +164,7 @@ def find_masses(
     wire_closed: wp.array(dtype=wp.int32),
     rest_row: wp.array(dtype=wp.int32),
     first_block: int,
-    threads_a_block: Any,
+    threads_a_block: int,
     # in: rest data; whether a clamp moves the node
     held: wp.array(dtype=wp.int32),
     is_sliding: wp.array(dtype=wp.int32),
@@ -201,49 +201,46 @@ def find_masses(
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
 ):
-    """A thread a block, or with 64-bit `threads_a_block` = ROD_BLOCK a thread a node."""
+    """`threads_a_block` threads a block: one, or ROD_LANES on a GPU."""
     thread = wp.tid()
-    threads = wp.int32(threads_a_block)
-    block = first_block + thread / threads
-    lane = thread % threads
-    if lane < block_count[block]:
-        masses_of_block(
-            block,
-            type(threads_a_block)(lane),
-            block_first,
-            block_count,
-            block_wire,
-            wire_first,
-            wire_count,
-            wire_closed,
-            rest_row,
-            held,
-            is_sliding,
-            natural_length,
-            node_length,
-            natural_curvature,
-            bow_weight,
-            bending_stiffness,
-            stiffest,
-            twist_stiffness,
-            yield_curvature,
-            hardening,
-            keeps_arc_length,
-            share,
-            spin_share,
-            slow_mass,
-            slow_inertia,
-            control,
-            stretch_stiffness,
-            tension_offset,
-            length,
-            curvature,
-            plastic_turn,
-            may_touch,
-            sweep,
-            node_mass,
-            next_mass,
-            second_mass,
-            spin_inertia,
-            next_inertia,
-        )
+    block = first_block + thread / threads_a_block
+    masses_of_block(
+        block,
+        thread % threads_a_block,
+        block_first,
+        block_count,
+        block_wire,
+        wire_first,
+        wire_count,
+        wire_closed,
+        rest_row,
+        held,
+        is_sliding,
+        natural_length,
+        node_length,
+        natural_curvature,
+        bow_weight,
+        bending_stiffness,
+        stiffest,
+        twist_stiffness,
+        yield_curvature,
+        hardening,
+        keeps_arc_length,
+        share,
+        spin_share,
+        slow_mass,
+        slow_inertia,
+        control,
+        stretch_stiffness,
+        tension_offset,
+        length,
+        curvature,
+        plastic_turn,
+        may_touch,
+        sweep,
+        node_mass,
+        next_mass,
+        second_mass,
+        spin_inertia,
+        next_inertia,
+    )

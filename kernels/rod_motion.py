@@ -9,38 +9,138 @@ import warp as wp
 
 from . import banded_mass as m
 from .control import STATUS, STATUS_RUNNING
-from .native import STEERING, constants
+from .native import SHARING, STEERING, SUM_OF_LANES, constants
 
-# Four numbers a node: x, y, z and spin. Full rows are zero between `quiet` and the last four nodes.
+MOTION_LANES = 256  # four numbers of 64 parts of a wire
+
+# Four numbers a node: x, y, z and spin, each swept by itself. On a GPU a thread sweeps one of them over a part of the wire: first
+# from zero, with the response to either node before the part, then from what the part before hands on. Full rows are zero between
+# `quiet` and the last four nodes.
 _MOVE = (
     STEERING
-    + constants(PIVOT=m.PIVOT, NEXT=m.NEXT, SECOND=m.SECOND, OTHER=m.OTHER, LAST=m.LAST, FACTORS=m.FACTORS, BORDERS=m.BORDERS)
+    + SHARING
+    + constants(
+        MOTION_LANES=MOTION_LANES,
+        PIVOT=m.PIVOT,
+        NEXT=m.NEXT,
+        SECOND=m.SECOND,
+        OTHER=m.OTHER,
+        LAST=m.LAST,
+        FACTORS=m.FACTORS,
+        BORDERS=m.BORDERS,
+    )
     + r"""
+    #ifdef __CUDA_ARCH__
+    enum { NUMBERS = 1 };
+    const int own = lane % 4, part = lane / 4, parts = blockDim.x / 4;
+    #else
+    enum { NUMBERS = 4 };
+    const int own = 0, part = 0, parts = 1;
+    #endif
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
-    const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first);
-    const double* __restrict borders = (const double*)(mass_border.data + BORDERS * wire_border.data[wire]);
+    const long long inside = count - 2;
+    const int begin = (int)(inside * part / parts), end = (int)(inside * (part + 1) / parts);
+    const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first) + own;
+    const double* __restrict borders = (const double*)(mass_border.data + BORDERS * wire_border.data[wire]) + own;
     const double* __restrict push = (const double*)(force.data + first - stored_from);
     const double* __restrict couple = torque.data + first - stored_from;
-    double* __restrict swept = (double*)(sweep.data + first - stored_from);
-    double z1[4] = {0, 0, 0, 0}, z2[4] = {0, 0, 0, 0}, other[4] = {0, 0, 0, 0}, last[4] = {0, 0, 0, 0};
-    for (int j = 0; j < count; ++j) {
+    double* __restrict swept = (double*)(sweep.data + first - stored_from) + own;
+    const auto given = [&](int j, int c) { return own + c < 3 ? push[3 * j + own + c] : couple[j]; };
+    // two nodes of a sweep, the nearest first, for a source; the last two are responses to either node before
+    struct Pair { double near[NUMBERS], far[NUMBERS]; };
+    const auto forward = [&](int j, Pair& z, bool from_rest) {
         const double* __restrict l = factors + 4 * FACTORS * j;
-        double z[4] = {push[3 * j], push[3 * j + 1], push[3 * j + 2], couple[j]};
-        if (j == count - 2) {
-            for (int c = 0; c < 4; ++c) z[c] -= other[c];
-        } else if (j == count - 1) {
-            for (int c = 0; c < 4; ++c) z[c] -= last[c] + l[4 * NEXT + c] * z1[c];
-        } else {
-            for (int c = 0; c < 4; ++c) z[c] -= l[4 * SECOND + c] * z2[c];
-            for (int c = 0; c < 4; ++c) z[c] -= l[4 * NEXT + c] * z1[c];
-            if (j < quiet || j >= count - 4) {
-                for (int c = 0; c < 4; ++c) other[c] += (borders + 4 * BORDERS * j)[4 * OTHER + c] * z[c];
-                for (int c = 0; c < 4; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z[c];
+        double now[NUMBERS];
+        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? 0.0 : given(j, c);
+        for (int c = 0; c < NUMBERS; ++c) now[c] -= l[4 * SECOND + c] * z.far[c];
+        for (int c = 0; c < NUMBERS; ++c) now[c] -= l[4 * NEXT + c] * z.near[c];
+        for (int c = 0; c < NUMBERS; ++c) z.far[c] = z.near[c];
+        for (int c = 0; c < NUMBERS; ++c) z.near[c] = now[c];
+    };
+    double other[NUMBERS] = {}, last[NUMBERS] = {};
+    const auto backward = [&](int j, Pair& z, bool from_rest) {
+        const double* __restrict l = factors + 4 * FACTORS * j;
+        double now[NUMBERS];
+        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? 0.0 : l[4 * PIVOT + c] * swept[4 * j + c];
+        // the last two rows are full: L to them is not zero only there
+        for (int c = 0; c < NUMBERS; ++c) now[c] -= (l + 8 * FACTORS)[4 * SECOND + c] * z.far[c];
+        for (int c = 0; c < NUMBERS; ++c) now[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * z.near[c];
+        if (!from_rest && (j < quiet || j >= count - 4)) {
+            for (int c = 0; c < NUMBERS; ++c) now[c] -= (borders + 4 * BORDERS * j)[4 * OTHER + c] * other[c];
+            for (int c = 0; c < NUMBERS; ++c) now[c] -= (borders + 4 * BORDERS * j)[4 * LAST + c] * last[c];
+        }
+        for (int c = 0; c < NUMBERS; ++c) z.far[c] = z.near[c];
+        for (int c = 0; c < NUMBERS; ++c) z.near[c] = now[c];
+    };
+    #ifdef __CUDA_ARCH__
+    // what the part before hands on: ends from zero, and the responses, joined in the order of the parts
+    __shared__ double near_end[MOTION_LANES], far_end[MOTION_LANES], near_near[MOTION_LANES], near_far[MOTION_LANES];
+    __shared__ double far_near[MOTION_LANES], far_far[MOTION_LANES];
+    const auto handed_on = [&](const auto& sweep, int from, int to, int step) {
+        Pair z = {}, by_near = {{1.0}, {0.0}}, by_far = {{0.0}, {1.0}};
+        for (int j = from; j != to; j += step) {
+            sweep(j, z, false);
+            sweep(j, by_near, true);
+            sweep(j, by_far, true);
+        }
+        TOGETHER
+        near_end[lane] = z.near[0];
+        far_end[lane] = z.far[0];
+        near_near[lane] = by_near.near[0];
+        far_near[lane] = by_near.far[0];
+        near_far[lane] = by_far.near[0];
+        far_far[lane] = by_far.far[0];
+        TOGETHER
+        const int first_lane = step > 0 ? own : own + 4 * (parts - 1);
+        if (lane == first_lane) {
+            double near = 0, far = 0;
+            for (int p = 0, k = first_lane; p < parts; ++p, k += 4 * step) {
+                const double next_near = near_end[k] + near_near[k] * near + near_far[k] * far;
+                const double next_far = far_end[k] + far_near[k] * near + far_far[k] * far;
+                near_end[k] = near;
+                far_end[k] = far;
+                near = next_near;
+                far = next_far;
             }
         }
-        for (int c = 0; c < 4; ++c) swept[4 * j + c] = z[c];
-        for (int c = 0; c < 4; ++c) z2[c] = z1[c];
-        for (int c = 0; c < 4; ++c) z1[c] = z[c];
+        TOGETHER
+        z.near[0] = near_end[lane];
+        z.far[0] = far_end[lane];
+        return z;
+    };
+    #endif
+    {
+    Pair z = {};
+    #ifdef __CUDA_ARCH__
+    z = handed_on(forward, begin, end, 1);
+    #endif
+    for (int j = begin; j < end; ++j) {
+        forward(j, z, false);
+        if (j < quiet || j >= count - 4) {
+            for (int c = 0; c < NUMBERS; ++c) other[c] += (borders + 4 * BORDERS * j)[4 * OTHER + c] * z.near[c];
+            for (int c = 0; c < NUMBERS; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z.near[c];
+        }
+        for (int c = 0; c < NUMBERS; ++c) swept[4 * j + c] = z.near[c];
+    }
+    }
+    #ifdef __CUDA_ARCH__
+    TOGETHER
+    near_end[lane] = other[0];
+    far_end[lane] = last[0];
+    TOGETHER
+    other[0] = last[0] = 0;
+    for (int p = 0; p < parts; ++p) {
+        other[0] += near_end[4 * p + own];
+        last[0] += far_end[4 * p + own];
+    }
+    #endif
+    // the last two nodes, of which every thread finds the accelerations
+    for (int c = 0; c < NUMBERS; ++c) {
+        const double* __restrict l = factors + 4 * FACTORS * (count - 1);
+        const double before = given(count - 2, c) - other[c];
+        const double at_end = given(count - 1, c) - (last[c] + l[4 * NEXT + c] * before);
+        last[c] = l[4 * PIVOT + c] * at_end;
+        other[c] = (l - 4 * FACTORS)[4 * PIVOT + c] * before - l[4 * NEXT + c] * last[c];
     }
     const double* steer = control.data;
     const double a = steer[VELOCITY_FACTOR], b = steer[FORCE_FACTOR], dt = steer[TIME_STEP], ahead = steer[LOOK_AHEAD];
@@ -52,55 +152,57 @@ _MOVE = (
     double* __restrict total = (double*)(force_sum.data + first);
     const double* __restrict mass = (const double*)(node_mass.data + first);
     const double* __restrict inertia = spin_inertia.data + first;
-    double kinetic = 0, fastest = 0, strongest = 0, squares = 0;
-    for (int c = 0; c < 4; ++c) z1[c] = z2[c] = 0;
-    for (int j = count - 1; j >= 0; --j) {
-        const double* __restrict l = factors + 4 * FACTORS * j;
-        double z[4];
-        for (int c = 0; c < 4; ++c) z[c] = l[4 * PIVOT + c] * swept[4 * j + c];
-        if (j == count - 1) {
-            for (int c = 0; c < 4; ++c) last[c] = z[c];
-        } else if (j == count - 2) {
-            for (int c = 0; c < 4; ++c) z[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * last[c];
-            for (int c = 0; c < 4; ++c) other[c] = z[c];
-        } else {
-            // the last two rows are full: L to them is not zero only there
-            for (int c = 0; c < 4; ++c) z[c] -= (l + 8 * FACTORS)[4 * SECOND + c] * z2[c];
-            for (int c = 0; c < 4; ++c) z[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * z1[c];
-            if (j < quiet || j >= count - 4) {
-                for (int c = 0; c < 4; ++c) z[c] -= (borders + 4 * BORDERS * j)[4 * OTHER + c] * other[c];
-                for (int c = 0; c < 4; ++c) z[c] -= (borders + 4 * BORDERS * j)[4 * LAST + c] * last[c];
-            }
-            for (int c = 0; c < 4; ++c) z2[c] = z1[c];
-            for (int c = 0; c < 4; ++c) z1[c] = z[c];
-        }
+    double kinetic = 0, fastest = 0, strongest = 0, square = 0;
+    const auto move = [&](int j, const double* acceleration) {
         double q2 = 0, f2 = 0, e = 0;
-        for (int c = 0; c < 3; ++c) {
-            const double before = speed[3 * j + c], after = a * before + b * z[c];
-            speed[3 * j + c] = after;
-            moved[3 * j + c] += dt * (after + ahead * (after - before));
-            total[3 * j + c] += push[3 * j + c];
+        for (int c = 0; c < NUMBERS && own + c < 3; ++c) {
+            const int k = 3 * j + own + c;
+            const double before = speed[k], after = a * before + b * acceleration[c];
+            speed[k] = after;
+            moved[k] += dt * (after + ahead * (after - before));
+            total[k] += push[k];
             q2 += after * after;
-            e += mass[3 * j + c] * after * after;
-            f2 += push[3 * j + c] * push[3 * j + c];
+            e += mass[k] * after * after;
+            f2 += push[k] * push[k];
         }
-        const double before = rate[j], after = a * before + b * z[3], move = dt * (after + ahead * (after - before));
-        rate[j] = after;
-        turn[j] = move;
-        turned[j] += move;
-        kinetic += e + inertia[j] * after * after;
+        if (own + NUMBERS == 4) {
+            const double before = rate[j], after = a * before + b * acceleration[NUMBERS - 1];
+            const double angle = dt * (after + ahead * (after - before));
+            rate[j] = after;
+            turn[j] = angle;
+            turned[j] += angle;
+            e += inertia[j] * after * after;
+        }
+        #ifdef __CUDA_ARCH__
+        const unsigned quad = 0xfu << (lane % 32 - own);
+        for (int step = 1; step < 4; step *= 2) {
+            q2 += __shfl_xor_sync(quad, q2, step);
+            f2 += __shfl_xor_sync(quad, f2, step);
+        }
+        #endif
+        kinetic += e;
         fastest = q2 > fastest ? q2 : fastest;
-        if (l[4 * PIVOT] != 0) {
-            squares += f2;
+        // of a quad of threads the first one counts
+        if (own == 0 && factors[4 * FACTORS * j + 4 * PIVOT] != 0) {
+            square += f2;
             strongest = f2 > strongest ? f2 : strongest;
         }
+    };
+    if (part == parts - 1) {
+        move(count - 1, last);
+        move(count - 2, other);
+    }
+    Pair z = {};
+    #ifdef __CUDA_ARCH__
+    z = handed_on(backward, end - 1, begin - 1, -1);
+    #endif
+    for (int j = end - 1; j >= begin; --j) {
+        backward(j, z, false);
+        move(j, z.near);
     }
     double* row = partial.data + PARTIAL_COUNT * wire;
-    row[KINETIC_PART] = kinetic;
-    row[SPEED_PART] = fastest;
-    row[STRONGEST_PART] = strongest;
-    row[FORCE_PART] = squares;
 """
+    + SUM_OF_LANES
 )
 
 
@@ -108,6 +210,7 @@ _MOVE = (
 def move_wire(
     # in: wires
     wire: wp.int32,
+    lane: wp.int32,
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
@@ -142,6 +245,7 @@ def move_rods(
     wire_count: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
     first_wire: int,
+    threads_a_block: int,
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=wp.vec4d),
     mass_border: wp.array2d(dtype=wp.vec4d),
@@ -164,12 +268,14 @@ def move_rods(
     pending_turn: wp.array(dtype=wp.float64),
     partial: wp.array2d(dtype=wp.float64),
 ):
-    """One thread a wire, and a row of partial sums. The kinetic energy is that of the diagonal masses."""
-    wire = first_wire + wp.tid()
+    """`threads_a_block` threads a wire: one, or MOTION_LANES on a GPU; and a row of partial sums. The kinetic energy is that of
+    the diagonal masses."""
+    thread = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return
     move_wire(
-        wire,
+        first_wire + thread / threads_a_block,
+        thread % threads_a_block,
         wire_first,
         wire_count,
         wire_border,

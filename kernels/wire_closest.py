@@ -67,6 +67,13 @@ def least_distance(
     return wp.length(r) - sag(p, bulge_p, weight_p) - sag(q, bulge_q, weight_q)
 
 
+@wp.func
+def offset_of_pair(i: int, j: int, following: wp.array(dtype=wp.int32), contact_offset: wp.array(dtype=wp.float64)) -> wp.float64:
+    """[m] bound on what pushes the curves of two segments apart."""
+    found = wp.max(contact_offset[i], contact_offset[following[i]])
+    return found + wp.max(contact_offset[j], contact_offset[following[j]])
+
+
 @wp.kernel
 def mark_near_pairs(
     # in: pairs
@@ -103,7 +110,7 @@ def mark_near_pairs(
         travel = control[TRAVEL]
         i = pair_first[pair]
         j = pair_second[pair]
-        offset = wp.max(contact_offset[i], contact_offset[following[i]]) + wp.max(contact_offset[j], contact_offset[following[j]])
+        offset = offset_of_pair(i, j, following, contact_offset)
         gap = CLOSING_RATE * (pair_wake_travel[pair] - travel) - offset
         if gap <= control[NEAR_GAP]:
             p = stencil(i, previous, following, position, length, tangent)
@@ -127,12 +134,62 @@ def mark_near_pairs(
             pair_found[pair] = NOT_NEAR
 
 
+@wp.func
+def evaluated_gap(control: wp.array(dtype=wp.float64)) -> wp.float64:
+    """[m] up to which closest points are found."""
+    return wp.where(control[STATUS] == STATUS_RUNNING, wp.float64(0.0), control[EVALUATED_GAP])
+
+
+@wp.kernel
+def forget_awake_pairs(
+    # out
+    touch_awake_count: wp.array(dtype=wp.int32),
+):
+    touch_awake_count[0] = 0
+
+
+@wp.kernel
+def list_awake_pairs(
+    # in: the pairs that may touch, and all pairs
+    touch_pair: wp.array(dtype=wp.int32),
+    touch_count: wp.array(dtype=wp.int32),
+    threads: int,
+    pair_first: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    pair_wake_travel: wp.array(dtype=wp.float64),
+    # in: wires
+    following: wp.array(dtype=wp.int32),
+    contact_offset: wp.array(dtype=wp.float64),
+    # in: what steers the step
+    control: wp.array(dtype=wp.float64),
+    # in and out: places of pairs that sleep are kept
+    pair_found: wp.array(dtype=wp.int32),
+    # out: pairs that do not sleep, in any order; the others have no force
+    touch_loaded: wp.array(dtype=wp.int32),
+    touch_awake: wp.array(dtype=wp.int32),
+    touch_awake_count: wp.array(dtype=wp.int32),
+):
+    """On a GPU, where threads of pairs that sleep would wait for the others."""
+    if is_halted(control):
+        return
+    for touch in range(wp.tid(), touch_count[0], threads):
+        pair = touch_pair[touch]
+        offset = offset_of_pair(pair_first[pair], pair_second[pair], following, contact_offset)
+        if CLOSING_RATE * (pair_wake_travel[pair] - control[TRAVEL]) > offset + evaluated_gap(control):
+            pair_found[pair] = -wp.abs(pair_found[pair])
+            touch_loaded[touch] = 0
+        else:
+            touch_awake[wp.atomic_add(touch_awake_count, 0, 1)] = touch
+
+
 @wp.kernel
 def find_closest_places(
-    # in: the pairs that may touch, and all pairs
+    # in: the pairs that may touch, those of them to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
+    touch_awake: wp.array(dtype=wp.int32),
+    touch_awake_count: wp.array(dtype=wp.int32),
     part: int,
     parts: int,
     threads: int,
@@ -169,7 +226,9 @@ def find_closest_places(
     """
     if is_halted(control):
         return
-    for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+    first = first_of_part(touch_awake_count, part, parts)
+    for k in range(first + wp.tid(), first_of_part(touch_awake_count, part + 1, parts), threads):
+        touch = touch_awake[k]
         if touch_followed[touch] != 0:
             continue
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
@@ -178,13 +237,12 @@ def find_closest_places(
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
         travel = control[TRAVEL]
-        evaluated_gap = wp.where(is_running, wp.float64(0.0), control[EVALUATED_GAP])
+        most = evaluated_gap(control)
         found = pair_found[pair]
         i = pair_first[pair]
         j = pair_second[pair]
-        offset = wp.max(contact_offset[i], contact_offset[following[i]])
-        offset += wp.max(contact_offset[j], contact_offset[following[j]])
-        if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap:
+        offset = offset_of_pair(i, j, following, contact_offset)
+        if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + most:
             pair_found[pair] = -wp.abs(found)
             continue
         pair_found[pair] = NOT_NEAR
@@ -205,7 +263,7 @@ def find_closest_places(
             bulge_q = length_factor * rest_bulge[of_q]
             gap = least_distance(p, q, chords, bulge_p, bulge_q, weight_p, weight_q)
             gap = gap - contact_distance
-            if gap > evaluated_gap:
+            if gap > most:
                 pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
                 continue
         shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
@@ -218,23 +276,23 @@ def find_closest_places(
         other = wp.vec2d()
         from_one = wp.vec4d()
         from_other = wp.vec4d()
-        k = 3 * pair
+        place = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
         is_due = travel > pair_renewal_travel[pair] + wp.where(is_running, RUNNING_TRAVEL, wp.float64(0.0)) * contact_distance
         # of three minima a new search may find another two: two that are known are kept, unless they miss the nearest
         is_followed = found != NOT_NEAR and (was_two or not is_due)
         is_split = pair_renewal_travel[pair] == SPLIT_PAIR
         if is_followed:
-            from_one = closest_on_curves(curve_p, curve_q, pair_place[k])
+            from_one = closest_on_curves(curve_p, curve_q, pair_place[place])
             from_other = from_one
             if was_two:
-                from_other = closest_on_curves(curve_p, curve_q, pair_place[k + 1])
+                from_other = closest_on_curves(curve_p, curve_q, pair_place[place + 1])
             one = wp.vec2d(from_one[0], from_one[1])
             other = wp.vec2d(from_other[0], from_other[1])
             is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and from_one[3] == wp.float64(0.0)
             is_followed = is_followed and was_two == are_distinct(one, other)
             if is_followed and is_running and not was_two:
-                is_split = wp.abs(one[0] - pair_place[k][0]) + wp.abs(one[1] - pair_place[k][1]) > SPLIT
+                is_split = wp.abs(one[0] - pair_place[place][0]) + wp.abs(one[1] - pair_place[place][1]) > SPLIT
         if not is_followed:
             from_one = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(0.0)))
             from_other = closest_on_curves(curve_p, curve_q, projected_end(curve_p, curve_q, wp.float64(1.0)))
@@ -279,14 +337,14 @@ def find_closest_places(
         if are_distinct(one, other):
             from_saddle = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
             if is_saddle_known:
-                from_saddle = followed_saddle(curve_p, curve_q, pair_place[k + 2])
+                from_saddle = followed_saddle(curve_p, curve_q, pair_place[place + 2])
             saddle = wp.vec2d(from_saddle[0], from_saddle[1])
             if from_saddle[2] >= NEWTON_ACCURACY:
                 saddle = saddle_of(curve_p, curve_q, one, other)
             barrier = MIN_BARRIER * contact_distance
             if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
                 minima = TWO_PLACES
-                pair_place[k + 2] = saddle
+                pair_place[place + 2] = saddle
             elif wp.abs(nearest - other_distance) < barrier:  # along a line
                 middle = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
                 from_one = closest_on_curves(curve_p, curve_q, middle)
@@ -296,8 +354,8 @@ def find_closest_places(
             nearest = wp.min(nearest, other_distance)
         if wp.max(from_one[2], from_other[2]) >= NEWTON_ACCURACY:
             pair_renewal_travel[pair] = -wp.float64(1.0)
-        pair_place[k] = one
-        pair_place[k + 1] = other
+        pair_place[place] = one
+        pair_place[place + 1] = other
         if wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY:
             gap = nearest - contact_distance
         wake = travel + (gap + offset) / CLOSING_RATE

@@ -92,10 +92,12 @@ def push_wire(
 
 @wp.kernel
 def find_contact_forces(
-    # in: the pairs that may touch, and all pairs
+    # in: the pairs that may touch, those of them to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
+    touch_awake: wp.array(dtype=wp.int32),
+    touch_awake_count: wp.array(dtype=wp.int32),
     part: int,
     parts: int,
     threads: int,
@@ -160,7 +162,9 @@ def find_contact_forces(
     """
     if is_halted(control):
         return
-    for touch in range(first_of_part(touch_count, part, parts) + wp.tid(), first_of_part(touch_count, part + 1, parts), threads):
+    first = first_of_part(touch_awake_count, part, parts)
+    for listed in range(first + wp.tid(), first_of_part(touch_awake_count, part + 1, parts), threads):
+        touch = touch_awake[listed]
         if touch_followed[touch] == FOLLOWED_FORCE:
             continue
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,

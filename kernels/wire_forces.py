@@ -10,16 +10,17 @@ with t and nu the unit tangent and left normal of the segment from a node to the
 
 It is C++, as loops of a Warp kernel do not vectorise on the CPU: loops over short arrays, in which every segment and angle of a
 block is computed once. A block holds at most BLOCK_SIZE consecutive nodes of one wire; the rest data of its first node stand
-at `block_table` of the table of one repeat, whose entries unroll in step with the nodes. A thread works on a block, or, as on
-a GPU, on one node of it: the type of `lane` says which, 32 bits for all nodes, 64 bits for the node at `lane` alone.
+at `block_table` of the table of one repeat, whose entries unroll in step with the nodes. A thread works on a block, or, on a
+GPU, WIRE_LANES threads share it (native.py).
 """
 
 from . import clamp
 from .arctangent import ARCTANGENT
-from .native import STEERING, constants
+from .native import SHARING, STEERING, constants
 
 BLOCK_SIZE = 128
 BLOCK_PAD = 32  # table entries behind a block that may be read
+WIRE_LANES = 160  # whole warps for the nodes of a block and those around it
 
 # Local indices: node k is global node first - HALO + k, segment k joins nodes k and k + 1, angle k sits at node k between
 # segments k - 1 and k. KEEPS: whether edges, angles and turnings are wanted beside forces.
@@ -27,18 +28,13 @@ _FORCES = r"""
     typedef decltype(unit) real;
     typedef decltype(ux_in.data[0] + ux_in.data[0]) coordinate;
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
-    enum { ALONE = sizeof(lane) == 8, LANES = ALONE ? 1 : 16, PAD = ALONE ? 2 : BLOCK_PAD };
-    enum { HALO = 3, SPAN = (ALONE ? 1 : BLOCK_SIZE) + 2 * HALO + PAD };
-    // on a GPU arrays stay in registers where all their indices are known once loops are unrolled
     #ifdef __CUDA_ARCH__
-    #define UNROLL _Pragma("unroll")
+    enum { LANES = 1, PAD = 2 };
     #else
-    #define UNROLL
+    enum { LANES = 16, PAD = BLOCK_PAD };
     #endif
-    #define OVER(k, low, high) UNROLL \
-        for (int k = ALONE ? 0 : (low); k < (ALONE ? whole : (high)); ++k) if (!ALONE || (k >= (low) && k < (high)))
-    const int first = block_first.data[block] + (int)lane, table = block_table.data[block] + (int)lane;
-    const int count = ALONE ? 1 : block_count.data[block];
+    enum { HALO = 3, SPAN = BLOCK_SIZE + 2 * HALO + PAD };
+    const int first = block_first.data[block], table = block_table.data[block], count = block_count.data[block];
     const int wire = block_wire.data[block];
     const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
     const double* steer = control.data;
@@ -51,14 +47,14 @@ _FORCES = r"""
     const int whole = (segments + LANES) / LANES * LANES;
     const int offset_of_block = first - HALO;
     const int wire_end = wire_begin + wire_nodes;
-    coordinate cx[SPAN], cy[SPAN];
-    real shift[SPAN];
-    UNROLL for (int k = HALO; k < count + HALO; ++k) {
+    SHARED coordinate cx[SPAN], cy[SPAN];
+    SHARED real shift[SPAN];
+    EACH(k, HALO, count + HALO) {
         cx[k] = ux_in.data[offset_of_block + k];
         cy[k] = uy_in.data[offset_of_block + k];
         shift[k] = tension_offset.data[offset_of_block + k];
     }
-    UNROLL for (int q = 0; q < 2 * HALO; ++q) {
+    EACH(q, 0, 2 * HALO) {
         // nodes of the wire before the block and behind it
         const int k = q < HALO ? q : count + q;
         int i = offset_of_block + k;
@@ -72,7 +68,8 @@ _FORCES = r"""
         cy[k] = uy_in.data[i];
         shift[k] = tension_offset.data[i];
     }
-    UNROLL for (int k = nodes; k <= whole; ++k) {
+    TOGETHER
+    EACH(k, nodes, whole + 1) {
         cx[k] = cx[nodes - 1];
         cy[k] = cy[nodes - 1];
         shift[k] = real(0);
@@ -83,14 +80,15 @@ _FORCES = r"""
     const real* __restrict ri = inverse_length.data + table - HALO;
     const real* __restrict ra = rest_angle.data + table - HALO;
     const real* __restrict rb = hinge_stiffness.data + table - HALO;
+    TOGETHER
     // stretch: edges, unit tangents and tensions
     const real axial_by_factor = axial_stiffness * hinge_factor;
-    real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], bend[SPAN], moment[SPAN], unbending[SPAN], share[SPAN], rise[SPAN];
-    real chord_x[KEEPS ? SPAN : 1], chord_y[KEEPS ? SPAN : 1], angles[KEEPS ? SPAN : 1], turn[KEEPS ? SPAN : 1];
+    SHARED real tx[SPAN], ty[SPAN], il[SPAN], tension[SPAN], bend[SPAN], moment[SPAN], unbending[SPAN], share[SPAN], rise[SPAN];
+    SHARED real chord_x[KEEPS ? SPAN : 1], chord_y[KEEPS ? SPAN : 1], angles[KEEPS ? SPAN : 1], turn[KEEPS ? SPAN : 1];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int k = 0; k < whole; ++k) {
+    EACH(k, 0, whole) {
         const real ex = fxx * rx[k] + fxy * ry[k] + unit * real(cx[k + 1] - cx[k]);
         const real ey = fyx * rx[k] + fyy * ry[k] + unit * real(cy[k + 1] - cy[k]);
         const real length = sqrt(ex * ex + ey * ey);
@@ -102,19 +100,20 @@ _FORCES = r"""
         if (KEEPS) { chord_x[k] = ex; chord_y[k] = ey; }
     }
     }
+    TOGETHER
     const int begin = wire_begin - offset_of_block, end = wire_end - offset_of_block;
     const real* __restrict clamps = wire_clamp.data + 2 * CLAMP_NUMBERS * wire;
     if (gripped) {
-        UNROLL for (int far = 0; far < 2; ++far) {
+        for (int far = 0; far < 2; ++far) {
             const real* clamp = clamps + far * CLAMP_NUMBERS;
             const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
-            if (rigid >= 0 && rigid < segments) OVER(j, rigid, rigid + 1) {
+            if (rigid >= 0 && rigid < segments) EACH(j, rigid, rigid + 1) {
                 tx[j] = clamp[TANGENT_X];
                 ty[j] = clamp[TANGENT_Y];
                 tension[j] = real(0);
                 if (KEEPS) { chord_x[j] = tx[j]; chord_y[j] = ty[j]; il[j] = real(1); }
             }
-            if (k >= 0 && k < segments) OVER(j, k, k + 1) {
+            if (k >= 0 && k < segments) EACH(j, k, k + 1) {
                 const real ex = tx[j] / il[j] + clamp[LEVER_X], ey = ty[j] / il[j] + clamp[LEVER_Y];
                 const real length = sqrt(ex * ex + ey * ey);
                 tx[j] = ex / length;
@@ -126,12 +125,15 @@ _FORCES = r"""
         }
     }
     // bending: turning angles, moments of the turns, and what the tension of arcs adds
-    tx[whole] = ty[whole] = tension[whole] = bend[0] = moment[0] = unbending[0] = real(0);
-    share[0] = real(1);
+    if (lane == 0) {
+        tx[whole] = ty[whole] = tension[whole] = bend[0] = moment[0] = unbending[0] = real(0);
+        share[0] = real(1);
+    }
+    TOGETHER
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int j = 0; j < whole; ++j) {
+    EACH(j, 0, whole) {
         const real sine = tx[j] * ty[j + 1] - ty[j] * tx[j + 1];
         const real cosine = tx[j] * tx[j + 1] + ty[j] * ty[j + 1];
         // angle = 2 atan(sine / (1 + cosine)), the quotient folded into [-tan(pi/8), tan(pi/8)] before the one division
@@ -144,13 +146,14 @@ _FORCES = r"""
         if (KEEPS) { angles[j + 1] = angle; turn[j + 1] = angle - ra[j + 1]; }
     }
     }
+    TOGETHER
     if (gripped) {
-        UNROLL for (int far = 0; far < 2; ++far) {
+        for (int far = 0; far < 2; ++far) {
             const real* clamp = clamps + far * CLAMP_NUMBERS;
-            UNROLL for (int next = 0; next < 2; ++next) {
+            for (int next = 0; next < 2; ++next) {
                 const int at = far ? end - 2 - next : begin + 1 + next;
                 if (at < 1 || at >= segments) continue;
-                OVER(k, at, at + 1) {
+                EACH(k, at, at + 1) {
                     // segment from the clamp, and the one beyond the first free node
                     const int own = far == next ? k : k - 1, other = far ? k - 1 : k;
                     const real angle = bend[k] / (hinge_factor * rb[k]) + ra[k];
@@ -164,9 +167,10 @@ _FORCES = r"""
             }
         }
     }
+    TOGETHER
     // what yields: beyond the yield moment on either side of back_turn, a wire keeps the share kept_stiffness
     if (yield_moment > real(0)) {
-        UNROLL for (int j = 1; j < segments; ++j) {
+        EACH(j, 1, segments) {
             int i = offset_of_block + j;
             if (closed) {
                 while (i < wire_begin) i += wire_nodes;
@@ -181,48 +185,53 @@ _FORCES = r"""
             bend[j] = stiffness * (trial - (beyond < real(0) ? -off : off));
         }
     }
+    TOGETHER
     if (!closed) {
         // beyond the ends of an open wire there is nothing
-        OVER(k, 0, begin + 1) { bend[k] = unbending[k] = share[k] = real(0); }
-        OVER(k, 0, begin) { tension[k] = real(0); }
-        OVER(k, end - 1, segments + 1) { tension[k] = bend[k] = unbending[k] = share[k] = real(0); }
+        EACH(k, 0, begin + 1) { bend[k] = unbending[k] = share[k] = real(0); }
+        EACH(k, 0, begin) { tension[k] = real(0); }
+        EACH(k, end - 1, segments + 1) { tension[k] = bend[k] = unbending[k] = share[k] = real(0); }
     }
+    TOGETHER
     // what the slope of the moment along the segments adds
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int k = 0; k < whole; ++k) {
+    EACH(k, 0, whole) {
         rise[k] = rl[k] * (bend[k + 1] - bend[k]);
     }
     }
+    TOGETHER
     if (!closed) {
-        OVER(k, 0, begin) { rise[k] = real(0); }
-        OVER(k, end - 1, segments) { rise[k] = real(0); }
+        EACH(k, 0, begin) { rise[k] = real(0); }
+        EACH(k, end - 1, segments) { rise[k] = real(0); }
     }
     if (gripped) {
-        UNROLL for (int far = 0; far < 2; ++far) {
+        for (int far = 0; far < 2; ++far) {
             const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
-            if (rigid >= 0 && rigid < segments) OVER(j, rigid, rigid + 1) rise[j] = real(0);
+            if (rigid >= 0 && rigid < segments) EACH(j, rigid, rigid + 1) rise[j] = real(0);
             if (k >= 0 && k < segments) {
                 const real length = clamps[far * CLAMP_NUMBERS + LENGTH];
-                OVER(j, k, k + 1) rise[j] = length * (bend[j + 1] - bend[j]);
+                EACH(j, k, k + 1) rise[j] = length * (bend[j + 1] - bend[j]);
             }
         }
     }
-    rise[whole] = moment[0] = moment[whole] = real(0);
+    if (lane == 0) rise[whole] = moment[0] = real(0);
+    TOGETHER
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int k = 0; k < whole; ++k) {
+    EACH(k, 0, whole) {
         moment[k + 1] = bend[k + 1] + slope_factor * share[k + 1] * rb[k + 1] * (rise[k] - rise[k + 1]);
     }
     }
+    TOGETHER
     // forces of the segments
-    real nx[SPAN], ny[SPAN];
+    SHARED real nx[SPAN], ny[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int k = 0; k < whole; ++k) {
+    EACH(k, 0, whole) {
         const real shear = (moment[k] - moment[k + 1] + unbending[k] - unbending[k + 1]) * il[k];
         nx[k] = tension[k] * tx[k] - shear * ty[k];
         ny[k] = tension[k] * ty[k] + shear * tx[k];
@@ -250,4 +259,4 @@ _CLAMP = constants(
 def forces(keeps: bool) -> str:
     """The text, to stand before what uses it."""
     text = _FORCES.replace("ARCTANGENT", ARCTANGENT)
-    return STEERING + _CLAMP + constants(BLOCK_SIZE=BLOCK_SIZE, BLOCK_PAD=BLOCK_PAD, KEEPS=keeps) + text
+    return STEERING + SHARING + _CLAMP + constants(BLOCK_SIZE=BLOCK_SIZE, BLOCK_PAD=BLOCK_PAD, KEEPS=keeps) + text

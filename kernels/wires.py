@@ -11,6 +11,7 @@ from typing import Any
 import warp as wp
 
 from .control import STATUS, STATUS_RUNNING, STEP
+from .native import SUM_OF_LANES
 from .wire_forces import forces
 
 
@@ -37,7 +38,7 @@ def node_at(i: int, wire_first: int, wire_count: int, closed: int) -> int:
 
 _PREFETCH = r"""
     #ifndef __CUDA_ARCH__
-    if (sizeof(lane) == 4) {
+    if (lane == 0) {
         for (int q = block_pair_start.data[block]; q < block_pair_start.data[block + 1]; ++q) {
             // needed below, from far apart
             const int p = block_pair.data[q];
@@ -50,24 +51,56 @@ _PREFETCH = r"""
     #endif
 """
 
-_UPDATE = r"""
+_UPDATE = (
+    r"""
     const int pair_begin = block_pair_start.data[block], pair_end = block_pair_start.data[block + 1];
     const int held_begin = block_held_start.data[block], held_end = block_held_start.data[block + 1];
-    const int lanes = (count + LANES - 1) / LANES * LANES;
-    real fx[SPAN], fy[SPAN];
+    const int padded = (count + LANES - 1) / LANES * LANES;
+    SHARED real fx[SPAN], fy[SPAN];
+    TOGETHER
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int j = 0; j < lanes; ++j) {
-        fx[j + HALO] = nx[j + HALO] - nx[j + HALO - 1];
-        fy[j + HALO] = ny[j + HALO] - ny[j + HALO - 1];
+    EACH(k, HALO, padded + HALO) {
+        fx[k] = nx[k] - nx[k - 1];
+        fy[k] = ny[k] - ny[k - 1];
     }
     }
+    #ifdef __CUDA_ARCH__
+    // some pairs at a time in shared memory, of which each thread takes what acts on its node
+    enum { STAGED = 32 };
+    __shared__ int reached[STAGED];
+    __shared__ real staged_x[4 * STAGED], staged_y[4 * STAGED];
+    for (int from = pair_begin; from < pair_end; from += STAGED) {
+        const int number = min(pair_end - from, (int)STAGED);
+        TOGETHER
+        EACH(q, 0, number) {
+            const int p = block_pair.data[from + q];
+            reached[q] = pair_force.data[p] == real(0) ? -0x40000000 : pair_node.data[p] - 1 - offset_of_block;
+        }
+        EACH(e, 0, 4 * number) {
+            const int p = block_pair.data[from + e / 4];
+            staged_x[e] = pair_nodal_x.data[4 * p + e % 4];
+            staged_y[e] = pair_nodal_y.data[4 * p + e % 4];
+        }
+        TOGETHER
+        EACH(k, HALO, count + HALO) {
+            for (int q = 0; q < number; ++q) {
+                int c = k - reached[q];
+                if (closed && c < 0) c += wire_nodes;
+                if (closed && c >= wire_nodes) c -= wire_nodes;
+                if (c < 0 || c > 3) continue;
+                fx[k] += staged_x[4 * q + c];
+                fy[k] += staged_y[4 * q + c];
+            }
+        }
+    }
+    #else
     for (int q = pair_begin; q < pair_end; ++q) {
         const int p = block_pair.data[q];
         if (pair_force.data[p] == real(0)) continue;
         const int reached = pair_node.data[p] - 1 - offset_of_block;
-        if (!ALONE && reached >= HALO && reached + 3 < count + HALO) {
+        if (reached >= HALO && reached + 3 < count + HALO) {
             for (int c = 0; c < 4; ++c) {
                 fx[reached + c] += pair_nodal_x.data[4 * p + c];
                 fy[reached + c] += pair_nodal_y.data[4 * p + c];
@@ -82,17 +115,19 @@ _UPDATE = r"""
             }
             const int k = i - offset_of_block;
             if (k >= HALO && k < count + HALO) {
-                fx[ALONE ? HALO : k] += pair_nodal_x.data[4 * p + c];
-                fy[ALONE ? HALO : k] += pair_nodal_y.data[4 * p + c];
+                fx[k] += pair_nodal_x.data[4 * p + c];
+                fy[k] += pair_nodal_y.data[4 * p + c];
             }
         }
     }
-    for (int q = held_begin; q < held_end; ++q) {
-        const int k = held_node.data[q] - offset_of_block;
-        if (ALONE && k != HALO) continue;
-        fx[ALONE ? HALO : k] = real(0);
-        fy[ALONE ? HALO : k] = real(0);
+    #endif
+    TOGETHER
+    EACH(q, 0, held_end - held_begin) {
+        const int k = held_node.data[held_begin + q] - offset_of_block;
+        fx[k] = real(0);
+        fy[k] = real(0);
     }
+    TOGETHER
     // counts are whole numbers, rounded by the phase of the step; metres are taken as they are
     const bool counted = coordinate(0.5) == coordinate(0);
     const real velocity_factor = real(steer[VELOCITY_FACTOR]), force_factor = real(steer[FORCE_FACTOR]);
@@ -104,14 +139,14 @@ _UPDATE = r"""
     real* __restrict speed_y = vy.data + offset_of_block;
     coordinate* __restrict moved_x = ux_out.data + offset_of_block;
     coordinate* __restrict moved_y = uy_out.data + offset_of_block;
-    real qq[SPAN], ff[SPAN];
-    real kinetic = 0, square = 0;
+    SHARED real qq[SPAN], ff[SPAN];
+    real sum_of_energies = 0, square = 0;
     const real counts = time_step / unit;
     const real still = sizeof(real) == 4 ? real(1e-18) : real(1e-150);
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
-    UNROLL for (int k = HALO; k < count + HALO; ++k) {
+    EACH(k, HALO, count + HALO) {
         const real im = ri_m[k] * mass_factor;
         const real px = speed_x[k], py = speed_y[k];
         const real f2 = fx[k] * fx[k] + fy[k] * fy[k];
@@ -121,7 +156,7 @@ _UPDATE = r"""
         qx = (qx < still && qx > -still) ? real(0) : qx;
         qy = (qy < still && qy > -still) ? real(0) : qy;
         const real q2 = qx * qx + qy * qy;
-        kinetic += q2 * rm[k];
+        sum_of_energies += q2 * rm[k];
         square += f2;
         speed_x[k] = qx;
         speed_y[k] = qy;
@@ -134,6 +169,13 @@ _UPDATE = r"""
     }
     }
     // largest squares, lane by lane: a plain maximum does not vectorise
+    real strongest = 0, fastest = 0;
+    #ifdef __CUDA_ARCH__
+    EACH(k, HALO, count + HALO) {
+        strongest = ff[k];
+        fastest = qq[k];
+    }
+    #else
     for (int l = 0; l < LANES; ++l) {
         ff[count + HALO + l] = real(0);
         qq[count + HALO + l] = real(0);
@@ -145,26 +187,23 @@ _UPDATE = r"""
             fast[l] = qq[k + l] > fast[l] ? qq[k + l] : fast[l];
         }
     }
-    real strongest = 0, fastest = 0;
     for (int l = 0; l < LANES; ++l) {
         strongest = strong[l] > strongest ? strong[l] : strongest;
         fastest = fast[l] > fastest ? fast[l] : fastest;
     }
-    double* partial_row = partial.data + PARTIAL_COUNT * (size_t)(ALONE ? offset_of_block + HALO : block);
-    partial_row[KINETIC_PART] = kinetic / mass_factor;
-    partial_row[SPEED_PART] = fastest;
-    partial_row[STRONGEST_PART] = strongest;
-    partial_row[FORCE_PART] = square;
-    #undef OVER
-    #undef UNROLL
+    #endif
+    const double kinetic = sum_of_energies / mass_factor;
+    double* row = partial.data + PARTIAL_COUNT * (size_t)block;
 """
+    + SUM_OF_LANES
+)
 
 
 @wp.func_native(_PREFETCH + forces(keeps=False) + _UPDATE)
 def block_step(
     # in: what steers the step
     block: wp.int32,
-    lane: Any,
+    lane: wp.int32,
     control: wp.array(dtype=wp.float64),
     phase: Any,
     unit: Any,
@@ -235,7 +274,7 @@ def step_wires(
     control: wp.array(dtype=wp.float64),
     unit: Any,
     first_block: int,
-    threads_a_block: Any,
+    threads_a_block: int,
     gripped: int,
     # in: rest data
     rest_x: wp.array(dtype=Any),
@@ -269,23 +308,20 @@ def step_wires(
     uy_out: wp.array(dtype=Any),
     partial: wp.array2d(dtype=wp.float64),
 ):
-    """A thread a block, or with 64-bit `threads_a_block` = BLOCK_SIZE a thread a node."""
+    """`threads_a_block` threads a block: one, or WIRE_LANES on a GPU."""
     thread = wp.tid()
-    threads = wp.int32(threads_a_block)
-    block = first_block + thread / threads
-    lane = thread % threads
-    if lane >= block_count[block]:
-        return
+    block = first_block + thread / threads_a_block
+    lane = thread % threads_a_block
     if control[STATUS] != STATUS_RUNNING:
         # the state is frozen: hand it on unchanged
-        for k in range(lane, block_count[block], threads):
+        for k in range(lane, block_count[block], threads_a_block):
             i = block_first[block] + k
             ux_out[i] = ux_in[i]
             uy_out[i] = uy_in[i]
         return
     block_step(
         block,
-        type(threads_a_block)(lane),
+        lane,
         control,
         type(unit)(rounding_phase(control[STEP])),
         unit,

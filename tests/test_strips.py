@@ -213,8 +213,8 @@ def test_strips_ramp_like_the_whole_mesh() -> None:
     assert_same_bits(shared, alone)
 
 
-@pytest.mark.parametrize(("precision", "threads", "by_node"), [("single", 2, False), ("double", 1, False), ("single", 1, True)])
-def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bool) -> None:
+@pytest.mark.parametrize(("precision", "threads", "by_pair"), [("single", 2, False), ("double", 1, False), ("single", 1, True)])
+def test_threads_and_kernels_of_strips(precision: str, threads: int, by_pair: bool) -> None:
     """150 steps of a tile under load, in strips of one and two threads and with the kernels of a GPU."""
     here = scene([4, 2], "periodic", *STRAIN, f"solver.precision={precision}")
 
@@ -223,7 +223,7 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_node: bo
         state = initial_state(model)
         drive = Simulation(model, state).drive
         kind = Stepper if model.strip is None else StripStepper
-        drive.stepper = kind(model, state, by_node=by_node, threads=threads)
+        drive.stepper = kind(model, state, by_pair=by_pair, threads=threads)
         drive.mechanics.set_load(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 100)
         advance(drive.mechanics, 150)
         reading = read(model, state)

@@ -48,7 +48,10 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--device", default="cpu")
     found.add_argument("--minutes", type=float, default=9.0, help="on a GPU: what takes longer is left out")
     found.add_argument(
-        "--scenes", type=float, default=0.5, help="on a GPU: share of the time that is kept for the scenes of a million"
+        "--scenes",
+        type=float,
+        default=0.5,
+        help="on a GPU: share of the time for the scenes of a million; 0: without them",
     )
     found.add_argument("--json", type=Path, default=Path("bench_gpu.json"), help="on a GPU: where the results go")
     found.add_argument("--frames", type=int, default=20, help="of --usd")

@@ -16,6 +16,11 @@ def is_in_place(device: wp.DeviceLike) -> bool:
     return bool(wp.get_device(device).is_cpu)
 
 
+def lanes(on_gpu: int, device: wp.DeviceLike) -> int:
+    """Threads that share what one thread of the CPU does: so many on a GPU (kernels/native.py)."""
+    return 1 if is_in_place(device) else on_gpu
+
+
 def fetch(array: wp.array) -> np.ndarray:
     """The array on the host: a view on the CPU, a copy from a GPU.
 

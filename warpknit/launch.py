@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
+SHARED_BY = "threads_a_block"  # argument of a kernel
+
 
 class Launch(NamedTuple):
     """A kernel, its number of threads and its ordered arguments."""
@@ -15,6 +17,12 @@ class Launch(NamedTuple):
     kernel: wp.Kernel
     threads: int
     arguments: list[Any]
+
+    @property
+    def block_dim(self) -> int | None:
+        """Threads of a CUDA block: those that share arrays (kernels/native.py), or None for Warp's default."""
+        names = [argument.label for argument in self.kernel.adj.args]
+        return int(self.arguments[names.index(SHARED_BY)]) if SHARED_BY in names else None
 
     def run(self, device: str) -> None:
         """Launch the kernel now."""
@@ -25,21 +33,29 @@ class Launch(NamedTuple):
         """A recorded Warp launch, to repeat or to capture in a graph."""
         types = (self.kernel, *((a.dtype, a.ndim) if isinstance(a, wp.array) else type(a) for a in self.arguments))
         kernel = _OVERLOADS.get(types, self.kernel)
-        recorded = wp.launch(kernel, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True)
+        recorded = wp.launch(
+            kernel, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True, block_dim=self.block_dim
+        )
         if recorded is not None:  # there are threads
             _OVERLOADS[types] = recorded.kernel
         return recorded
 
     def replay(self, device: str) -> Callable[[], None]:
         """A function that repeats the launch, at a third of the cost of a recorded one on a CPU; it keeps the arguments."""
-        recorded = self.record(device)
-        with wp.ScopedCapture(device=device) as capture:
-            recorded.launch()
-        return partial(_replay, capture.graph, recorded)
+        return replay([self], device)
 
 
-def _replay(graph: wp.Graph, recorded: wp.Launch) -> None:
-    """Launch the graph of a launch, which does not keep its arguments itself."""
+def replay(launches: list[Launch], device: str) -> Callable[[], None]:
+    """A function that repeats launches; see `Launch.replay`."""
+    recorded = [launch.record(device) for launch in launches if launch.threads > 0]
+    with wp.ScopedCapture(device=device) as capture:
+        for one in recorded:
+            one.launch()
+    return partial(_replay, capture.graph, recorded)
+
+
+def _replay(graph: wp.Graph, recorded: list[wp.Launch]) -> None:
+    """Launch the graph of launches, which does not keep their arguments itself."""
     wp.capture_launch(graph)
 
 

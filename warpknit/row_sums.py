@@ -7,21 +7,22 @@ import math
 import warp as wp
 
 from .host import is_in_place
-from .kernels.control import PARTIAL_COUNT, sum_rows
+from .kernels.control import PARTIAL_COUNT
+from .kernels.row_sums import ROW_LANES, ROWS, sum_rows
 from .launch import Launch, bind
 
-ROWS_A_THREAD = 64  # of one stage; one thread adds what is left
+FEW_ROWS = 64  # that one thread adds
 
 
 def fewer_rows(partial: wp.array) -> tuple[list[Launch], wp.array]:
-    """Launches that add up rows (row, PARTIAL_COUNT), and the at most ROWS_A_THREAD rows that they leave.
+    """Launches that add up rows (row, PARTIAL_COUNT), and the at most FEW_ROWS rows that they leave.
 
     None on the CPU, where a single thread adds them as fast.
     """
     launches: list[Launch] = []
-    while not is_in_place(partial.device) and len(partial) > ROWS_A_THREAD:
-        rows = math.ceil(len(partial) / ROWS_A_THREAD)
+    while not is_in_place(partial.device) and len(partial) > FEW_ROWS:
+        rows = math.ceil(len(partial) / ROWS)
         fewer = wp.zeros((rows, int(PARTIAL_COUNT)), dtype=wp.float64, device=partial.device)
-        launches.append(bind(sum_rows, rows, partial=partial, fewer=fewer))
+        launches.append(bind(sum_rows, rows * ROW_LANES, threads_a_block=ROW_LANES, partial=partial, fewer=fewer))
         partial = fewer
     return launches, partial

@@ -70,13 +70,13 @@ def test_readings_are_those_of_the_formulas(mesh: str, bow: bool) -> None:
 
 
 @pytest.mark.parametrize("mesh", MESHES)
-@pytest.mark.parametrize("by_node", [True, False])
-def test_a_step_takes_the_forces_of_the_formulas(mesh: str, by_node: bool) -> None:
+@pytest.mark.parametrize("by_pair", [True, False])
+def test_a_step_takes_the_forces_of_the_formulas(mesh: str, by_pair: bool) -> None:
     """Differences of segment forces, without contact."""
     made, expected = loaded(mesh, bow=True)
     made.state.pair_offset.zero_()
     made.state.write_control({c.CONTACT_STIFFNESS: 0.0})
-    probe = made.probe(by_node)
+    probe = made.probe(by_pair)
     probe.evaluate()
     panel, force = made.model.panel, expected.segment_force
     before = np.roll(force, 1, axis=0)

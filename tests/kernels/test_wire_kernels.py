@@ -21,11 +21,11 @@ def test_both_forms_give_the_same_forces(mesh: str, precision: str) -> None:
     """Cooled and sheared too, so that all of the load counts."""
     made = shaken(mesh, precision)
     made.state.write_control({c.LENGTH_FACTOR: 0.995, int(c.GRADIENT) + 1: 0.02, int(c.GRADIENT) + 2: -0.01})
-    by_node, by_block = (node_forces(made, made.probe(by_node)) for by_node in (True, False))
+    by_pair, by_block = (node_forces(made, made.probe(by_pair)) for by_pair in (True, False))
     noise = EDGES_AND_ANGLES * round_off(made)
     assert np.count_nonzero(made.state.pair_force.numpy()) > 5
-    assert np.abs(by_node).max() > 100 * noise
-    assert np.abs(by_node - by_block).max() < noise
+    assert np.abs(by_pair).max() > 100 * noise
+    assert np.abs(by_pair - by_block).max() < noise
 
 
 @pytest.mark.parametrize("mesh", MESHES)
@@ -37,37 +37,37 @@ def test_both_forms_leave_the_same_sums(mesh: str, precision: str) -> None:
     power by that of its bound, the root of f^2/m times m v^2.
     """
     sums, forces = [], []
-    for by_node in (True, False):
+    for by_pair in (True, False):
         made = shaken(mesh, precision)
         for speed in (made.state.node_vx, made.state.node_vy, made.state.body_vx, made.state.body_vy):
             speed.zero_()
         made.state.write_control({c.TRAVEL_LIMIT: np.inf})
-        forces.append(np.abs(node_forces(made, made.probe(by_node))).max())
-        Stepper(made.model, made.state, by_node=by_node).step(2)
+        forces.append(np.abs(node_forces(made, made.probe(by_pair))).max())
+        Stepper(made.model, made.state, by_pair=by_pair).step(2)
         sums.append(made.state.read_control().copy())
     epsilon = float(np.finfo(np.float32 if precision == "single" else np.float64).eps)
     share = 2 * EDGES_AND_ANGLES * round_off(made) / min(forces) + epsilon * made.model.panel.node_count
     squares = [c.KINETIC_TWICE, c.SPEED_MAX, c.FORCE_MAX, c.FORCE_SQUARE]
-    by_node, by_block = (row[[int(k) for k in squares]] for row in sums)
+    by_pair, by_block = (row[[int(k) for k in squares]] for row in sums)
     assert share < 0.02
-    assert by_node == pytest.approx(by_block, rel=share, abs=0)
+    assert by_pair == pytest.approx(by_block, rel=share, abs=0)
 
 
 @pytest.mark.parametrize("mesh", MESHES)
 def test_devices_give_the_same_forces(mesh: str, device: str) -> None:
     here = shaken(mesh, device=device)
     reference = shaken(mesh)
-    found = node_forces(here, here.probe(by_node=device != "cpu"))
-    expected = node_forces(reference, reference.probe(by_node=False))
+    found = node_forces(here, here.probe(by_pair=device != "cpu"))
+    expected = node_forces(reference, reference.probe(by_pair=False))
     assert np.abs(found - expected).max() <= EDGES_AND_ANGLES * round_off(reference)
 
 
-def long_wire(block_size: int, by_node: bool = False) -> np.ndarray:
+def long_wire(block_size: int, by_pair: bool = False) -> np.ndarray:
     """Forces (1000, 2) [N] on a wavy wire, laid out in blocks of `block_size`."""
     arc = 20e-6 * np.arange(1000)
     shape = np.stack([arc, 50e-6 * np.sin(arc / 150e-6)], axis=1)
     table = table_of_wires([shape])
-    rig = Rig(table, panel_of_wires(table, held=[0, 1, 998, 999], block_size=block_size), by_node=by_node)
+    rig = Rig(table, panel_of_wires(table, held=[0, 1, 998, 999], block_size=block_size), by_pair=by_pair)
     return rig.forces(rig.rest + 1e-7 * np.random.default_rng(6).uniform(-1, 1, rig.rest.shape))
 
 
@@ -77,7 +77,7 @@ def test_block_boundaries_do_not_matter(block_size: int) -> None:
     whole, split = long_wire(128), long_wire(block_size)
     assert np.abs(whole).max() > 0.01
     assert np.abs(whole - split).max() < EDGES_AND_ANGLES * EPSILON * 71.0
-    assert np.array_equal(long_wire(128, by_node=True), long_wire(block_size, by_node=True))
+    assert np.array_equal(long_wire(128, by_pair=True), long_wire(block_size, by_pair=True))
 
 
 @pytest.mark.parametrize("nodes", [5, 40, 128, 129, 300])
@@ -125,13 +125,13 @@ def test_threads_share_a_step_to_the_same_bits(mesh: str) -> None:
 
 
 @pytest.mark.parametrize("length_factor", [1.0, 0.999])
-@pytest.mark.parametrize("by_node", [True, False])
+@pytest.mark.parametrize("by_pair", [True, False])
 @pytest.mark.parametrize("mesh", ["patch", "yielded"])
-def test_kernel_forces_are_those_that_the_measures_see(mesh: str, by_node: bool, length_factor: float) -> None:
+def test_kernel_forces_are_those_that_the_measures_see(mesh: str, by_pair: bool, length_factor: float) -> None:
     """Next to clamps too, where what is held rigid carries neither tension nor thermal strain."""
     made = shaken(mesh)
     made.state.write_control({c.LENGTH_FACTOR: length_factor})
-    force = node_forces(made, made.probe(by_node))
+    force = node_forces(made, made.probe(by_pair))
     reading = read(made.model, made.state)
     panel, segment = made.model.panel, reading.segment_force
     before = np.roll(segment, 1, axis=0)

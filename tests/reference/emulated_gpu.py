@@ -1,4 +1,4 @@
-"""Runs of small scenes as on a GPU, on the CPU: a thread a node and a pair, in any order, and the states that come out.
+"""Runs of small scenes as on a GPU, on the CPU: a thread a pair, in any order, and the states that come out.
 
     python tests/reference/emulated_gpu.py RESULT.json [--order forward|reversed|permuted] [--only WORD] [--arch 90 75]
 

@@ -35,8 +35,8 @@ class Mesh:
     model: Model
     state: State
 
-    def probe(self, by_node: bool) -> ForceProbe:
-        return ForceProbe(self.model, self.state, Stepper(self.model, self.state, by_node=by_node))
+    def probe(self, by_pair: bool) -> ForceProbe:
+        return ForceProbe(self.model, self.state, Stepper(self.model, self.state, by_pair=by_pair))
 
 
 @cache

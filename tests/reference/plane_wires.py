@@ -166,10 +166,10 @@ def circle(radius: float, nodes: int) -> np.ndarray:
 class Rig:
     """A mesh made by hand and its state, undamped and unwatched unless a test says otherwise."""
 
-    def __init__(self, table: Table, panel: Panel, device: str = "cpu", *, by_node: bool | None = None, **solver: object) -> None:
+    def __init__(self, table: Table, panel: Panel, device: str = "cpu", *, by_pair: bool | None = None, **solver: object) -> None:
         self.model = model_of_wires(table, panel, device, **solver)
         self.state = initial_state(self.model)
-        self.stepper = Stepper(self.model, self.state, by_node=by_node)
+        self.stepper = Stepper(self.model, self.state, by_pair=by_pair)
         self.probe = ForceProbe(self.model, self.state, self.stepper)
         entry = node_entries(self.model)
         self.rest = np.concatenate([np.stack([table.x[entry], table.y[entry]], axis=1), panel.body_rest])

@@ -296,10 +296,10 @@ def test_both_wire_kernels_step_a_hook_alike() -> None:
 
     model = build_model(hook_scene(16, contact={"treatment": "spring-cylinder"}))
     states = []
-    for by_node in (False, True):
+    for by_pair in (False, True):
         state = initial_state(model)
         state.write_control({int(c.TO) + 1: 0.3, c.RAMP_STEPS: 500.0, c.TRAVEL_LIMIT: np.inf})
-        Stepper(model, state, by_node=by_node).step(1000)
+        Stepper(model, state, by_pair=by_pair).step(1000)
         states.append(state)
     assert states[0].read_control()[int(c.STEP)] == 1000
     a, b = (np.stack([s.node_ux[0].numpy(), s.node_uy[0].numpy()]) for s in states)

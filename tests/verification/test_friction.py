@@ -31,7 +31,7 @@ CYCLE = {
 }
 
 
-def pressed(friction: float, by_node: bool, repeats: list[int] | None = None, threads: int | None = None):
+def pressed(friction: float, by_pair: bool, repeats: list[int] | None = None, threads: int | None = None):
     """A periodic mesh whose bodies are pressed into one of their wires, which then stick, and are moved along it."""
     knit = {"repeats": repeats or [1, 1]}
     options = {"boundary": "periodic", "nodes_per_loop": 24}
@@ -52,14 +52,14 @@ def pressed(friction: float, by_node: bool, repeats: list[int] | None = None, th
     moved = -(gap - 0.9 * model.contact_reach)[:, None] * normal
     state.body_ux.assign(moved[:, 0])
     state.body_uy.assign(moved[:, 1])
-    stepper = Stepper(model, state, by_node=by_node, threads=threads)
+    stepper = Stepper(model, state, by_pair=by_pair, threads=threads)
     return model, state, stepper, moved, tangent
 
 
-@pytest.mark.parametrize("by_node", [True, False])
-def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_node: bool) -> None:
+@pytest.mark.parametrize("by_pair", [True, False])
+def test_a_stuck_contact_is_drawn_back_and_slips_at_mu_times_the_force(by_pair: bool) -> None:
     mu = 0.25
-    model, state, stepper, moved, tangent = pressed(mu, by_node)
+    model, state, stepper, moved, tangent = pressed(mu, by_pair)
     stepper.evaluate_contact()
     normal_x = state.pair_body_x.numpy()[::2].copy()
     closed = state.pair_force.numpy()[::2] > 0
@@ -155,12 +155,12 @@ def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
     assert friction_energy(read(model, state)) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("by_node", [True, False])
-def test_threads_share_friction_to_the_bit(by_node: bool) -> None:
+@pytest.mark.parametrize("by_pair", [True, False])
+def test_threads_share_friction_to_the_bit(by_pair: bool) -> None:
     """Whatever the number of threads, each pair has its friction once. The batches of 16 pairs do not divide among three."""
     results = []
     for threads in (1, 3):
-        model, state, stepper, moved, tangent = pressed(0.25, by_node, repeats=[3, 3], threads=threads)
+        model, state, stepper, moved, tangent = pressed(0.25, by_pair, repeats=[3, 3], threads=threads)
         assert stepper.threads == threads and model.pair_count > 6 * 16
         stepper.evaluate_contact()
         HistoryVariables(model, state).advance()

@@ -37,6 +37,8 @@ CELLS = {"planar": "atlas_cell.toml", "spatial": "atlas_cell_spatial.toml"}
 MILLIONS = ("panel_million.toml", "panel_million_spatial.toml")
 STRAIN = 0.1  # weft and warp
 STEPS = 50  # of a turn: a graph, or a check
+REPEATS = 20  # of a launch that is timed alone
+EMPTIES = ("forget_awake_pairs",)  # kernels that empty the list which the next one fills
 SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
 NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and those of a model
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it
@@ -76,7 +78,7 @@ def at_load(kind: str, nodes: int, device: str) -> Simulation:
 
 def step_launches(stepper: Any, *, free: bool) -> list[list[Launch]]:
     """The launches of two steps one after the other: planar nodes are stored twice, in turn."""
-    turns = [stepper.launches(parity) for parity in (0, 1)] if hasattr(stepper, "by_node") else 2 * [stepper.launches()]
+    turns = [stepper.launches(parity) for parity in (0, 1)] if hasattr(stepper, "by_pair") else 2 * [stepper.launches()]
     contact = ("contact", "friction", "bodies", "wire_closest", "wire_contact_forces", "wire_friction")
     return [[one for one in turn if not free or one.kernel.module.name.rsplit(".", 1)[-1] not in contact] for turn in turns]
 
@@ -117,6 +119,7 @@ def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> It
         works = {"graph": partial(wp.capture_launch, capture.graph), "launches": alone}
         best(works, 1, device=device)
         number = sum(bytes_of(one) for one in turns[0]) / count
+        kernels = times_of_launches(recorded[0], [one for one in turns[0] if one.threads], options)
         for way, seconds in best(works, options.rounds, device=device).items():
             speed = count * STEPS / seconds
             yield {
@@ -127,7 +130,30 @@ def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> It
                 "bytes_a_node_step": number,
                 "share_of_copy": number * speed / copy,
                 "built_s": built,
+                "launches": kernels if way == "launches" else [],
             }
+
+
+def times_of_launches(recorded: list[wp.Launch], launches: list[Launch], options: argparse.Namespace) -> list[dict[str, Any]]:
+    """What each launch of a step takes where it is repeated alone, or behind the one that empties the list that it fills."""
+    groups: list[list[int]] = []
+    for k in range(len(launches)):
+        if k > 0 and launches[k - 1].kernel.key in EMPTIES:
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+
+    def repeat(group: list[int]) -> None:
+        for _ in range(REPEATS):
+            for k in group:
+                recorded[k].launch()
+
+    found = best({group[-1]: partial(repeat, group) for group in groups}, options.rounds, device=options.device)
+    return [
+        {"kernel": one.kernel.key, "threads": one.threads, "us": 1e6 * found[k] / REPEATS, "bytes": bytes_of(one)}
+        for k, one in enumerate(launches)
+        if k in found
+    ]
 
 
 # --- whole scenes -----------------------------------------------------------------------------------------------------
@@ -223,7 +249,7 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             except NO_ROOM as error:
                 yield {"case": f"{kind}, steps", "nodes": nodes, "left_out": str(error)}
             spent[kind].append((nodes, time.perf_counter() - begin))
-    for number, name in enumerate(MILLIONS):
+    for number, name in enumerate(MILLIONS if options.scenes > 0.0 else ()):
         now = time.perf_counter()
         scene = load_scene(SCENES / name, options.overrides)
         try:
@@ -262,4 +288,8 @@ def table(found: list[dict[str, Any]]) -> str:
         else:
             numbers = f"{one['step_us']:>12.1f}{one['node_steps_per_s']:>14.3g}{one['bytes_a_node_step']:>13.0f}"
             lines.append(f"{one['case']:<40}{one['nodes']:>12,}{numbers}{one['share_of_copy']:>9.2f}")
+            lines += [
+                f"    {launch['kernel']:<36}{launch['threads']:>12,}{launch['us']:>12.1f}{launch['bytes'] / one['nodes']:>27.0f}"
+                for launch in one["launches"]
+            ]
     return "\n".join(lines)

@@ -11,9 +11,10 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
+from ..host import lanes
 from ..kernels import clamp
 from ..kernels.energy import evaluate_wires
-from ..kernels.wire_forces import BLOCK_SIZE
+from ..kernels.wire_forces import WIRE_LANES
 from ..launch import bind
 from ..measure.boundary import Boundary
 from .join import Join
@@ -202,9 +203,9 @@ def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array]
 
     `out`: output arrays [node] by name.
     """
-    threads = wp.int32(1) if model.device == "cpu" else wp.int64(BLOCK_SIZE)
+    threads = lanes(WIRE_LANES, model.device)
     unused = {name: wp.empty(0, dtype=model.precision.real, device=model.device) for name in OPTIONAL if name not in out}
     return bind(
-        evaluate_wires, blocks[1] * int(threads), model.rest, model.mesh, state, model.constants, first_block=blocks[0],
+        evaluate_wires, blocks[1] * threads, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
         threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unused,
     ).record(model.device)  # fmt: skip

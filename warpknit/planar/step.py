@@ -13,17 +13,18 @@ from functools import cached_property, partial
 
 import warp as wp
 
+from ..host import lanes
 from ..kernels import control as c
 from ..kernels.anchored_bodies import step_anchored_bodies
-from ..kernels.bodies import step_bodies
+from ..kernels.bodies import BODY_BLOCK, step_bodies
 from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
 from ..kernels.contact_friction import add_friction
 from ..kernels.contact_node import follow_contact_node, lend_contact_force
-from ..kernels.control import PARTIAL_COUNT, sum_nodes_of_blocks, update_control
+from ..kernels.control import update_control
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
-from ..kernels.wire_forces import BLOCK_SIZE
+from ..kernels.wire_forces import WIRE_LANES
 from ..kernels.wires import step_wires
 from ..launch import Launch, bind
 from ..numerics import GRAPH_STEPS, thread_count
@@ -42,15 +43,14 @@ PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}
 class Stepper:
     """Takes steps of a model's state."""
 
-    def __init__(self, model: Model, state: State, *, by_node: bool | None = None, threads: int | None = None) -> None:
-        """`by_node`: kernels with a thread a node and a pair (GPU), else a thread a block of nodes and a batch of pairs (CPU).
-        Default: by the device.
+    def __init__(self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None) -> None:
+        """`by_pair`: contact with a thread a pair (GPU), else a thread a batch of pairs (CPU). Default: by the device.
 
         `threads` of a step on the CPU; default: by cores and mesh size, and where a step is short, by what is faster.
         """
         self.model = model
         self.state = state
-        self.by_node = model.device != "cpu" if by_node is None else by_node
+        self.by_pair = model.device != "cpu" if by_pair is None else by_pair
         # hook contact constraints are not split between threads
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
@@ -59,8 +59,6 @@ class Stepper:
         self._alone = Stepper(model, state, threads=1) if short else None
         self._pace = Pace()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
-        nodes = model.panel.node_count if self.by_node else 0
-        self._node_partial = wp.zeros((nodes, int(PARTIAL_COUNT)), dtype=wp.float64, device=model.device)
 
     @cached_property
     def _launches(self) -> list[list[list[wp.Launch]]]:
@@ -127,7 +125,7 @@ class Stepper:
         model, state = self.model, self.state
         sources = (model.rest, model.mesh, state, model.constants)
         coordinates = {"ux": state.node_ux[parity], "uy": state.node_uy[parity]}
-        if self.by_node:
+        if self.by_pair:
             pair, pairs = self.team.share(model.pair_count, part)
             search = bind(find_contact_forces, pairs, *sources, first_pair=pair, **coordinates)
         else:
@@ -162,16 +160,10 @@ class Stepper:
         body, bodies = self.team.share(body_blocks(model), part)
         return [
             self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
-            *self._block_sums(block, blocks),
             *body_launches(model, state, then, body, bodies),
             *self.team.barrier(),
             *(self._grips(then) if part == 0 else []),
         ]
-
-    def _block_sums(self, block: int, blocks: int) -> list[Launch]:
-        """Sums over the nodes of blocks, where each node has a row."""
-        rows = {"node_partial": self._node_partial, "partial": self.state.wire_partial}
-        return [bind(sum_nodes_of_blocks, blocks, self.model.mesh, first_block=block, **rows)] if self.by_node else []
 
     def _grips(self, then: int) -> list[Launch]:
         model, state = self.model, self.state
@@ -189,12 +181,12 @@ class Stepper:
     ) -> Launch:
         """The step of `blocks` blocks of wires from the displacements of parity `now`; updates `vx`, `vy`."""
         model, state = self.model, self.state
-        threads = wp.int64(BLOCK_SIZE) if self.by_node else wp.int32(1)  # see kernels/wire_forces.py
+        threads = lanes(WIRE_LANES, model.device)
         return bind(
-            step_wires, blocks * int(threads), model.rest, model.mesh, state, model.constants, first_block=first_block,
+            step_wires, blocks * threads, model.rest, model.mesh, state, model.constants, first_block=first_block,
             threads_a_block=threads,
             ux_in=state.node_ux[now], uy_in=state.node_uy[now], vx=vx, vy=vy, ux_out=ux_out, uy_out=uy_out,
-            partial=self._node_partial if self.by_node else state.wire_partial,
+            partial=state.wire_partial,
         )  # fmt: skip
 
 
@@ -243,7 +235,11 @@ def body_launch(model: Model, state: State, blocks: int, first_block: int, bodie
     forces = {name: part(getattr(state, name), pairs) for name in ("pair_force", "pair_body_x", "pair_body_y")}
     moved = {name: part(getattr(state, f"body_{name}"), bodies) for name in ("ux", "uy", "vx", "vy")}
     constants, control = model.constants, state.control
-    return bind(step_bodies, blocks, constants, control=control, first_block=first_block, partial=partial_sums, **forces, **moved)
+    threads = lanes(BODY_BLOCK, model.device)
+    return bind(
+        step_bodies, blocks * threads, constants, control=control, first_block=first_block, threads_a_block=threads,
+        partial=partial_sums, **forces, **moved,
+    )  # fmt: skip
 
 
 def contact_launches(model: Model, state: State, part: int) -> list[Launch]:

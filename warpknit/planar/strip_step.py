@@ -50,7 +50,7 @@ class Mirror:
 class StripStepper(Stepper):
     """Takes steps of a strip's state, together with the other ranks."""
 
-    def __init__(self, model: Model, state: State, *, by_node: bool | None = None, threads: int | None = None) -> None:
+    def __init__(self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None) -> None:
         strip = model.strip
         assert strip is not None
         self._make_border(model, strip)
@@ -61,7 +61,7 @@ class StripStepper(Stepper):
         shared = model.panel.body_count - model.owned_bodies
         self._shared_blocks = -(-shared // BODY_BLOCK)
         self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
-        super().__init__(model, state, by_node=by_node, threads=threads)
+        super().__init__(model, state, by_pair=by_pair, threads=threads)
         self._parts = [
             {name: [self._commands(work) for work in self._work(name, parity)] for name in ("contact", "motion", "control")}
             for parity in (0, 1)

@@ -93,11 +93,15 @@ class MultilevelRelaxation(Relaxation):
             super().compile()
             if self.cell is not None:
                 self.cell.compile()
-        else:  # the smaller mesh uses the same kernels, on the same device
+        else:  # the smaller mesh uses the same kernels, where it is on the same device
             self.smaller.compile()
-            if self.smaller.model.device != self.model.device:
+            alike = self.smaller if self.smaller.model.device == self.model.device else None
+            if alike is None:
                 super().compile()
-            self.prolongation.carry(self._response)
+            if getattr(alike, "prolongation", None) is None:
+                self.prolongation.carry(self._response)
+            if getattr(alike, "membrane", None) is not None:
+                return
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
 

@@ -28,8 +28,8 @@ import math
 
 import warp as wp
 
-from ..host import is_in_place
-from ..kernels.rod_blocks import ROD_BLOCK
+from ..host import lanes
+from ..kernels.rod_blocks import ROD_LANES
 from ..kernels.rod_masses import find_masses
 from ..numerics import MASS_MARGIN
 from .rod_checks import RodChecks
@@ -63,10 +63,9 @@ class BandedMasses:
     def find(self) -> None:
         """Set the masses of the dynamics for the state last evaluated and the bounds on its contacts."""
         stepper = self._checks.stepper
-        threads = 1 if is_in_place(stepper.device) else ROD_BLOCK
-        kind, touches = wp.int32 if threads == 1 else wp.int64, stepper.contact is not None
+        threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
         self._checks.launches.run(
             f"masses {touches}", find_masses, "first_block", len(stepper.arrays.block_first), stepper.arrays, stepper.state,
-            self._checks.arrays, threads=threads, threads_a_block=kind(threads), may_touch=wp.int32(touches), **self._constants,
+            self._checks.arrays, threads=threads, threads_a_block=threads, may_touch=wp.int32(touches), **self._constants,
         )  # fmt: skip
         stepper.factor_masses()

@@ -7,17 +7,18 @@
 | tension, strain | of a segment, and of its chord | N, - |
 | push | offset of the contacts at a node times their penalty | N |
 
-The turn does not depend on the history. The rotation that tilts t0 into t carries the rest director d0 to
-
-    p = c d0 + b x d0 + b (b . d0)/(1 + c)        b = t0 x t,  c = t0 . t        turn = angle from p to the director about t
+The turn does not depend on the history (kernels/rod_turns.py).
 """
 
 from __future__ import annotations
 
 import numpy as np
+import warp as wp
 
 from ..host import fetch, store
 from ..kernels.banded_mass import HELD_NODE
+from ..kernels.rod_turns import find_turns, turn_sections
+from ..launch import bind
 from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel
 from .panel_nodes import PanelNodes
@@ -42,7 +43,8 @@ class Fields:
         self.nodes = PanelNodes(model)
         rods = model.rods
         self._moves = (rods.held & int(HELD_NODE)) == 0
-        self._has_segment = rods.following >= 0
+        self._turns = wp.zeros(rods.node_count, dtype=wp.float64, device=model.device)
+        self._rest_director: wp.array = wp.array(rods.director[rods.row_node], dtype=wp.vec3d, device=model.device)
 
     def read(self) -> dict[str, np.ndarray]:
         """Fields [panel node] of the current state."""
@@ -139,30 +141,15 @@ class Fields:
 
     def _turn(self) -> np.ndarray:
         """[node] [rad] turns of the sections, in the state last evaluated."""
-        state, tangent = self.stepper.state, fetch(self.stepper.state.tangent)
-        director, tilted = fetch(state.director), self._tilted(tangent)
-        sine = np.sum(np.cross(tilted, director) * tangent, axis=1)
-        return np.where(self._has_segment, np.arctan2(sine, np.sum(tilted * director, axis=1)), 0.0)
+        self._launch(find_turns)
+        return fetch(self._turns).copy()
 
     def _turn_sections(self, turn: np.ndarray) -> None:
         """Set directors by the turns [node] [rad], at the tangents of the current displacements."""
-        state, rods = self.stepper.state, self.model.rods
-        displacement, after = fetch(state.displacement), np.maximum(rods.following, 0)
-        edge = rods.rest_edge.copy()
-        edge[:, :2] = edge[:, :2] @ state.gradient.T
-        edge += displacement[after] - displacement
-        tangent = edge / np.linalg.norm(edge, axis=1)[:, None]
-        tilted = self._tilted(tangent)
-        director = np.cos(turn)[:, None] * tilted + np.sin(turn)[:, None] * np.cross(tangent, tilted)
-        for array, value in ((state.tangent, tangent), (state.director, director)):
-            store(array, np.where(self._has_segment[:, None], value, fetch(array)))
+        store(self._turns, turn)
+        self._launch(turn_sections)
 
-    def _tilted(self, tangent: np.ndarray) -> np.ndarray:
-        """(node, 3) rest directors, tilted with their segments to tangents (node, 3)."""
-        rods = self.model.rods
-        rest = rods.rest_edge / np.linalg.norm(rods.rest_edge, axis=1)[:, None]
-        axis, cosine = np.cross(rest, tangent), np.sum(rest * tangent, axis=1)[:, None]
-        along = np.sum(axis * rods.director, axis=1)[:, None] / np.maximum(1.0 + cosine, 1e-9)
-        tilted = cosine * rods.director + np.cross(axis, rods.director) + axis * along
-        tilted -= np.sum(tilted * tangent, axis=1)[:, None] * tangent
-        return np.asarray(tilted / np.linalg.norm(tilted, axis=1)[:, None])
+    def _launch(self, kernel: wp.Kernel) -> None:
+        """Launch a kernel of kernels/rod_turns.py for all nodes."""
+        sources = (self.stepper.arrays, self.stepper.state)
+        bind(kernel, self.model.node_count, *sources, rest_director=self._rest_director, turn=self._turns).run(self.model.device)

@@ -9,6 +9,8 @@ import warp as wp
 
 from ..host import fetch, store, zeros
 from ..kernels.wire_closest import PLACES
+from ..kernels.wire_near import count_by_second, mark_by_second
+from ..launch import bind
 
 PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
 SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
@@ -22,18 +24,22 @@ class PairList:
         def make(dtype: type, count: int = capacity) -> wp.array:
             return zeros(count, dtype, device)
 
-        self.capacity, self.number = capacity, number
+        self.capacity, self.number, self.device = capacity, number, device
         self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
         self.total = make(wp.int32, 1)
         self.first, self.second = make(wp.int32), make(wp.int32)
         self.shift = make(wp.vec3d)
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
-        # launches of every thread, once they are recorded: of `find_segment_pairs` and `mark_near_pairs`
+        # launches, once they are recorded: of every thread those of `find_segment_pairs` and `mark_near_pairs`; those of the
+        # lists of near pairs, the last one by the capacity of that list
         self.find: list[wp.Launch] = []
         self.mark: list[Callable[[], None]] = []
-        self.by_second = np.zeros(0, dtype=np.int32)  # the pairs in the order of their second segments
-        self.second_start = np.zeros(nodes + 1, dtype=np.int64)  # where those of each segment begin
+        self.number_near: Callable[[], None] | None = None
+        self.list_near: tuple[int, Callable[[], None]] | None = None
+        self.by_second = make(wp.int32)  # the pairs in the order of their second segments
+        self.second_start = make(wp.int32, nodes)  # where those of each segment begin
+        self.near_before, self.near_by_second = make(wp.int32), make(wp.int32)  # see kernels/wire_near.py
         self.place = make(wp.vec2d, PLACES * capacity)
         # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
         slips = (2, 2 * capacity if with_slip else 0)
@@ -43,9 +49,26 @@ class PairList:
 
     def order(self, total: int) -> None:
         """Order the pairs by their second segments, after the list has been filled with so many."""
-        second = fetch(self.second)[:total]
-        self.by_second = np.argsort(second, kind="stable").astype(np.int32)
-        self.second_start = np.searchsorted(second[self.by_second], np.arange(len(self.second_start)))
+        device = self.device
+        number, key, count = zeros(2 * total, wp.int32, device), zeros(2 * total, wp.int32, device), wp.zeros_like(self.start)
+        bind(count_by_second, total, count=count, pair_number=number, **self.named("second")).run(device)
+        if total > 0:  # a copy of none would be one of all
+            wp.copy(key, self.second, count=total)
+            wp.utils.radix_sort_pairs(key, number, total)
+            wp.copy(self.by_second, number, count=total)
+        wp.utils.array_scan(count, self.second_start, inclusive=False)
+
+    def take_near(self, total: int) -> int:
+        """Number the near pairs among so many, and return how many they are."""
+        if total == 0:
+            return 0
+        if self.number_near is None:
+            mark = bind(mark_by_second, self.capacity, self, pair_count=self.total, **self.named("is_near"))
+            self.number_near = mark.replay(self.device)
+        self.number_near()
+        wp.utils.array_scan(self.near_by_second, self.near_by_second, inclusive=True)
+        wp.utils.array_scan(self.is_near, self.near_before, inclusive=True)
+        return int(self.near_before[total - 1 : total].numpy()[0])
 
     def named(self, *names: str) -> dict[str, wp.array]:
         """Arrays by the names of the kernel arguments."""

@@ -8,19 +8,20 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..host import fetch, is_in_place, shared, store, store_at, zeros
+from ..host import fetch, is_in_place, lanes, shared, store, store_at, zeros
 from ..kernels import control as c
-from ..kernels.banded_mass import BORDERS, FACTORS, factor_masses
-from ..kernels.rod_blocks import ROD_BLOCK
+from ..kernels.banded_mass import BORDERS, FACTORS, factor_borders, factor_masses
+from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import ALWAYS, update_frames
-from ..kernels.rod_motion import move_rods
+from ..kernels.rod_motion import MOTION_LANES, move_rods
 from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
 from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
+WIRE_PARTS = 64  # of a wire whose masses a GPU factors
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
 
 
@@ -261,6 +262,8 @@ class TouchArrays:
 
     touch_pair: wp.array  # [touch] int, in the list of all pairs
     touch_count: wp.array  # [1]
+    touch_awake: wp.array  # [touch] int, those to look at: all, on a GPU those that do not sleep
+    touch_awake_count: wp.array  # [1]
     touch_first_start: wp.array  # [node + 1] int
     touch_second_start: wp.array  # [node + 1]
     touch_of_second: wp.array  # [touch] int
@@ -293,9 +296,12 @@ class TouchArrays:
         def vectors(count: int) -> wp.array:
             return zeros(count, wp.vec3d, device)
 
-        places = PLACES * capacity
+        places, count = PLACES * capacity, whole(1)
+        awake = (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
+        if not is_in_place(device):
+            awake = (whole(capacity), whole(1))
         return TouchArrays(
-            whole(capacity), whole(1), whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
+            whole(capacity), count, *awake, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
             whole(capacity),
             vectors(8 * capacity), vectors(6 * capacity), reals(places), reals(places),
             vectors(places if with_friction else 1), vectors(places),
@@ -346,22 +352,28 @@ def force_launch(
     )  # fmt: skip
 
 
-def _block_threads(arrays: RodArrays, state: RodState, blocks: range | None) -> tuple[int, int, wp.int32 | wp.int64]:
-    """First of some blocks, their threads, and those of a block: one, or one a node on a GPU (kernels/rod_blocks.py)."""
+def _block_threads(arrays: RodArrays, state: RodState, blocks: range | None) -> tuple[int, int, int]:
+    """First of some blocks, their threads, and those of a block: one, or more on a GPU (kernels/rod_blocks.py)."""
     blocks = range(len(arrays.block_first)) if blocks is None else blocks
-    if is_in_place(state.control.device):
-        return blocks.start, len(blocks), wp.int32(1)
-    return blocks.start, len(blocks) * ROD_BLOCK, wp.int64(ROD_BLOCK)
+    a_block = lanes(ROD_LANES, state.control.device)
+    return blocks.start, len(blocks) * a_block, a_block
 
 
-def factor_launch(arrays: RodArrays, state: RodState, wires: range | None = None) -> Launch:
-    """Launch of `factor_masses` for some wires, default all, after the masses have changed."""
+def factor_launches(arrays: RodArrays, state: RodState, wires: range | None = None) -> list[Launch]:
+    """Launches that factor the masses of some wires, default all, after they have changed (kernels/banded_mass.py)."""
     wires = range(len(arrays.wire_first)) if wires is None else wires
-    return bind(factor_masses, len(wires), arrays, state, first_wire=wires.start)
+    parts = lanes(WIRE_PARTS, state.control.device)
+    return [
+        bind(factor_masses, len(wires) * parts, arrays, state, first_wire=wires.start, parts=parts),
+        bind(factor_borders, len(wires), arrays, state, first_wire=wires.start),
+    ]
 
 
 def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None, stored: StepForces | None = None) -> Launch:
     """Launch of `move_rods` for some wires, default all: accelerations and update."""
     wires = range(len(arrays.wire_first)) if wires is None else wires
     stored = stored or StepForces.of(state)
-    return bind(move_rods, len(wires), arrays, state, first_wire=wires.start, **stored._asdict())
+    a_wire = lanes(MOTION_LANES, state.control.device)
+    return bind(
+        move_rods, len(wires) * a_wire, arrays, state, first_wire=wires.start, threads_a_block=a_wire, **stored._asdict()
+    )  # fmt: skip

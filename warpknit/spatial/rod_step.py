@@ -25,7 +25,7 @@ from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.control import update_control
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
-from ..launch import Launch, bind
+from ..launch import Launch, bind, replay
 from ..numerics import thread_count
 from ..row_sums import fewer_rows
 from ..team import Team
@@ -35,7 +35,7 @@ from .rod_arrays import (
     RodState,
     StepForces,
     TouchArrays,
-    factor_launch,
+    factor_launches,
     force_launch,
     frames_launch,
     motion_launch,
@@ -104,10 +104,8 @@ class RodStepper:
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
         self._groups = wire_groups(rods, fetch(self.arrays.block_wire), self.team.threads, on_cpu=device == "cpu")
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
-        factors = [
-            factor_launch(self.arrays, self.state, self._range(len(rods.wire_first), part)) for part in range(self.team.threads)
-        ]
-        self._factor = [factor.replay(device) for factor in factors if factor.threads]
+        shares = [self._range(len(rods.wire_first), part) for part in range(self.team.threads)]
+        self._factor = [replay(factor_launches(self.arrays, self.state, share), device) for share in shares if share]
         self.factor_masses()
         self._frames = frames_launch(self.arrays, self.state).record(device)
 

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
 
 from ..errors import OutOfResources
-from ..host import fetch, shared, store, store_at
+from ..host import fetch, shared, store
 from ..kernels import control as c
-from ..kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES, find_closest_places, mark_near_pairs
+from ..kernels.wire_closest import (
+    NOT_NEAR,
+    ONE_PLACE,
+    PLACES,
+    find_closest_places,
+    forget_awake_pairs,
+    list_awake_pairs,
+    mark_near_pairs,
+)
 from ..kernels.wire_contact_by_batch import find_followed_contacts
 from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE, Bump
 from ..kernels.wire_friction import transfer_elastic_slip
+from ..kernels.wire_near import find_near_starts, find_reach, list_near_pairs
 from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
-from ..launch import Launch, bind
+from ..launch import Launch, bind, replay
 from ..memory import available_memory
 from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
@@ -32,20 +42,14 @@ MIN_ARC_SEPARATION = (
 )
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
-TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 3
+TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 5
 CACHE_LINE = 8  # numbers
+PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1e-3  # of the search radius: allowance for distances in single precision
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
-
-
-def _is_one_of(members: np.ndarray, total: int) -> np.ndarray:
-    """[number] bool: which of the numbers below `total` are members."""
-    found = np.zeros(total, dtype=bool)
-    found[members] = True
-    return found
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,8 @@ class WireContact:
         return int(fetch(self._list.total)[0])
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
-        """Launches that find a part of the contact forces; on a CPU, first of the pairs that go on from the step before."""
+        """Launches that find a part of the contact forces; on a CPU, first of the pairs that go on from the step before, on a
+        GPU behind a list of the pairs that do not sleep."""
         pairs, touch = self._list, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
         named = pairs.named("first", "second", "shift", "found", "place") | {"part": part, "parts": parts}
@@ -154,9 +159,16 @@ class WireContact:
         own = pairs.named("start") | {"pair_count_of": pairs.count, "stick_share": wp.float64(STICK_SHARE)}
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         on_cpu = self.stepper.device == "cpu"
-        threads = 1 if on_cpu else touch.capacity
+        threads = 1 if on_cpu else math.ceil(touch.capacity / PAIRS_A_THREAD)
+        first = [bind(find_followed_contacts, 1, *sources, **named, **travels, **forces)]
+        if not on_cpu:
+            pair = pairs.named("first", "second", "wake_travel", "found")
+            first = [
+                bind(forget_awake_pairs, 1, touch),
+                bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity, **pair),
+            ]
         return [
-            *([bind(find_followed_contacts, 1, *sources, **named, **travels, **forces)] if on_cpu else []),
+            *first,
             bind(find_closest_places, threads, *sources, threads=threads, **named, **travels),
             bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
         ]
@@ -205,10 +217,10 @@ class WireContact:
 
     def _reach(self, total: int) -> float:
         """[m] bound on the distance at rest of two points whose segments form a pair: by what a unit strain moves them apart."""
-        rods, pairs = self.stepper.rods, self._list
-        first, second, shift = (fetch(values)[:total] for values in (pairs.first, pairs.second, pairs.shift))
-        apart = rods.position[first] - rods.position[second] - shift
-        return self._radius + float(np.sqrt(np.max(np.sum(apart**2, axis=1), initial=0.0)))
+        pairs, device = self._list, self.stepper.device
+        reach = wp.zeros(1, dtype=wp.float64, device=device)
+        bind(find_reach, total, self.stepper.arrays, reach=reach, **pairs.named("first", "second", "shift")).run(device)
+        return self._radius + float(fetch(reach)[0])
 
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the present positions; default: the last one given.
@@ -219,12 +231,13 @@ class WireContact:
         stepper, state = self.stepper, self.stepper.state
         if travel is not None:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
-        self._take_near_pairs(self._is_near(float(CLOSING_RATE) * self._travel))
+        self._mark_near(float(CLOSING_RATE) * self._travel)
+        self._take_near_pairs()
         reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
         state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
 
-    def _is_near(self, gap: float) -> np.ndarray:
-        """[pair] bool: which pairs are within a gap [m] at the present positions, without what pushes them apart."""
+    def _mark_near(self, gap: float) -> None:
+        """Mark the pairs that are within a gap [m] at the present positions, without what pushes them apart."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
         state.write_control({c.NEAR_GAP: gap})
         if not pairs.mark:
@@ -235,23 +248,23 @@ class WireContact:
                 mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, part=part, **counts, **named)
                 pairs.mark.append(mark.replay(stepper.device))
         stepper.team.together(pairs.mark)
-        return fetch(pairs.is_near)[: self.pair_count] != 0
 
-    def _take_near_pairs(self, is_near: np.ndarray) -> None:
-        """Have the steps look at those of all pairs that are near."""
-        pairs, near = self._list, np.flatnonzero(is_near)
-        count = len(near)
+    def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
+        """Have the steps look at those of all pairs that are marked as near, or at these pairs."""
+        pairs, total, device = self._list, self.pair_count, self.stepper.device
+        if which is not None:
+            is_near = np.zeros(pairs.capacity, dtype=np.int32)
+            is_near[which] = 1
+            store(pairs.is_near, is_near)
+        count = pairs.take_near(total)
         if count > self.touch.capacity:
             self.touch = self._new_touch(self._capacity(count, TOUCH_BYTES))
-        before = np.concatenate([[0], np.cumsum(is_near)])  # near pairs before each
-        by_second = is_near[pairs.by_second]
-        before_second = np.concatenate([[0], np.cumsum(by_second)])
-        touch = self.touch
-        store_at(touch.touch_pair, slice(count), near)
-        store_at(touch.touch_of_second, slice(count), before[pairs.by_second[by_second]])
-        store_at(touch.touch_first_start, ..., np.append(before[fetch(pairs.start)], count))
-        store_at(touch.touch_second_start, ..., before_second[pairs.second_start])
-        store(touch.touch_count, count)
+        if pairs.list_near is None or pairs.list_near[0] != self.touch.capacity:
+            by_pair = bind(list_near_pairs, pairs.capacity, pairs, self.touch, pair_count=pairs.total, **pairs.named("is_near"))
+            by_node = bind(find_near_starts, self.stepper.rods.node_count + 1, pairs, self.touch, pair_count=pairs.total)
+            pairs.list_near = self.touch.capacity, replay([by_pair, by_node], device)
+        pairs.list_near[1]()
+        store(self.touch.touch_count, count)
 
     def refresh(self, moved: float = 0.0) -> None:
         """Search again, or list near pairs again, whichever the travel has used up; moved [m]: travel by no step."""
@@ -286,7 +299,7 @@ class WireContact:
         searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.max_penetration, penetration)
-        self._take_near_pairs(_is_one_of(kept["pairs_near"], total))
+        self._take_near_pairs(kept["pairs_near"])
 
     def bound_stiffness(self) -> None:
         """Write bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
@@ -379,13 +392,15 @@ class WireContact:
 
         Some pairs at a time, so that a large mesh needs no more memory than for its steps.
         """
-        stepped, near = self._near_pairs(), np.flatnonzero(self._is_near(distance))
+        stepped = self._near_pairs()
+        self._mark_near(distance)
+        near = np.flatnonzero(fetch(self._list.is_near)[: self.pair_count])
         found, size = [], max(self.touch.capacity, LEAST_READ)
         for begin in range(0, max(len(near), 1), size):
-            self._take_near_pairs(_is_one_of(near[begin : begin + size], self.pair_count))
+            self._take_near_pairs(near[begin : begin + size])
             self.stepper.evaluate(distance)
             found.append(self.read_contacts(distance))
-        self._take_near_pairs(_is_one_of(stepped, self.pair_count))
+        self._take_near_pairs(stepped)
         self.stepper.evaluate()
         return Contacts.joined(found)
 
