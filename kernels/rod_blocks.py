@@ -21,6 +21,15 @@ BLOCK = (
     enum { PAD = 8 };
     #endif
     enum { HALO = 4, SPAN = ROD_BLOCK + 2 * HALO + PAD };
+    // numbers of places that no thread reads of another one: on a GPU, where a thread has one place, in its registers
+    #ifdef __CUDA_ARCH__
+    struct Own {
+        double value;
+        __device__ double& operator[](int) { return value; }
+    };
+    #else
+    typedef double Own[SPAN];
+    #endif
     const int first = block_first.data[block], count = block_count.data[block];
     const int wire = block_wire.data[block];
     const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];

@@ -86,8 +86,9 @@ _FORCES = (
     const bool yields = decltype(kind)::yields();
     #endif
     const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
-    SHARED double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], pull[SPAN], natural[SPAN], spread[SPAN];
-    SHARED double own_x[SPAN], own_y[SPAN], own_m[SPAN], flow_x[SPAN], flow_y[SPAN], sixth[SPAN], cos_r[SPAN], sin_r[SPAN];
+    SHARED double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], sixth[SPAN], cos_r[SPAN];
+    SHARED double sin_r[SPAN];
+    Own pull, spread, own_x, own_y, own_m, flow_x, flow_y;
     SHARED double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
     {
     const double* turned_by = (const double*)moment_turn.data;
@@ -105,7 +106,6 @@ _FORCES = (
         dz[k] = d[3 * i + 2];
         const int row = i + to_row;
         const double l = length.data[i], rest = natural_length.data[i] * factor;
-        natural[k] = rest;
         il[k] = 1 / l;
         pull[k] = has[k] * (tension_offset.data[i] + stretch_stiffness.data[i] * (l - rest) / rest);
         spread[k] = inner[k] / (node_length.data[row] * factor);
@@ -132,7 +132,7 @@ _FORCES = (
     // turning vector and twist at a node, and the moment of the turn
     SHARED double kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
     SHARED double nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
-    SHARED double turn_x[SPAN], turn_y[SPAN], turned[SPAN];
+    Own turn_x, turn_y, turned;
     const double back = yields ? hardening / (1 - hardening) : 0.0, softness = 1 / bending_stiffness;
     if (lane == 0) mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
@@ -219,7 +219,7 @@ _FORCES = (
     TOGETHER
     // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
     SHARED double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
-    SHARED double acting_x[SPAN], acting_y[SPAN], acting_m[SPAN];
+    Own acting_x, acting_y, acting_m;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)

@@ -238,7 +238,7 @@ def move_wire(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=(MOTION_LANES, 4))
 def move_rods(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),

@@ -141,11 +141,13 @@ def evaluated_gap(control: wp.array(dtype=wp.float64)) -> wp.float64:
 
 
 @wp.kernel
-def forget_awake_pairs(
+def empty_pair_lists(
     # out
     touch_awake_count: wp.array(dtype=wp.int32),
+    touch_found_count: wp.array(dtype=wp.int32),
 ):
     touch_awake_count[0] = 0
+    touch_found_count[0] = 0
 
 
 @wp.kernel
@@ -219,6 +221,11 @@ def find_closest_places(
     pair_renewal_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
+    # out: pairs whose wires touch, in any order, where they are listed; no others have a force
+    touch_is_listed: int,
+    touch_found: wp.array(dtype=wp.int32),
+    touch_found_count: wp.array(dtype=wp.int32),
+    touch_loaded: wp.array(dtype=wp.int32),
 ):
     """The threads of a part share its pairs, but for those that go on from the step before.
 
@@ -231,6 +238,7 @@ def find_closest_places(
         touch = touch_awake[k]
         if touch_followed[touch] != 0:
             continue
+        touch_loaded[touch] = 0
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
                       previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                       contact_offset, position, length, tangent, director)  # fmt: skip
@@ -361,4 +369,8 @@ def find_closest_places(
         wake = travel + (gap + offset) / CLOSING_RATE
         # a place that was followed may no longer be the nearest
         pair_wake_travel[pair] = wp.where(is_followed, wp.min(wake, pair_renewal_travel[pair]), wake)
-        pair_found[pair] = wp.where(is_running and nearest >= contact_distance, -minima, minima)
+        if is_running and nearest >= contact_distance:
+            minima = -minima
+        pair_found[pair] = minima
+        if touch_is_listed != 0 and minima > NOT_NEAR:
+            touch_found[wp.atomic_add(touch_found_count, 0, 1)] = touch

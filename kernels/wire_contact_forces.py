@@ -96,8 +96,8 @@ def find_contact_forces(
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
-    touch_awake: wp.array(dtype=wp.int32),
-    touch_awake_count: wp.array(dtype=wp.int32),
+    touch_found: wp.array(dtype=wp.int32),
+    touch_found_count: wp.array(dtype=wp.int32),
     part: int,
     parts: int,
     threads: int,
@@ -162,9 +162,9 @@ def find_contact_forces(
     """
     if is_halted(control):
         return
-    first = first_of_part(touch_awake_count, part, parts)
-    for listed in range(first + wp.tid(), first_of_part(touch_awake_count, part + 1, parts), threads):
-        touch = touch_awake[listed]
+    first = first_of_part(touch_found_count, part, parts)
+    for listed in range(first + wp.tid(), first_of_part(touch_found_count, part + 1, parts), threads):
+        touch = touch_found[listed]
         if touch_followed[touch] == FOLLOWED_FORCE:
             continue
         prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,

@@ -67,7 +67,7 @@ _UPDATE = (
     }
     }
     #ifdef __CUDA_ARCH__
-    // some pairs at a time in shared memory, of which each thread takes what acts on its node
+    // some pairs at a time in shared memory: a warp looks at those that reach one of its nodes, a thread takes what acts on one
     enum { STAGED = 32 };
     __shared__ int reached[STAGED];
     __shared__ real staged_x[4 * STAGED], staged_y[4 * STAGED];
@@ -84,8 +84,15 @@ _UPDATE = (
             staged_y[e] = pair_nodal_y.data[4 * p + e % 4];
         }
         TOGETHER
-        EACH(k, HALO, count + HALO) {
-            for (int q = 0; q < number; ++q) {
+        const int own = lane % 32, nodes_of_warp = lane - own;
+        bool reaches = false;
+        for (int c = 0; c < 4 && own < number; ++c) {
+            const int k = reached[own] + c - nodes_of_warp, before = k + wire_nodes, behind = k - wire_nodes;
+            reaches = reaches || (k >= 0 && k < 32) || (closed && ((before >= 0 && before < 32) || (behind >= 0 && behind < 32)));
+        }
+        for (unsigned left = __ballot_sync(0xffffffffu, reaches); left != 0; left &= left - 1) {
+            const int q = __ffs(left) - 1;
+            EACH(k, HALO, count + HALO) {
                 int c = k - reached[q];
                 if (closed && c < 0) c += wire_nodes;
                 if (closed && c >= wire_nodes) c -= wire_nodes;

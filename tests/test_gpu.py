@@ -65,6 +65,14 @@ def test_small_meshes_of_a_large_start_run_on_the_cpu(name: str, device: str) ->
 
 
 @on_gpu
+@pytest.mark.parametrize("name", ["planar patch, yield", "spatial patch, friction, yield", "tight tricot"])
+def test_a_run_repeats_to_the_bit(name: str, device: str) -> None:
+    """No sum depends on the order of the threads."""
+    one, other = (last_of(scene_of(name), device)[0].state.arrays() for _ in range(2))
+    assert {key for key in one if not np.array_equal(one[key], other[key], equal_nan=True)} == set()
+
+
+@on_gpu
 def test_a_run_leaves_files_and_resumes(device: str, tmp_path: Path) -> None:
     """The command as a user gives it; a finished run is returned as it is."""
     done = run_scene(scene_of("planar cell"), out=tmp_path / "run", device=device)

@@ -39,6 +39,20 @@ def fetch(array: wp.array) -> np.ndarray:
     return view
 
 
+class Entries:
+    """Some entries of device arrays, of which the host reads no others."""
+
+    def __init__(self, index: np.ndarray, device: wp.DeviceLike) -> None:
+        """index: [entry] along the first axis, at least one."""
+        self._index: Any = index if is_in_place(device) else wp.array(index, dtype=wp.int32, device=device)
+
+    def fetch(self, array: wp.array) -> np.ndarray:
+        """[entry] a copy of these entries."""
+        if isinstance(self._index, np.ndarray):
+            return np.asarray(fetch(array)[self._index])
+        return np.asarray(array[self._index].numpy())
+
+
 def shared(values: np.ndarray, kind: type, device: str) -> wp.array:
     """Values of this kind on the device, on the CPU in the same memory where their type is the same: neither is written to."""
     return wp.array(values, dtype=kind, device=device, copy=False)

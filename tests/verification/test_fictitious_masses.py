@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from reference.rods import SECTION, Pose, helix
 from warpknit.host import fetch
 from warpknit.kernels import control as c
-from warpknit.numerics import LOOK_AHEAD
+from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
+from warpknit.launch import bind
+from warpknit.numerics import LOOK_AHEAD, MASS_MARGIN
 from warpknit.spatial.fictitious_masses import BandedMasses
 from warpknit.spatial.masses import Masses
 from warpknit.spatial.rod_arrays import motion_launch
@@ -71,6 +74,27 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
     assert checks_of(stepper).twice_energy(stepper.state.force, stepper.state.torque, "forces") == pytest.approx(
         twice, rel=1e-13, abs=0
     )
+
+
+@pytest.mark.parametrize(("uniform", "low", "high"), [(1e-2, 1.0 - 1e-9, 1.0 + 1e-9), (1e-6, 1.2 / MASS_MARGIN, 3.0)])
+def test_masses_factored_in_parts_stay_heavy_enough(uniform: float, low: float, high: float) -> None:
+    """Fourth differences and a uniform mass: a node answers to another one as exp(-n (uniform/4)^(1/4)), n nodes away, and D
+    as its square. Over the 128 nodes by which parts overlap that is 1e-25, and 3e-3 with the smaller mass, about as in a
+    tricot: masses may then differ, and steps are stable down to 1/MASS_MARGIN of them."""
+    nodes, parts = 900, 6
+    stepper = RodStepper(rods_of(SECTION, [np.arange(nodes)[:, None] * [1e-4, 0.0, 0.0]], [None]))
+    fourth = np.diff(np.eye(nodes), 2, axis=0)
+    mass = fourth.T @ fourth + uniform * np.eye(nodes)
+    beside = [np.append(np.diag(mass, k), np.zeros(k)) for k in (1, 2)]
+    every = np.repeat(np.diag(mass)[:, None], 3, axis=1)
+    stepper.set_masses(Masses(every, *beside, np.ones(nodes), np.zeros(nodes)))
+    arrays, state, inside = stepper.arrays, stepper.state, nodes - 2  # the last two nodes come behind
+    bind(factor_masses, parts, arrays, state, first_wire=0, parts=parts).run("cpu")
+    factor, pivot = fetch(state.mass_factor)[:inside, :, 0], fetch(state.sweep)[:inside, 0]
+    assert factor[:, int(PIVOT)] == pytest.approx(1.0 / pivot, rel=1e-15)
+    lower = np.eye(inside) + np.diag(factor[1:, int(NEXT)], -1) + np.diag(factor[2:, int(SECOND)], -2)
+    found = eigh(lower @ np.diag(pivot) @ lower.T, mass[:inside, :inside], eigvals_only=True)
+    assert low < found[0] <= found[-1] < high
 
 
 @pytest.mark.parametrize("turn", [0.05, 0.4, 1.2])

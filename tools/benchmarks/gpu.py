@@ -38,7 +38,7 @@ MILLIONS = ("panel_million.toml", "panel_million_spatial.toml")
 STRAIN = 0.1  # weft and warp
 STEPS = 50  # of a turn: a graph, or a check
 REPEATS = 20  # of a launch that is timed alone
-EMPTIES = ("forget_awake_pairs",)  # kernels that empty the list which the next one fills
+EMPTIES = ("empty_pair_lists", "list_awake_pairs")  # kernels that empty and fill the lists which the next ones fill and read
 SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
 NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and those of a model
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it

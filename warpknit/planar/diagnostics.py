@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..host import fetch
+from ..host import Entries, fetch
 from ..kernels import sums as k
 from ..launch import bind
 from ..mesh.panel import Panel
@@ -96,7 +96,10 @@ class Diagnostics:
         self._evaluate: list[list[Callable[[], object]]] = [
             [evaluation(model, state, parity, arrays, share).launch for share in shares] for parity in (0, 1)
         ]
-        self._pairs_at_clamps = _pairs_at_clamps(model)
+        pair, held = _pairs_at_clamps(model), panel.held_node
+        self._held_entries = Entries(np.concatenate([held, np.maximum(held - 1, 0)]), device)
+        self._clamp_pairs = Entries(pair, device) if len(pair) else None
+        self._clamp_nodal = Entries((4 * pair[:, None] + np.arange(4)).ravel(), device) if len(pair) else None
         self._held_first = np.isin(panel.held_node, panel.wire_first)
         self._first_block = first_blocks(panel)
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
@@ -145,18 +148,19 @@ class Diagnostics:
     def _held_forces(self) -> np.ndarray:
         """(held, 2) [N] forces of wires and contacts on held nodes."""
         state, node = self.state, self.model.panel.held_node
-        force_x, force_y = fetch(self._force_x), fetch(self._force_y)
-        force, before = (np.stack([force_x[at], force_y[at]], axis=1).astype(np.float64) for at in (node, node - 1))
+        both = np.stack([self._held_entries.fetch(array) for array in (self._force_x, self._force_y)], axis=1).astype(np.float64)
+        force, before = both[: len(node)], both[len(node) :]
         before[self._held_first] = 0.0
         total = force - before
+        if self._clamp_pairs is None or self._clamp_nodal is None:
+            return total
         # contacts that reach over a held node
-        pair = self._pairs_at_clamps
-        pair = pair[fetch(state.pair_force)[pair] > 0]
-        reached = fetch(state.pair_node)[pair][:, None] + np.arange(-1, 3)
+        acts = self._clamp_pairs.fetch(state.pair_force) > 0
+        reached = self._clamp_pairs.fetch(state.pair_node)[acts][:, None] + np.arange(-1, 3)
         place = np.minimum(np.searchsorted(node, reached), len(node) - 1)
         held = node[place] == reached
-        nodal = np.stack([fetch(a).reshape(-1, 4)[pair] for a in (state.pair_nodal_x, state.pair_nodal_y)], axis=2)
-        np.add.at(total, place[held], nodal[held])
+        nodal = [self._clamp_nodal.fetch(array).reshape(-1, 4)[acts] for array in (state.pair_nodal_x, state.pair_nodal_y)]
+        np.add.at(total, place[held], np.stack(nodal, axis=2)[held])
         return total
 
     def distance_from_chord(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..host import Entries, store
 from ..kernels.rod_clamps import move_clamps
 from ..launch import Launch, bind
 from .rod_step import RodStepper
@@ -20,6 +20,7 @@ class MovingClamps:
         self.stepper = stepper
         self.count, self.sliding = len(node), sliding
         self.sliding_node = node[sliding]
+        self._entries = Entries(self.sliding_node.ravel(), device)
         slides = np.zeros(self.count, dtype=np.int32)
         slides[sliding] = 1
         self._clamps: dict[str, wp.array] = {
@@ -46,18 +47,21 @@ class MovingClamps:
     @property
     def mass(self) -> np.ndarray:
         """[sliding clamp] [kg] mass of both nodes."""
-        return fetch(self.stepper.state.node_mass)[self.sliding_node, 1].sum(axis=1)
+        return self._of_nodes(self.stepper.state.node_mass)[:, :, 1].sum(axis=1)
 
     @property
     def place(self) -> np.ndarray:
         """[sliding clamp] [m] displacement from the affine position of its first node."""
-        return fetch(self.stepper.state.displacement)[self.sliding_node[:, 0], 1].copy()
+        return self._of_nodes(self.stepper.state.displacement)[:, 0, 1]
 
     @property
     def force(self) -> np.ndarray:
         """(sliding clamp, 3) [N] unbalanced force, along the warp."""
-        force = fetch(self.stepper.state.force)[self.sliding_node].sum(axis=1)
-        return force * np.array([0.0, 1.0, 0.0])
+        return self._of_nodes(self.stepper.state.force).sum(axis=1) * np.array([0.0, 1.0, 0.0])
+
+    def _of_nodes(self, array: wp.array) -> np.ndarray:
+        """(sliding clamp, 2, 3) the vectors of both nodes."""
+        return self._entries.fetch(array).reshape(-1, 2, 3) if self.need_forces else np.zeros((0, 2, 3))
 
     def stop(self) -> None:
         """Set all velocities to zero."""

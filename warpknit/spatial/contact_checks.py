@@ -13,6 +13,8 @@ import warp as wp
 from ..host import fetch
 from ..kernels import contact_checks as k
 from ..kernels import control as c
+from ..kernels.rod_blocks import ROD_BLOCK
+from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
 from ..team import SharedLaunches
 from .pair_list import PairList
 from .rest_curve import RestCurve
@@ -45,16 +47,18 @@ class ContactChecks:
             "lever": wp.float64(curve.lever),
         }
         self._launches = SharedLaunches(stepper.team, stepper.device)
+        self._segment_stress = wp.zeros(math.ceil(rods.node_count / ROD_BLOCK), dtype=wp.vec4d, device=stepper.device)
         self._lists: tuple[PairList, TouchArrays] | None = None
 
     def use(self, pairs: PairList, touch: TouchArrays) -> None:
         """Read these lists from now on."""
         if self._lists is None or self._lists[0] is not pairs or self._lists[1] is not touch:
             self._lists = (pairs, touch)
-            self._pairs = SimpleNamespace(**pairs.named("first", "second", "found", "place"))
+            self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
             self._launches.clear()
             blocks = math.ceil(touch.capacity / k.CONTACT_BLOCK)
             self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=self._stepper.device)
+            self._contact_stress = wp.zeros(blocks, dtype=wp.vec4d, device=self._stepper.device)
 
     def launch(self, kernel: wp.Kernel, by: str, count: int, *sources: object, **named: Any) -> None:
         """Launch a kernel whose threads share `count` items, from `by` on, on the lists in use."""
@@ -77,6 +81,14 @@ class ContactChecks:
         state.write_control({c.MEAN_PUSH: max(mean, 1e-300)})
         rows = total()
         return ContactSums(mean, int(pushing), float(rows[:, int(k.ERROR_MAX)].max()), float(rows[:, int(k.ERROR_SQUARE)].sum()))
+
+    def stress(self) -> np.ndarray:
+        """(2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
+        self.launch(sum_segment_stress, "first_block", len(self._segment_stress), segment_stress=self._segment_stress)
+        contacts = {"contact_stress": self._contact_stress, "has_friction": int(self._has_friction)}
+        self.launch(sum_contact_stress, "first_block", len(self._contact_stress), **contacts)
+        rows = [fetch(self._segment_stress), fetch(self._contact_stress)]
+        return np.asarray(sum(one.sum(axis=0) for one in rows)).reshape(2, 2)
 
     def bound_stiffness(self) -> None:
         """Write bounds on the stiffness of contacts, up to the gap of the last evaluation, into `sweep` of the state."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import measure
 from ..errors import ModelError
-from ..host import fetch, store
+from ..host import Entries, fetch, store
 from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
@@ -28,7 +28,7 @@ from .fields import Fields
 from .masses import Masses
 from .membrane_grid import MembraneGrid
 from .model import SpatialModel
-from .observables import SpatialObservables, nominal_stress, read
+from .observables import SpatialObservables, read
 from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState, set_natural_shape
@@ -66,6 +66,7 @@ class SpatialMechanics:
         self.stepper = RodStepper(model.rods, model.device, state)
         self.contact = WireContact(self.stepper, model.contact_stiffness, friction=scene.contact.friction, curve=model.curve)
         self.clamps = self._moving_clamps()
+        self._held = Entries(model.wires.held_node, model.device)
         self.relaxation = RodRelaxation(
             self.stepper,
             softening=model.softening,
@@ -311,8 +312,11 @@ class SpatialMechanics:
 
     def stress(self) -> np.ndarray:
         self.stepper.evaluate()
-        forces = fetch(self.state.edge_force), fetch(self.state.force)
-        return nominal_stress(self.model, *forces, self.contact.read_contacts())
+        total = self.contact.checks.stress()
+        wires = self.model.wires
+        if len(wires.held_node):
+            total = total + np.einsum("ia,ib->ab", self._held.fetch(self.state.force)[:, :2], wires.held_lever)
+        return total / self.model.panel.area
 
     def causes(self) -> str:
         return strength_exceeded(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)

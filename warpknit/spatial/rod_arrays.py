@@ -264,6 +264,8 @@ class TouchArrays:
     touch_count: wp.array  # [1]
     touch_awake: wp.array  # [touch] int, those to look at: all, on a GPU those that do not sleep
     touch_awake_count: wp.array  # [1]
+    touch_found: wp.array  # [touch] int, those whose forces are found: all, on a GPU those that touch
+    touch_found_count: wp.array  # [1]
     touch_first_start: wp.array  # [node + 1] int
     touch_second_start: wp.array  # [node + 1]
     touch_of_second: wp.array  # [touch] int
@@ -297,11 +299,11 @@ class TouchArrays:
             return zeros(count, wp.vec3d, device)
 
         places, count = PLACES * capacity, whole(1)
-        awake = (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
+        looked_at = 2 * (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
         if not is_in_place(device):
-            awake = (whole(capacity), whole(1))
+            looked_at = (whole(capacity), whole(1), whole(capacity), whole(1))
         return TouchArrays(
-            whole(capacity), count, *awake, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
+            whole(capacity), count, *looked_at, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
             whole(capacity),
             vectors(8 * capacity), vectors(6 * capacity), reals(places), reals(places),
             vectors(places if with_friction else 1), vectors(places),

@@ -15,8 +15,8 @@ from ..kernels.wire_closest import (
     NOT_NEAR,
     ONE_PLACE,
     PLACES,
+    empty_pair_lists,
     find_closest_places,
-    forget_awake_pairs,
     list_awake_pairs,
     mark_near_pairs,
 )
@@ -42,9 +42,10 @@ MIN_ARC_SEPARATION = (
 )
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
-TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 5
+TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 6
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
+LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each: about as many as run at once
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 SINGLE = 1e-3  # of the search radius: allowance for distances in single precision
@@ -146,7 +147,7 @@ class WireContact:
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
         """Launches that find a part of the contact forces; on a CPU, first of the pairs that go on from the step before, on a
-        GPU behind a list of the pairs that do not sleep."""
+        GPU by lists of the pairs that do not sleep and of those that touch."""
         pairs, touch = self._list, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
         named = pairs.named("first", "second", "shift", "found", "place") | {"part": part, "parts": parts}
@@ -159,17 +160,17 @@ class WireContact:
         own = pairs.named("start") | {"pair_count_of": pairs.count, "stick_share": wp.float64(STICK_SHARE)}
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         on_cpu = self.stepper.device == "cpu"
-        threads = 1 if on_cpu else math.ceil(touch.capacity / PAIRS_A_THREAD)
+        threads = 1 if on_cpu else max(math.ceil(touch.capacity / PAIRS_A_THREAD), min(touch.capacity, LEAST_THREADS))
         first = [bind(find_followed_contacts, 1, *sources, **named, **travels, **forces)]
         if not on_cpu:
             pair = pairs.named("first", "second", "wake_travel", "found")
             first = [
-                bind(forget_awake_pairs, 1, touch),
+                bind(empty_pair_lists, 1, touch),
                 bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity, **pair),
             ]
         return [
             *first,
-            bind(find_closest_places, threads, *sources, threads=threads, **named, **travels),
+            bind(find_closest_places, threads, *sources, threads=threads, touch_is_listed=int(not on_cpu), **named, **travels),
             bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
         ]
 
