@@ -104,6 +104,11 @@ CASES = (
     Case("no friction", {"contact.friction": 0.0}),
     Case("set 0.8", {"wire.set_fraction": 0.8}),
     Case("hardening 0.1", {"wire.hardening": 0.1}, only=("HF-1",)),
+    Case("E 280 GPa", {"wire.youngs_modulus": 280e9}, only=("HF-1",)),  # with plating
+    Case("yield 0.5", {"wire.yield_stress": 0.5 * 1.0e9}, only=("HF-1",)),  # of the middle strength
+    Case("yield 0.5", {"wire.yield_stress": 0.5 * 0.85e9}, only=("LF-1",)),
+    Case("yield 0.95", {"wire.yield_stress": 0.95 * 1.0e9}, only=("HF-1",)),
+    Case("yield 0.95", {"wire.yield_stress": 0.95 * 0.85e9}, only=("LF-1",)),
     Case("40 nodes", {"model.nodes_per_loop": 40}, only=("HF-1",)),
     Case("open tricot", bars=OPEN_TRICOT, only=("LF-2", "LF-1")),
 )

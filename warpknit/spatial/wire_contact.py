@@ -41,7 +41,7 @@ MIN_ARC_SEPARATION = (
     4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
 )
 # memory of one pair, its elastic slips, and of a pair that may touch
-PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 4, 2 * 2 * (8 * (3 + 2) + 4)
+PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 6
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
