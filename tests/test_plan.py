@@ -14,8 +14,9 @@ from warpknit import device, memory
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
+from warpknit.mesh.layout import knit_scene
 from warpknit.mesh.load_point import LoadPoint
-from warpknit.model import build_model
+from warpknit.model import build_model, estimates_of
 from warpknit.plan import make_plan
 from warpknit.planar import estimate
 from warpknit.planar.estimate import ESTIMATE_FACTOR
@@ -139,6 +140,21 @@ def test_text_says_what_the_numbers_say():
     assert f"{planned.bodies} bodies, {planned.pairs} pairs" in text
     assert all(sentence in text for sentence in planned.physics)
     assert "not estimated" in "\n".join(replace(planned, wall_s=None).lines())
+
+
+@pytest.mark.parametrize(
+    ("name", "nodes", "measured_s"), [("panel_million", 10_769_440, 21.1), ("panel_million_spatial", 6_725_230, 71.8)]
+)
+def test_the_time_on_a_gpu_is_that_of_docs_studies_performance(name: str, nodes: int, measured_s: float) -> None:
+    scene = load_scene(ROOT / "scenes" / f"{name}.toml")
+    estimates = estimates_of(scene)
+    size, _ = estimates.size_of(scene, knit_scene(scene))
+    assert size.nodes == pytest.approx(nodes, rel=0.02)
+    cost = estimates.cost_of(scene, size)
+    assert cost.gpu_seconds == pytest.approx(measured_s, rel=0.3)
+    assert cost.gpu_seconds < cost.seconds / 5
+    ramp = load_scene(CELL, ['solver.drive="ramp"'])
+    assert estimates_of(ramp).cost_of(ramp, estimates_of(ramp).size_of(ramp, None)[0]).gpu_seconds is None
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from .knit.cloth import Cloth
 from .mesh.layout import copies_of_cloth, estimated_nodes
+from .mesh.smaller import smaller_scene
 from .scene import Scene
 
 RAMP_SHARE = 1.2  # steps of a ramp over loading time/initial step: 1.15 and 1.20 measured, as the step shrinks with the load
@@ -36,10 +37,34 @@ class Size:
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of a run on this machine's cores, without compilation and files."""
+    """Cost of a run, without compilation and files."""
 
     steps: int
-    seconds: float
+    seconds: float  # on this machine's cores
+    gpu_seconds: float | None = None  # on GPU_MEASURED; None: not estimated
+
+
+GPU_MEASURED = "an NVIDIA H100"
+
+
+@dataclass(frozen=True)
+class GpuTimes:
+    """Times [s] of a relaxation on GPU_MEASURED beside 16 cores, by docs/studies/performance.md."""
+
+    node: float  # model, start and membrane corrections
+    step: float
+    node_step: float
+    check: float
+    node_check: float
+    node_record: float
+    check_steps: int
+    smaller: float  # the smallest mesh of a multilevel start, on the CPU
+
+    def of_run(self, steps: int, nodes: int, records: int, *, is_multilevel: bool) -> float:
+        """Of so many steps and records of so many nodes."""
+        stepping = steps * (self.step + nodes * self.node_step)
+        checking = steps / self.check_steps * (self.check + nodes * self.node_check)
+        return nodes * (self.node + records * self.node_record) + stepping + checking + is_multilevel * self.smaller
 
 
 @dataclass(frozen=True)
@@ -87,6 +112,12 @@ def ramp_steps(scene: Scene, loading_time: float, time_step: float) -> int:
     """Steps of a ramp from loading time [s] and initial step [s], which shrinks with the load."""
     stages = sum(RAMP_BY_TENSION if any(stage.by_tension) else 1.0 for stage in scene.stages)
     return max(1, round(RAMP_SHARE * stages * loading_time / time_step))
+
+
+def gpu_time(times: GpuTimes, scene: Scene, steps: int, nodes: int) -> float:
+    """Time [s] of a relaxation on GPU_MEASURED."""
+    records = 1 + scene.output.frames * len(scene.stages)
+    return times.of_run(steps, nodes, records, is_multilevel=smaller_scene(scene) is not None)
 
 
 def multilevel_start(smaller: Scene | None) -> Iterator[str]:

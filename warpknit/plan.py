@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .device import find_device
-from .estimate import Size, levels_of_pairs
+from .estimate import GPU_MEASURED, Size, levels_of_pairs
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth, same_cloth
 from .memory import available_memory, required_memory
@@ -34,7 +34,7 @@ PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries inc
 
 @dataclass(frozen=True)
 class Plan:
-    """Result of `make_plan`. `counted`: whether sizes are exact; `wall_s` is None on a GPU."""
+    """Result of `make_plan`. `counted`: whether sizes are exact; `wall_s` on a GPU is that of GPU_MEASURED, None where it is not known."""
 
     scene: str
     device: str
@@ -82,7 +82,7 @@ class Plan:
         if self.wall_s is None:
             time = "not estimated on a GPU"
         else:
-            time = f"about {duration(self.wall_s)} on this CPU, kernels compiled"
+            time = f"about {duration(self.wall_s)} on {'this CPU' if self.device == 'cpu' else GPU_MEASURED}, kernels compiled"
         if self.file is not None:
             mesh = self.file.rows()
         else:
@@ -138,7 +138,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         time_step_s=size.time_step,
         limited_by=size.limited_by,
         steps=cost.steps,
-        wall_s=cost.seconds if name == "cpu" else None,
+        wall_s=cost.seconds if name == "cpu" else cost.gpu_seconds,
         physics=(
             *estimates.physics(scene, size),
             *physics_of(scene, size),

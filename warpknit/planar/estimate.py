@@ -5,7 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from ..estimate import HOOK_ENDS, HOOKED, Cost, Notes, Size, boundary_physics, endless_counts, multilevel_start, ramp_steps
+from ..estimate import (
+    HOOK_ENDS,
+    HOOKED,
+    Cost,
+    GpuTimes,
+    Notes,
+    Size,
+    boundary_physics,
+    endless_counts,
+    gpu_time,
+    multilevel_start,
+    ramp_steps,
+)
 from ..knit.cloth import Cloth
 from ..mechanics import TOO_THICK
 from ..mesh.layout import SLIDE_ALLOWANCE, estimated_nodes
@@ -42,6 +54,10 @@ RECORD_TIME = 0.01  # [s] to measure and write a state
 NODE_STEPS_PER_S = {"single": 1.6e8, "double": 9e7}  # on one core, with contacts
 NODE_STEPS_PER_S_FROM_MEMORY = {"single": 1.1e8, "double": 5e7}
 MEMORY_BOUND_NODES = 4_000_000  # nodes from which steps are limited by memory bandwidth
+# by the million and a panel of 30 x 30 repeats
+GPU = GpuTimes(
+    node=5e-7, step=35e-6, node_step=1.4e-10, check=5e-3, node_check=3.3e-9, node_record=5e-8, check_steps=50, smaller=9.0
+)  # fmt: skip
 
 
 def relax_steps(scene: Scene, spacing: float) -> int:
@@ -128,9 +144,9 @@ def cost_of(scene: Scene, size: Size) -> Cost:
     """Cost of a run."""
     if scene.solver.drive == "ramp":
         steps = ramp_steps(scene, size.loading_time, size.time_step)
-    else:
-        steps = relax_steps(scene, size.spacing)
-    return Cost(steps, wall_time(scene, steps, size.nodes))
+        return Cost(steps, wall_time(scene, steps, size.nodes))
+    steps = relax_steps(scene, size.spacing)
+    return Cost(steps, wall_time(scene, steps, size.nodes), gpu_time(GPU, scene, steps, size.nodes))
 
 
 def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:

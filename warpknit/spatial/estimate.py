@@ -14,10 +14,12 @@ import numpy as np
 from ..estimate import (
     HOOK_ENDS,
     Cost,
+    GpuTimes,
     Notes,
     Size,
     boundary_physics,
     endless_counts,
+    gpu_time,
     multilevel_start,
     ramp_steps,
 )
@@ -60,6 +62,10 @@ CLOSE_TIME = 0.3e-6  # more of two that touch or nearly do so, at rest
 SITE_TIME = 1.2e-6  # of a place of hooking, whose wires touch for some of the levels
 START_TIME = 3.5  # [s] of each process of a map, side by side: imports, kernels, model
 CLOSE = 0.3  # thicknesses between surfaces
+# by the million alone
+GPU = GpuTimes(
+    node=3.7e-6, step=1e-4, node_step=3e-9, check=5e-3, node_check=1.2e-8, node_record=8e-7, check_steps=25, smaller=12.0
+)  # fmt: skip
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
 
@@ -109,7 +115,7 @@ def cost_of(scene: Scene, size: Size) -> Cost:
         part = 1.0 / math.prod(scene.knit.repeats)
         counts = {name: round(part * getattr(size, name)) for name in ("nodes", "bodies", "near", "close")}
         seconds += spatial_time(spatial_steps(smaller), replace(size, **counts))
-    return Cost(steps, seconds)
+    return Cost(steps, seconds, None if scene.solver.drive == "ramp" else gpu_time(GPU, scene, steps, size.nodes))
 
 
 def _smaller(scene: Scene) -> Scene | None:
