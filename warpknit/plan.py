@@ -34,7 +34,7 @@ PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries inc
 
 @dataclass(frozen=True)
 class Plan:
-    """Result of `make_plan`. `counted`: whether sizes are exact; `wall_s` on a GPU is that of GPU_MEASURED, None where it is not known."""
+    """Result of `make_plan`. `counted`: whether sizes are exact; `wall_s` on a GPU is that of GPU_MEASURED, or None."""
 
     scene: str
     device: str
