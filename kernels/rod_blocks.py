@@ -12,7 +12,7 @@ ROD_LANES = 96  # whole warps for the nodes of a block and those around it
 BLOCK = (
     STEERING
     + SHARING
-    + constants(ROD_BLOCK=ROD_BLOCK)
+    + constants(ROD_BLOCK=ROD_BLOCK, ROD_LANES=ROD_LANES)
     + r"""
     // loops run over whole vectors: PAD places behind the last node hold numbers that nothing uses
     #ifdef __CUDA_ARCH__
@@ -21,7 +21,8 @@ BLOCK = (
     enum { PAD = 8 };
     #endif
     enum { HALO = 4, SPAN = ROD_BLOCK + 2 * HALO + PAD };
-    // numbers of places that no thread reads of another one: on a GPU, where a thread has one place, in its registers
+    static_assert(PAD > 1 || ROD_LANES + 0 >= SPAN + 0, "a thread of a GPU has one place");
+    // numbers of places that no thread reads of another one: on a GPU in its registers
     #ifdef __CUDA_ARCH__
     struct Own {
         double value;

@@ -34,6 +34,7 @@ _FORCES = r"""
     enum { LANES = 16, PAD = BLOCK_PAD };
     #endif
     enum { HALO = 3, SPAN = BLOCK_SIZE + 2 * HALO + PAD };
+    static_assert(LANES > 1 || WIRE_LANES + 0 >= SPAN + 0, "a thread of a GPU has one place");
     const int first = block_first.data[block], table = block_table.data[block], count = block_count.data[block];
     const int wire = block_wire.data[block];
     const int wire_begin = wire_first.data[wire], wire_nodes = wire_count.data[wire], closed = wire_closed.data[wire];
@@ -259,4 +260,10 @@ _CLAMP = constants(
 def forces(keeps: bool) -> str:
     """The text, to stand before what uses it."""
     text = _FORCES.replace("ARCTANGENT", ARCTANGENT)
-    return STEERING + SHARING + _CLAMP + constants(BLOCK_SIZE=BLOCK_SIZE, BLOCK_PAD=BLOCK_PAD, KEEPS=keeps) + text
+    return (
+        STEERING
+        + SHARING
+        + _CLAMP
+        + constants(BLOCK_SIZE=BLOCK_SIZE, WIRE_LANES=WIRE_LANES, BLOCK_PAD=BLOCK_PAD, KEEPS=keeps)
+        + text
+    )
