@@ -138,6 +138,17 @@ def test_a_compressed_mesh_is_not_warned_of_the_plane() -> None:
     assert "planar" not in warning
 
 
+@pytest.mark.parametrize(("weft", "says"), [(-0.02, False), (-0.05, True)])
+def test_a_mesh_that_pushes_is_named(weft: float, says: bool) -> None:
+    """A direction that is held, by a tension below that of the residual; scatter without load is not."""
+    relaxation = Simulation(build_model(load_scene(CELL, QUICK)))
+    values = vars(row_of(next(relaxation.run())))
+    tensions = [(1e-9, -1e-9), (weft, 1.0)]
+    rows = [Row(**values | {"tension_weft_N_per_m": one, "tension_warp_N_per_m": other}) for one, other in tensions]
+    found = [line for line in warnings_of(relaxation.model, rows, []) if "pushes along weft" in line]
+    assert bool(found) == says
+
+
 def test_an_error_is_not_promised_of_wires_from_a_file(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as end:
         main(["run", str(SCENES / "wires" / "plain_knit_cell.toml"), "--error", "2", "--quiet"])

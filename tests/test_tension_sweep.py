@@ -58,7 +58,8 @@ def test_a_map_over_tensions_goes_on_and_draws_its_axes(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, call, prog_name="warpknit")
     assert done.exit_code == 0, done.output
     assert "pairs of tensions  " in done.stdout and "4 of 4 converged" in done.stdout and "both may drift" in done.stdout
-    assert (tmp_path / "m" / "figures" / "contact_map.png").stat().st_size > 0
+    found = {path.name for path in (tmp_path / "m" / "figures").iterdir()}
+    assert {"contact_map.png", "strain_weft_map.png", "strain_warp_map.png"} <= found and "tension_weft_map.png" not in found
     with open(tmp_path / "m" / "map.csv", newline="", encoding="utf-8") as file:
         (row, *_) = csv.DictReader(file)
     assert float(row["target_tension_weft_N_per_m"]) == TENSIONS[0]

@@ -103,7 +103,7 @@ def duration(seconds: float, digits: int = 2) -> str:
     return f"{float(f'{seconds / length:.{digits}g}'):g} {unit}"
 
 
-def rounded(count: int) -> int:
+def rounded(count: float) -> int:
     """A count rounded to two digits."""
     return int(float(f"{count:.2g}"))
 

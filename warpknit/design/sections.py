@@ -189,7 +189,8 @@ def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:
         ends = ((side, _whole_steps(min(0.0, *strains)), _whole_steps(max(0.0, *strains))) for side, strains in loads)
         wider = " and ".join(f"strain_{side} from {low:.2g} to {high:.2g}" for side, low, high in ends)
     shown = ", ".join(f"{point.name} ({point.strain}{f', {point.why}' if point.why else ''})" for point in points)
-    return f"Outside the map, so without a marker: {shown}. A [sweep] with {wider} would hold this."
+    held = "this" if len(points) == 1 else "these"
+    return f"Outside the map, so without a marker: {shown}. A [sweep] with {wider} would hold {held}."
 
 
 def _whole_steps(strain: float) -> float:

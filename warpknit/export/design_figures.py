@@ -28,6 +28,7 @@ FREQUENCIES = (1e9, 1e11)  # [Hz]
 BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end of the axis
 LABELLED_DECADES = 3.0  # of the axis of tension: on a longer one only powers of ten have labels
 ROOM = 0.04  # of the axis, at both ends
+BEFORE = 0.8  # of the lowest tension that is told: where the axis of tension begins
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_DASHES = ("-", "--", ":")
 CLASS_WIDTHS = 5.0, 1.4  # [pt] of the curve of all contacts, and of the last class
@@ -62,25 +63,34 @@ def tension_figure(
     def column(name: str) -> NDArray[Any]:
         return np.array([row[name] for row in rows], dtype=float)[shown]
 
+    abscissa = scale * tension[shown]
+    between = zip(tension[shown][:-1], tension[shown][1:], strict=True)
+    jumped = np.array([False, *(any(one <= low < high <= other for low, high in jumps) for one, other in between)])
+
     figure = figure_of(10.5, 4.4)
     contacts, stress = figure.subplots(1, 2)
     classes = [one["name"] for one in answers["contacts"]]
     widths = np.linspace(*CLASS_WIDTHS, 1 + len(classes)).tolist()  # each is narrower than those that it may lie on
     active = column("active_percent")
-    contacts.plot(scale * tension[shown], active, color=GREEN, linewidth=widths[0], label="all contacts")
+    draw_line(contacts, abscissa, active, jumped, color=GREEN, linewidth=widths[0], label="all contacts")
     if len(classes) > 1:
         for number, name in enumerate(classes):
             look = {"color": (BLUE, ORANGE, PURPLE, GREY)[number % 4], "linestyle": CLASS_DASHES[number % len(CLASS_DASHES)]}
             values = column(f"active_{name}_percent")
-            contacts.plot(scale * tension[shown], values, linewidth=widths[1 + number], label=f"class {name}", **look)
+            draw_line(contacts, abscissa, values, jumped, linewidth=widths[1 + number], label=f"class {name}", **look)
     contacts.set_ylim(-3.0, 103.0)
     contacts.set_ylabel("active contacts [% of pairs]")
-    stress.plot(scale * tension[shown], to_stress * column("stress_max_Pa"), color=BLUE, linewidth=WIDTHS[1], marker=".")
+    draw_line(stress, abscissa, to_stress * column("stress_max_Pa"), jumped, color=BLUE, linewidth=WIDTHS[1], marker=".")
     stress.axhline(to_stress * yield_stress, color=ORANGE, linestyle="--", label="elastic limit")
     stress.set_ylim(0.0, to_stress * 1.15 * min(max(column("stress_max_Pa").max(initial=0.0), yield_stress), 2.0 * yield_stress))
     stress.set_ylabel(f"largest wire stress [{stress_unit}]")
-    changes = np.flatnonzero(np.diff(active))  # below the first, nothing of interest happens
-    begin = max(0.5 * tension[shown][changes[0]] if len(changes) else 0.0, tension[shown].min())
+    # below the first change, and the lowest tension that is told, nothing of interest happens
+    changes = np.flatnonzero(np.diff(active))
+    told = [one["closes"] for one in answers["contacts"] if one["closes"] is not None]
+    told += [] if answers["best"] is None else [answers["best"]["low"]]
+    first = [0.5 * tension[shown][changes[0]]] if len(changes) else [0.0]
+    first += [BEFORE * 0.5 * (one["tension_weft_N_per_m"] + one["tension_warp_N_per_m"]) for one in told]
+    begin = max(min(first), tension[shown].min())
     decades = np.log10(tension.max() / begin)
     for axes in (contacts, stress):
         axes.set_xscale("log")

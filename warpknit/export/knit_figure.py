@@ -84,18 +84,26 @@ def knit_figure(
     handles.append(Patch(facecolor="none", edgecolor="none", label=note))
     figure.legend(handles=handles, loc="outside right upper", frameon=False)
     points_per_mm = plan_scale(figure, axes)
-    for places, style in zip(_places(MM * bodies, classes, MARK_SPACING / points_per_mm), styles, strict=True):
+    inset = 0.5 * MARK_SIZE / points_per_mm
+    for places, style in zip(_places(MM * bodies, classes, MARK_SPACING / points_per_mm, period), styles, strict=True):
         everywhere = (places[:, None] + tile_copies(places, period, low - margin, high + margin)).reshape(-1, 2)
         left_bottom, right_top = np.transpose([axes.get_xlim(), axes.get_ylim()])
-        within = np.all((everywhere > left_bottom) & (everywhere < right_top), axis=1)
-        axes.plot(*everywhere[within].T, markersize=MARK_SIZE, zorder=3, clip_on=False, **style)
+        within = np.all((everywhere > left_bottom + inset) & (everywhere < right_top - inset), axis=1)
+        axes.plot(*everywhere[within].T, markersize=MARK_SIZE, zorder=3, **style)
     line_width = max(THINNEST, thickness * MM * points_per_mm)
     axes.add_collection(over_under(*_wires(cloth, period, low - margin, high + margin), line_width, points_per_mm))
     return save_figure(figure, path)
 
 
-def _places(bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float) -> list[NDArray[Any]]:
-    """[class] (body, 2) [mm] where the marks of the bodies (body, 2) [mm] of each class stand, side by side if near."""
+def _places(bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float, period: NDArray[Any]) -> list[NDArray[Any]]:
+    """[class] (body, 2) [mm] where the marks of the bodies (body, 2) [mm] of each class stand, side by side if near, also to one
+    of a repeat beside; period: [mm] along weft and warp."""
+    size = np.diag(period)
+
+    def apart(one: int, others: list[int]) -> NDArray[Any]:
+        between = bodies[others] - bodies[one]
+        return np.asarray(between - size * np.round(between / size))
+
     moved = bodies.copy()
     left = list(range(len(bodies)))
     while left:
@@ -103,9 +111,12 @@ def _places(bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float) -> 
         more = left[:1]
         while more:
             near += more
-            more = [one for one in left if one not in near and np.linalg.norm(bodies[one] - bodies[near], axis=1).min() < spacing]
-        near.sort(key=lambda body: (round(bodies[body, 0] / spacing), classes[body]))
-        moved[near, 0] = bodies[near, 0].mean() + spacing * (np.arange(len(near)) - 0.5 * (len(near) - 1))
+            more = [one for one in left if one not in near and np.linalg.norm(apart(one, near), axis=1).min() < spacing]
+        place = dict(zip(near, bodies[near[0]] + apart(near[0], near), strict=True))
+        near.sort(key=lambda body: (round(place[body][0] / spacing), classes[body]))
+        middle = np.mean([place[body][0] for body in near])
+        moved[near] = [place[body] for body in near]
+        moved[near, 0] = middle + spacing * (np.arange(len(near)) - 0.5 * (len(near) - 1))
         left = [body for body in left if body not in near]
     return [moved[classes == number] for number in np.unique(classes)]
 

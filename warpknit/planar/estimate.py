@@ -27,7 +27,7 @@ from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene
 from ..scene.presets import PRESETS
-from ..text import engineering
+from ..text import engineering, rounded
 from .limits import tight_loops
 from .model import build_model
 from .numerics import choose_numerics
@@ -167,8 +167,8 @@ def _accuracy(scene: Scene) -> str:
     preset = PRESETS[name]
     grips = ", more for short wires between grips" if scene.model.boundary == "gripped" and scene.hook is None else ""
     return (
-        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh{grips}, for {preset.node_steps:.2g}"
-        " node-steps a load level; `run --error` measures it on this scene"
+        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh{grips}, for"
+        f" {rounded(preset.node_steps):,} node-steps a load level; `run --error` measures it on this scene"
     )
 
 

@@ -15,7 +15,7 @@ from html import escape
 from types import TracebackType
 from typing import Any
 
-from ..text import duration, percent
+from ..text import duration, percent, rounded
 
 _log = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ class StageLines(Progress):
             self._begin, self._done_before = clock, done
         if clock - self._last_line > LINE_INTERVAL:
             self._last_line = clock
-            rate = "" if node_steps_per_s is None else f", {node_steps_per_s:.2g} node-steps/s"
+            rate = "" if node_steps_per_s is None else f", {rounded(node_steps_per_s):,} node-steps/s"
             gained = done - self._done_before
             left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left" if gained >= LEAST_GAINED else ""
             part = f", {now}" if now else ""
@@ -99,7 +99,7 @@ class Bar(Progress):
     def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
         if self._task is None:
             return
-        rate = now if node_steps_per_s is None else f"{node_steps_per_s:.2g} node-steps/s"
+        rate = now if node_steps_per_s is None else f"{rounded(node_steps_per_s):,} node-steps/s"
         self._bar.update(self._task, completed=min(max(done, 0.0), 1.0), load_factor=load_factor, rate=rate)
 
 

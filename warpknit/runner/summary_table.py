@@ -65,7 +65,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         interior = value("wire", "stress_interior_max_Pa") if has_grips else None
         if interior is not None and interior < 0.95 * stress:
             yield "  away from the grips", engineering(interior, "Pa")
-    if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.001 * stress:
+    if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.01 * stress:
         yield "  largest so far", engineering(peak, "Pa")
     if (above := value("wire", "yield_fraction")) and value("wire", "plastic_fraction") is None:
         yield "  above the elastic limit", f"{short_percent(above)} of the wire; elastic, without a permanent set"

@@ -21,6 +21,7 @@ from .strength import limit_text, strength_text
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
+PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direction that is held counts as compressed
 PRESTRESS = 0.01  # of the largest tension: less at zero load is not told
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
@@ -72,10 +73,17 @@ def _yielding(model: MeshModel, stages: Stages) -> str:
 
 
 def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
-    for row in rows:
+    tensions = [np.zeros(2) if row.is_hook else np.array([row.tension_weft_N_per_m, row.tension_warp_N_per_m]) for row in rows]
+    largest = max((float(np.abs(tension).max()) for tension in tensions), default=0.0)
+    for row, tension in zip(rows, tensions, strict=True):
         imposed = ~_driven_by_tension(model, row.stage)
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
             yield f"the mesh is compressed: a real mesh would {model.when_compressed}"
+            return
+        if np.any(pushed := imposed & (tension < PUSHED * largest)):
+            sides = " and ".join(side for side, is_pushed in zip(("weft", "warp"), pushed, strict=True) if is_pushed)
+            shown = " / ".join(alike(tension.tolist(), "N/m"))
+            yield f"the mesh pushes along {sides}, its tension is {shown}: a real mesh would {model.when_compressed}"
             return
 
 

@@ -31,7 +31,7 @@ from ..mesh.smaller import smaller_scene
 from ..numerics import thread_count
 from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
-from ..text import engineering, short_percent
+from ..text import engineering, rounded, short_percent
 from ..wires.centre_lines import Wires
 from ..wires.overlaps import find_overlaps
 from .mechanics import CLOSEST
@@ -181,7 +181,7 @@ def spatial_accuracy(scene: Scene) -> str:
         preset = PRESETS[name].of("spatial", scene.solver.drive)
         more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
         return (
-            f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {preset.node_steps:.2g}"
+            f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {rounded(preset.node_steps):,}"
             f" node-steps a load level{more}; `run --error` measures it on this scene"
         )
     return (

@@ -124,6 +124,7 @@ class SpatialMechanics:
         self.step(2)
         if self.model.ramp is None:
             self.check(1, loading=False)
+            self.stress()
         else:
             self.residual_now()
 

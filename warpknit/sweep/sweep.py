@@ -56,10 +56,17 @@ FIGURES = (
     ("contact_map", "active_percent", "active contacts", "% of pairs"),
     ("stress_map", "stress_max_Pa", "largest wire stress", "Pa"),
     ("yield_map", "yield_fraction", "wire above the elastic limit", "%"),
+)
+# of what is not prescribed
+BY_STRAIN = (
     ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "N/m"),
     ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "N/m"),
 )
-PERCENT = 100.0  # of a fraction, which one column is
+BY_TENSION = (
+    ("strain_weft_map", "strain_weft", "weft strain", "%"),
+    ("strain_warp_map", "strain_warp", "warp strain", "%"),
+)
+PERCENT = 100.0  # of a fraction, as some columns are
 SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "standard deviation of active contacts", "percentage points"),)
 
 
@@ -306,7 +313,8 @@ class _Mapper:
         warnings += [] if (missing := self._missing_warning) is None else [missing]
         scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
-        for name, values, label, unit in FIGURES + (SEED_FIGURES if seeds > 1 else ()):
+        found = BY_TENSION if self.sweep.by_tension else BY_STRAIN
+        for name, values, label, unit in FIGURES + found + (SEED_FIGURES if seeds > 1 else ()):
             map_figure(
                 self.out / "figures" / f"{name}.png", weft, warp, column(values, PERCENT if unit == "%" else 1.0),
                 title=mesh, label=label, unit=unit, marks=marks, warnings=warnings,

@@ -16,6 +16,7 @@ from ..measure.table import Record
 from ..model import build_model
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
+from ..text import rounded
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: lower bound of the contact force in a relative error
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in a relative error
@@ -83,7 +84,7 @@ def run_point(
         for each in simulation.run():
             record = each
     except CostLimitExceeded:
-        reason, message, record = "cost limit", f"stopped after {max_node_steps:.2g} node-steps", None
+        reason, message, record = "cost limit", f"stopped after {rounded(max_node_steps):,} node-steps", None
     except Diverged as error:
         reason, message, record = "diverged", str(error), None
     if record is not None and not record.steady:

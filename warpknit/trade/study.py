@@ -25,7 +25,7 @@ from ..runner.run_directory import CommandResult, continues_earlier, finished_re
 from ..runner.summary_table import model_rows
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
-from ..text import duration
+from ..text import duration, rounded
 from . import parameters
 from .extrapolation import extrapolate
 from .parameters import Overrides, Point
@@ -330,4 +330,4 @@ def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _cost_and_error(point: dict[str, Any]) -> str:
     error = point["largest_error_percent"]
-    return f"{point['price']:.2g} node-steps, " + ("no result" if error is None else f"{error:.2g} %")
+    return f"{rounded(point['price']):,} node-steps, " + ("no result" if error is None else f"{error:.2g} %")

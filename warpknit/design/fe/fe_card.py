@@ -60,9 +60,9 @@ def heading(fe: FeCard, code: str, mark: str, notes: Sequence[str]) -> list[str]
         f"The geometry is that of the mesh under its tension. Prestress: {number(s1)} MPa in weft, {number(s2)} MPa in warp.",
         "Check: an element under this prestress, stretched by a small strain e along weft with the warp held. The force per mm"
         f" of edge (its length before) grows by {number(along)} e N/mm along weft and {number(across)} e N/mm along warp.",
-        *notes,
         f"Wire: {fe.made_of['wire']}. Knit: {fe.made_of['knit']}. Preset: {fe.made_of['preset']}.",
         *(f"Warning: {warning}." for warning in fe.warnings),
+        *notes,  # the last one may announce lines that follow
     ]
     return [f"{mark} {line}" for text in paragraphs for line in textwrap.wrap(_ascii(text), LINE)]
 
