@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from study import COLOURS, new_figure, tidy
 
@@ -23,15 +24,19 @@ PANELS = (  # title, columns by side, unit of the axis, its factor, logarithmic
 )
 POISSON = (-1.0, 2.5)  # beyond it mesh jumps between two readings
 NO_SIDE = "#444444"  # colour of readings without a direction
+ALPHA = {"planar": 0.12, "spatial": 0.25}  # of the bands
+COLUMNS = 3  # of panels
 
 
 def draw(path: Path, rows: Sequence[Any], titles: dict[str, str]) -> None:
-    """Write the picture: a row of panels for each sample, by name, and a column for each reading."""
+    """Write the picture: lines of panels for each sample, by name, a panel for each reading."""
     shown = [name for name in titles if any(row.sample == name for row in rows)]
-    figure, panels = new_figure(19.0, 3.6 * len(shown) + 0.3, len(shown), len(PANELS))
+    lines_of_one = -(-len(PANELS) // COLUMNS)
+    figure, panels = new_figure(12.0, 3.4 * lines_of_one * len(shown) + 0.6, lines_of_one * len(shown), COLUMNS)
     lines: dict[str, Any] = {}
-    for line, name in enumerate(shown):
-        for panel, (title, column, unit, factor, logarithmic) in zip(panels[line], PANELS, strict=True):
+    for number_of_sample, name in enumerate(shown):
+        own = panels[lines_of_one * number_of_sample : lines_of_one * (number_of_sample + 1)]
+        for panel, (title, column, unit, factor, logarithmic) in zip(own.ravel(), PANELS, strict=False):
             for number, side in enumerate(SIDES if "{}" in column else ("",)):
                 for model in MODELS:
                     here = [row for row in rows if (row.sample, row.model) == (name, model)]
@@ -42,19 +47,26 @@ def draw(path: Path, rows: Sequence[Any], titles: dict[str, str]) -> None:
                 bottom, top = panel.get_ylim()
                 panel.set_ylim(max(bottom, POISSON[0]), min(top, POISSON[1]))
             against = column.startswith("strain")
-            panel.set_title(title, fontsize=9)
+            panel.set_title(title, fontsize=10)
             if logarithmic:
                 panel.set_yscale("log")
                 panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
                 panel.yaxis.set_major_formatter("{x:g}")
                 panel.yaxis.set_minor_formatter(NullFormatter())
-            panel.set_xlabel(unit if against else "tension [N/m]", fontsize=8)
-            panel.set_ylabel("tension [N/m]" if against else f"{title}{f' [{unit}]' if unit else ''}", fontsize=8)
-        panels[line, 0].set_title(f"{titles[name]}\n{PANELS[0][0]}", fontsize=9)
+            panel.set_xlabel(unit if against else "tension [N/m]", fontsize=9)
+            panel.set_ylabel("tension [N/m]" if against else f"{title}{f' [{unit}]' if unit else ''}", fontsize=9)
+        own[0, 0].set_title(f"{titles[name]}\n{PANELS[0][0]}", fontsize=10)
     tidy(panels, legend=False)
     labels = sorted(lines, key=lambda label: ("without" in label, label))
+    bands = [Patch(color=NO_SIDE, alpha=ALPHA[model], lw=0) for model in MODELS]
+    names = ["band of all cases, plane", "band of all cases, space"]
     figure.legend(
-        [lines[label] for label in labels], labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9
+        [*(lines[label] for label in labels), *bands],
+        [*labels, *names],
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+        fontsize=10,
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
@@ -70,7 +82,7 @@ def _draw_band(panel: Axes, rows: Sequence[Any], column: str, factor: float, col
     values = [[curve[tension] for curve in curves.values() if tension in curve] for tension in tensions]
     low, high = ([pick(of_all) for of_all in values] for pick in (np.nanmin, np.nanmax))
     base, dash = list(curves["base"].items()), "-" if model == "spatial" else "--"
-    fill = {"color": colour, "alpha": 0.25 if model == "spatial" else 0.12, "lw": 0}
+    fill = {"color": colour, "alpha": ALPHA[model], "lw": 0}
     if column.startswith("strain"):
         panel.fill_betweenx(tensions, low, high, **fill)
         (line,) = panel.plot([v for _, v in base], [t for t, _ in base], color=colour, ls=dash)
