@@ -15,10 +15,16 @@ def test_figure_is_written(name, tmp_path):
 
 
 def test_marks_of_contacts_near_each_other_stand_side_by_side():
-    """Two pairs of contacts at two places 1.2 spacings apart, joined by a third between them, and one far away, which stays."""
+    """Two pairs of contacts at two places 1.2 spacings apart, joined by a third between them, and one far away, which stays. The
+    same where the places lie on both sides of the seam between two repeats."""
     bodies = np.array([[0.0, 0.0], [0.0, 0.0], [1.2, 0.0], [1.2, 0.0], [0.6, 0.0], [9.0, 0.0]])
     classes = np.array([0, 1, 0, 1, 0, 1])
-    places = np.concatenate(_places(bodies, classes, 1.0))
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
-    assert apart[~np.eye(len(places), dtype=bool)].min() == pytest.approx(1.0)
-    assert places[-1] == pytest.approx([9.0, 0.0]) and places[:-1].mean(axis=0) == pytest.approx([0.6, 0.0])
+    period = np.diag([20.0, 20.0])
+    for seam in (0.0, 19.0):  # the second place and the third one are then in the next repeat
+        moved = (bodies + [seam, 0.0]) % 20.0
+        marks = np.concatenate(_places(moved, classes, 1.0, period))
+        between = marks[:, None] - marks
+        apart = np.linalg.norm(between - 20.0 * np.round(between / 20.0), axis=2)
+        assert apart[~np.eye(len(marks), dtype=bool)].min() == pytest.approx(1.0)
+        places = (marks - [seam, 0.0] + [10.0, 0.0]) % 20.0 - [10.0, 0.0]  # each beside the first
+        assert places[-1] == pytest.approx([9.0, 0.0]) and places[:-1, 0].mean() == pytest.approx(0.6)
