@@ -149,6 +149,15 @@ def test_a_mesh_that_pushes_is_named(weft: float, says: bool) -> None:
     assert bool(found) == says
 
 
+@pytest.mark.parametrize("more", [["model.boundary=gripped", "knit.repeats=[2, 2]"], ["contact.friction=0.2"]])
+def test_the_stress_of_the_checks_is_that_of_the_records(more: list[str]) -> None:
+    """Kernels on the device, and the sum over the record on the host: to the round-off of sums of thousands of nodes."""
+    relaxation = Simulation(build_model(load_scene(CELL, [*QUICK, *more])))
+    *_, record = relaxation.run()
+    expected = record.observables.nominal_stress
+    assert relaxation.mechanics.stress() == pytest.approx(expected, rel=0, abs=1e-10 * np.abs(expected).max())
+
+
 def test_an_error_is_not_promised_of_wires_from_a_file(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as end:
         main(["run", str(SCENES / "wires" / "plain_knit_cell.toml"), "--error", "2", "--quiet"])

@@ -94,13 +94,15 @@ class MultilevelRelaxation(Relaxation):
             if self.cell is not None:
                 self.cell.compile()
         else:  # the smaller mesh uses the same kernels, where it is on the same device
-            self.smaller.compile()
-            alike = self.smaller if self.smaller.model.device == self.model.device else None
-            if alike is None:
+            smaller = self.smaller
+            smaller.compile()
+            is_same = smaller.model.device == self.model.device
+            if not is_same:
                 super().compile()
-            if getattr(alike, "prolongation", None) is None:
+            alike = smaller if is_same and isinstance(smaller, MultilevelRelaxation) else None
+            if alike is None or alike.prolongation is None:
                 self.prolongation.carry(self._response)
-            if getattr(alike, "membrane", None) is not None:
+            if alike is not None and alike.membrane is not None:
                 return
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
