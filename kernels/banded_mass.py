@@ -8,6 +8,8 @@ acceleration. Olovsson, Simonsson and Unosson, "Selective mass scaling for expli
 Methods Eng. 63 (2005).
 """
 
+from typing import Any
+
 import warp as wp
 
 HELD_NODE = wp.constant(1)  # the node is fixed
@@ -103,8 +105,8 @@ def factor_masses(
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
     # out: (node, FACTORS), and D; not those of the last two nodes of a wire
-    mass_factor: wp.array2d(dtype=wp.vec4d),
-    sweep: wp.array(dtype=wp.vec4d),
+    mass_factor: wp.array2d(dtype=Any),
+    sweep: wp.array(dtype=Any),
 ):
     """`parts` threads a wire of two nodes or more: one, or more on a GPU.
 
@@ -139,10 +141,10 @@ def factor_masses(
         d = diagonal(i, node_mass, spin_inertia)
         d = d - wp.cw_mul(lower, wp.cw_mul(lower, d1)) - wp.cw_mul(lower_second, wp.cw_mul(lower_second, d2))
         if j >= begin:
-            mass_factor[i, PIVOT] = inverse_pivot(i, d, following, held)
-            mass_factor[i, NEXT] = lower
-            mass_factor[i, SECOND] = lower_second
-            sweep[i] = d
+            mass_factor[i, PIVOT] = mass_factor.dtype(inverse_pivot(i, d, following, held))
+            mass_factor[i, NEXT] = mass_factor.dtype(lower)
+            mass_factor[i, SECOND] = mass_factor.dtype(lower_second)
+            sweep[i] = sweep.dtype(d)
         d2 = d1
         d1 = d
         lower_before = lower
@@ -165,12 +167,12 @@ def factor_borders(
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
     # in: D
-    sweep: wp.array(dtype=wp.vec4d),
+    sweep: wp.array(dtype=Any),
     # in and out: (node, FACTORS), of which those of the last two nodes are found
-    mass_factor: wp.array2d(dtype=wp.vec4d),
+    mass_factor: wp.array2d(dtype=Any),
     # out: (row, BORDERS): a row for each node of a closed wire and the last four of an open one, that of node j is
     # wire_border + j; first node of each wire from which full rows are zero, up to the last four nodes
-    mass_border: wp.array2d(dtype=wp.vec4d),
+    mass_border: wp.array2d(dtype=Any),
     wire_quiet: wp.array(dtype=wp.int32),
 ):
     """One thread a wire."""
@@ -192,14 +194,14 @@ def factor_borders(
         of_other = entry(j, count - 2, first, count, next_mass, second_mass, next_inertia)
         of_last = entry(j, count - 1, first, count, next_mass, second_mass, next_inertia)
         if j >= 1:
-            below = wp.cw_mul(mass_factor[i, NEXT], sweep[i - 1])
+            below = wp.cw_mul(wp.vec4d(mass_factor[i, NEXT]), wp.vec4d(sweep[i - 1]))
             of_other -= wp.cw_mul(other_before, below)
             of_last -= wp.cw_mul(last_before, below)
         if j >= 2:
-            below_second = wp.cw_mul(mass_factor[i, SECOND], sweep[i - 2])
+            below_second = wp.cw_mul(wp.vec4d(mass_factor[i, SECOND]), wp.vec4d(sweep[i - 2]))
             of_other -= wp.cw_mul(other_before_that, below_second)
             of_last -= wp.cw_mul(last_before_that, below_second)
-        d = sweep[i]
+        d = wp.vec4d(sweep[i])
         of_other = without_tiny(wp.cw_div(of_other, d))
         of_last = without_tiny(wp.cw_div(of_last, d))
         is_zero = wp.length_sq(of_other) + wp.length_sq(of_last) == wp.float64(0.0)
@@ -207,8 +209,8 @@ def factor_borders(
         if j < count - 4 and not is_zero:
             quiet = j + 1
         if wire_closed[wire] != 0 or j >= count - 4:
-            mass_border[wire_border[wire] + j, OTHER] = of_other
-            mass_border[wire_border[wire] + j, LAST] = of_last
+            mass_border[wire_border[wire] + j, OTHER] = mass_border.dtype(of_other)
+            mass_border[wire_border[wire] + j, LAST] = mass_border.dtype(of_last)
         last -= wp.cw_mul(wp.cw_mul(of_last, of_last), d)
         other -= wp.cw_mul(wp.cw_mul(of_other, of_other), d)
         cross -= wp.cw_mul(wp.cw_mul(of_other, of_last), d)
@@ -223,10 +225,10 @@ def factor_borders(
     lower = wp.cw_div(cross, other)
     for k in range(count - 2, count):
         for factor in range(FACTORS):
-            mass_factor[first + k, factor] = wp.vec4d()
+            mass_factor[first + k, factor] = mass_factor.dtype()
         for border in range(BORDERS):
-            mass_border[wire_border[wire] + k, border] = wp.vec4d()
+            mass_border[wire_border[wire] + k, border] = mass_border.dtype()
     i = first + count - 2
-    mass_factor[i, PIVOT] = inverse_pivot(i, other, following, held)
-    mass_factor[i + 1, PIVOT] = inverse_pivot(i + 1, last - wp.cw_mul(lower, cross), following, held)
-    mass_factor[i + 1, NEXT] = lower
+    mass_factor[i, PIVOT] = mass_factor.dtype(inverse_pivot(i, other, following, held))
+    mass_factor[i + 1, PIVOT] = mass_factor.dtype(inverse_pivot(i + 1, last - wp.cw_mul(lower, cross), following, held))
+    mass_factor[i + 1, NEXT] = mass_factor.dtype(lower)

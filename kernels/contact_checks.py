@@ -12,6 +12,8 @@ Bounds on the stiffness of a node, for the masses, with the unit normal n of eac
 spatial/fictitious_masses.py): sum w total [k (|n_x| + |n_y| + |n_z|) |n_x| + sticking], with an allowance for tilt.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import EVALUATED_GAP, IS_LOADING, MEAN_PUSH, MULTIPLIER_RATE, PENALTY_FLOOR, STICKING
@@ -112,11 +114,7 @@ _BOUND = (
 """,
     )
     + r"""
-    double* bound = (double*)(sweep.data + i);
-    bound[0] = x;
-    bound[1] = y;
-    bound[2] = z;
-    bound[3] = turn;
+    return {x, y, z, turn};
 """
 )
 
@@ -213,9 +211,7 @@ def contact_bound_at(
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_normal: wp.array(dtype=wp.vec3d),
     contact_penalty: wp.array(dtype=wp.float64),
-    # out: of the node [N/m] along x, y, z, and of the section behind it [N m]
-    sweep: wp.array(dtype=wp.vec4d),
-): ...
+) -> wp.vec4d: ...
 
 
 @wp.func_native(_RENEW)
@@ -274,14 +270,16 @@ def bound_contact_stiffness(
     touch_normal: wp.array(dtype=wp.vec3d),
     contact_penalty: wp.array(dtype=wp.float64),
     # out: of the node [N/m] along x, y, z, and of the section behind it [N m]
-    sweep: wp.array(dtype=wp.vec4d),
+    sweep: wp.array(dtype=Any),
 ):
     """A thread a node."""
-    contact_bound_at(
-        first_node + wp.tid(), previous, following, natural_length, rest_row, slope_weight, thickness, weight_square, lever,
+    i = first_node + wp.tid()
+    bound = contact_bound_at(
+        i, previous, following, natural_length, rest_row, slope_weight, thickness, weight_square, lever,
         control, touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
-        pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty, sweep,
+        pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty,
     )  # fmt: skip
+    sweep[i] = sweep.dtype(bound)
 
 
 @wp.kernel

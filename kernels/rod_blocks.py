@@ -1,4 +1,4 @@
-"""Blocks of nodes of rods: what the native functions on them begin with.
+"""Blocks of nodes of rods: what the native functions on them begin with, behind the type `real` of their numbers.
 
 A block holds at most ROD_BLOCK consecutive nodes of one wire. A thread works on a block, or, on a GPU, ROD_LANES threads share it
 (native.py).
@@ -6,8 +6,8 @@ A block holds at most ROD_BLOCK consecutive nodes of one wire. A thread works on
 
 from .native import SHARING, STEERING, constants
 
-ROD_BLOCK = 64
-ROD_LANES = 96  # whole warps for the nodes of a block and those around it
+ROD_BLOCK = 50  # with the three nodes on either side that take part a multiple of 8 numbers, without a remainder in vectors
+ROD_LANES = 64  # whole warps for the nodes of a block and those around it
 
 BLOCK = (
     STEERING
@@ -25,11 +25,11 @@ BLOCK = (
     // numbers of places that no thread reads of another one: on a GPU in its registers
     #ifdef __CUDA_ARCH__
     struct Own {
-        double value;
-        __device__ double& operator[](int) { return value; }
+        real value;
+        __device__ real& operator[](int) { return value; }
     };
     #else
-    typedef double Own[SPAN];
+    typedef real Own[SPAN];
     #endif
     const int first = block_first.data[block], count = block_count.data[block];
     const int wire = block_wire.data[block];
@@ -42,12 +42,15 @@ BLOCK = (
 
 # for BLOCK: local node k is node first - HALO + k of the wire, unrolled around a closed one; segment k joins nodes k and k + 1
 AROUND = r"""
-    const int nodes = count + 2 * HALO, whole = (nodes + PAD - 1) / PAD * PAD;
+    const int nodes = count + 2 * HALO, whole = 1 + (nodes - 2 + PAD - 1) / PAD * PAD;
     SHARED int at[SPAN];
-    SHARED double has[SPAN], inner[SPAN];
+    SHARED real has[SPAN], inner[SPAN];
+    const bool inside = first - HALO > wire_begin && first + count + HALO < wire_end;
     EACH(k, 0, whole) {
         int i = first - HALO + (k < nodes ? k : nodes - 1);
-        if (closed) {
+        if (inside) {
+            has[k] = inner[k] = 1;
+        } else if (closed) {
             while (i < wire_begin) i += wire_nodes;
             while (i >= wire_end) i -= wire_nodes;
             has[k] = inner[k] = 1;

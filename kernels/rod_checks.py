@@ -8,6 +8,8 @@ softening leaves of it, with the thermal strain s of the segment beyond the comm
 Multipliers take up a share of the excess: offset -> offset + rate K excess. A change of K keeps the tension T.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .banded_mass import HELD_NODE, HELD_TURN
@@ -109,7 +111,7 @@ def sum_states(
     length: wp.array(dtype=wp.float64),
     curvature: wp.array(dtype=wp.vec2d),
     bend_energy: wp.array(dtype=wp.float64),
-    unbalanced: wp.array(dtype=wp.vec3d),
+    unbalanced: wp.array(dtype=Any),
     # out: (block, STATE_COLUMNS)
     state_partial: wp.array2d(dtype=wp.float64),
 ):
@@ -127,7 +129,7 @@ def sum_states(
         i = block_first[block] + lane
         bent += bend_energy[i]
         if is_free(i, held):
-            force = wp.length_sq(unbalanced[i])
+            force = wp.length_sq(wp.vec3d(unbalanced[i]))
             square += force
             largest = wp.max(largest, force)
         after = following[i]
@@ -205,9 +207,9 @@ def find_motion(
     held: wp.array(dtype=wp.int32),
     # in
     displacement: wp.array(dtype=wp.vec3d),
-    force: wp.array(dtype=wp.vec3d),
-    angle: wp.array(dtype=wp.float64),
-    torque: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=Any),
+    angle: wp.array(dtype=Any),
+    torque: wp.array(dtype=Any),
     # in and out: of the last check; the motion since then, zero where held
     last_place: wp.array(dtype=wp.vec3d),
     last_angle: wp.array(dtype=wp.float64),
@@ -226,10 +228,10 @@ def find_motion(
         turn = wp.float64(0.0)
         if is_free(i, held):
             move = displacement[i] - last_place[i]
-            work += wp.dot(move, force[i] - last_force[i])
+            work += wp.dot(move, wp.vec3d(force[i]) - last_force[i])
         if can_turn(i, following, held):
-            turn = angle[i] - last_angle[i]
-            work += turn * (torque[i] - last_torque[i])
+            turn = wp.float64(angle[i]) - last_angle[i]
+            work += turn * (wp.float64(torque[i]) - last_torque[i])
         last_place[i] = move
         last_angle[i] = turn
     partial[block] = work
@@ -240,23 +242,23 @@ def keep_motion(
     # in
     first_node: int,
     displacement: wp.array(dtype=wp.vec3d),
-    force: wp.array(dtype=wp.vec3d),
-    angle: wp.array(dtype=wp.float64),
-    torque: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=Any),
+    angle: wp.array(dtype=Any),
+    torque: wp.array(dtype=Any),
     # out: for the next check; forces are summed anew
     last_place: wp.array(dtype=wp.vec3d),
     last_force: wp.array(dtype=wp.vec3d),
     last_angle: wp.array(dtype=wp.float64),
     last_torque: wp.array(dtype=wp.float64),
-    force_sum: wp.array(dtype=wp.vec3d),
+    force_sum: wp.array(dtype=Any),
 ):
     """A thread a node."""
     i = first_node + wp.tid()
     last_place[i] = displacement[i]
-    last_force[i] = force[i]
-    last_angle[i] = angle[i]
-    last_torque[i] = torque[i]
-    force_sum[i] = wp.vec3d()
+    last_force[i] = wp.vec3d(force[i])
+    last_angle[i] = wp.float64(angle[i])
+    last_torque[i] = wp.float64(torque[i])
+    force_sum[i] = force_sum.dtype()
 
 
 @wp.kernel
@@ -265,10 +267,10 @@ def slow_motion(
     first_node: int,
     share: wp.float64,
     # in and out
-    velocity: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
+    velocity: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
 ):
     """A thread a node: velocities become a share of themselves."""
     i = first_node + wp.tid()
-    velocity[i] = share * velocity[i]
-    spin[i] = share * spin[i]
+    velocity[i] = velocity.dtype(share * wp.vec3d(velocity[i]))
+    spin[i] = spin.dtype(share * wp.float64(spin[i]))

@@ -9,6 +9,8 @@ warp moves its two nodes as one rigid body, with the sum of their masses and for
 with the factors of control.py. Along the weft and out of the plane it is held.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import (
@@ -38,7 +40,7 @@ def move_clamps(
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # in: the sums without holding
-    force: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=Any),
     # state in and out
     clamp_velocity: wp.array(dtype=wp.float64),
     displacement: wp.array(dtype=wp.vec3d),
@@ -58,7 +60,7 @@ def move_clamps(
     row = node_wire[a]
     if clamp_slides[s] != 0:
         mass = node_mass[a][1] + node_mass[b][1]
-        push = force[a][1] + force[b][1]
+        push = wp.float64(force[a][1]) + wp.float64(force[b][1])
         before = clamp_velocity[s]
         after = control[VELOCITY_FACTOR] * before + control[FORCE_FACTOR] * push / mass
         clamp_velocity[s] = after

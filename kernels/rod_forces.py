@@ -52,6 +52,8 @@ with the tension T and the contact couple c_j on its section. Contact forces are
 their order (wire_contact_forces.py), so that sums do not depend on the number of threads.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .arctangent import ARCTANGENT
@@ -60,21 +62,39 @@ from .native import constants
 from .rod_blocks import AROUND, BLOCK
 
 # what the slopes of a moment (VALUEx, VALUEy) along both segments add at their node: by_x, by_y
-_SLOPES = """const double from_x = VALUEx[k] - cos_r[k - 1] * VALUEx[k - 1] - sin_r[k - 1] * VALUEy[k - 1];
-        const double from_y = VALUEy[k] + sin_r[k - 1] * VALUEx[k - 1] - cos_r[k - 1] * VALUEy[k - 1];
-        const double to_x = cos_r[k] * VALUEx[k + 1] - sin_r[k] * VALUEy[k + 1] - VALUEx[k];
-        const double to_y = sin_r[k] * VALUEx[k + 1] + cos_r[k] * VALUEy[k + 1] - VALUEy[k];
-        const double by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
-        const double by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;"""
+_SLOPES = """const real from_x = VALUEx[k] - cos_r[k - 1] * VALUEx[k - 1] - sin_r[k - 1] * VALUEy[k - 1];
+        const real from_y = VALUEy[k] + sin_r[k - 1] * VALUEx[k - 1] - cos_r[k - 1] * VALUEy[k - 1];
+        const real to_x = cos_r[k] * VALUEx[k + 1] - sin_r[k] * VALUEy[k + 1] - VALUEx[k];
+        const real to_y = sin_r[k] * VALUEx[k + 1] + cos_r[k] * VALUEy[k + 1] - VALUEy[k];
+        const real by_x = (sixth[k - 1] * from_x - sixth[k] * to_x) * softness;
+        const real by_y = (sixth[k - 1] * from_y - sixth[k] * to_y) * softness;"""
 
 _FORCES = (
     (
-        BLOCK
+        "typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) real;\n"
+        + BLOCK
         + AROUND
         + constants(HAS_LOAD=HAS_LOAD, STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
-    typedef double real;
     const bool steps = steer[STATUS] == STATUS_RUNNING;
+    const int* start_of_first = touch_first_start.data;
+    const int* start_of_second = touch_second_start.data;
+    #ifndef __CUDA_ARCH__
+    // forces of contacts are needed below, from far apart
+    for (int side = 0; side < 2; ++side) {
+        const int* start = side ? start_of_second : start_of_first;
+        for (int q = start[first]; q < start[first + count]; ++q) {
+            const int touch = side ? touch_of_second.data[q] : q;
+            const char* push = (const char*)(touch_force.data + 8 * touch + 4 * side);
+            const char* couple = (const char*)(touch_couple.data + 6 * touch + 3 * side);
+            __builtin_prefetch(touch_loaded.data + touch);
+            __builtin_prefetch(push, 0, 2);
+            __builtin_prefetch(push + 4 * sizeof(touch_force.data[0]) - 1, 0, 2);
+            __builtin_prefetch(couple, 0, 2);
+            __builtin_prefetch(couple + 3 * sizeof(touch_couple.data[0]) - 1, 0, 2);
+        }
+    }
+    #endif
     const bool any_yields = yield_curvature > 0 && hardening < 1;
     // on a CPU compiled for elastic wires and for those that yield
     struct elastic { static constexpr bool yields() { return false; } };
@@ -85,19 +105,20 @@ _FORCES = (
     #else
     const bool yields = decltype(kind)::yields();
     #endif
-    const double factor = steer[LENGTH_FACTOR], bow_moment = steer[BOW_MOMENT];
-    SHARED double tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], sixth[SPAN], cos_r[SPAN];
-    SHARED double sin_r[SPAN];
+    const double length_factor = steer[LENGTH_FACTOR];
+    const real factor = length_factor, bow_moment = steer[BOW_MOMENT];
+    const real yield = yield_curvature, not_kept = 1 - hardening;
+    SHARED real tx[SPAN], ty[SPAN], tz[SPAN], dx[SPAN], dy[SPAN], dz[SPAN], il[SPAN], sixth[SPAN], cos_r[SPAN];
+    SHARED real sin_r[SPAN];
     Own pull, spread, own_x, own_y, own_m, flow_x, flow_y;
-    SHARED double s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
+    SHARED real s11[SPAN], s12[SPAN], s22[SPAN], s13[SPAN], s23[SPAN], s33[SPAN], arc_pull[SPAN];
     {
     const double* turned_by = (const double*)moment_turn.data;
-    const double* t = (const double*)tangent.data;
-    const double* d = (const double*)director.data;
+    const real* t = (const real*)tangent.data;
+    const real* d = (const real*)director.data;
     const double* bent = (const double*)natural_curvature.data;
     const double* flow = (const double*)plastic_turn.data;
-    EACH(k, 0, whole) {
-        const int i = at[k];
+    const auto load = [&](int k, int i) {
         tx[k] = t[3 * i];
         ty[k] = t[3 * i + 1];
         tz[k] = t[3 * i + 2];
@@ -105,85 +126,92 @@ _FORCES = (
         dy[k] = d[3 * i + 1];
         dz[k] = d[3 * i + 2];
         const int row = i + to_row;
-        const double l = length.data[i], rest = natural_length.data[i] * factor;
-        il[k] = 1 / l;
-        pull[k] = has[k] * (tension_offset.data[i] + stretch_stiffness.data[i] * (l - rest) / rest);
-        spread[k] = inner[k] / (node_length.data[row] * factor);
+        // the elongation is a small difference
+        const double arc = natural_length.data[i] * length_factor;
+        const real rest = arc, longer = length.data[i] - arc, offset = tension_offset.data[i];
+        il[k] = 1 / real(length.data[i]);
+        pull[k] = has[k] * (offset + real(stretch_stiffness.data[i]) * longer / rest);
+        spread[k] = inner[k] / real(node_length.data[row] * length_factor);
         own_x[k] = bent[2 * row];
         own_y[k] = bent[2 * row + 1];
         own_m[k] = natural_twist.data[row];
-        flow_x[k] = yields ? flow[2 * i] : 0.0;
-        flow_y[k] = yields ? flow[2 * i + 1] : 0.0;
-        sixth[k] = has[k] * slope_length.data[row] * factor / 6;
+        flow_x[k] = yields ? flow[2 * i] : real(0.0);
+        flow_y[k] = yields ? flow[2 * i + 1] : real(0.0);
+        sixth[k] = has[k] * real(slope_length.data[row]) * factor / 6;
         arc_pull[k] = 36 * sixth[k] * sixth[k] * rest * pull[k];
         const double* __restrict stiff = node_stiffness.data + 6 * row;
-        const double share = inner[k] / factor;
-        s11[k] = share * stiff[0];
-        s12[k] = share * stiff[1];
-        s22[k] = share * stiff[2];
-        s13[k] = share * stiff[3];
-        s23[k] = share * stiff[4];
-        s33[k] = share * stiff[5];
+        const real share = inner[k] / factor;
+        s11[k] = share * real(stiff[0]);
+        s12[k] = share * real(stiff[1]);
+        s22[k] = share * real(stiff[2]);
+        s13[k] = share * real(stiff[3]);
+        s23[k] = share * real(stiff[4]);
+        s33[k] = share * real(stiff[5]);
         cos_r[k] = turned_by[2 * row];
         sin_r[k] = turned_by[2 * row + 1];
+    };
+    if (inside) {
+        EACH(k, 0, whole) load(k, first - HALO + k);
+    } else {
+        EACH(k, 0, whole) load(k, at[k]);
     }
     }
     TOGETHER
     // turning vector and twist at a node, and the moment of the turn
-    SHARED double kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
-    SHARED double nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
+    SHARED real kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
+    SHARED real nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
     Own turn_x, turn_y, turned;
-    const double back = yields ? hardening / (1 - hardening) : 0.0, softness = 1 / bending_stiffness;
+    const real back = yields ? hardening / (1 - hardening) : real(0.0), softness = 1 / bending_stiffness;
     if (lane == 0) mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
     EACH(k, 1, whole) {
-        const double ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
-        const double ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
-        const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
-        const double hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
-        const double dot = ex * fx + ey * fy + ez * fz, share = 1 / (1 + dot);
-        const double vx = ey * fz - ez * fy, vy = ez * fx - ex * fz, vz = ex * fy - ey * fx;
-        const double nx = 2 * share * vx, ny = 2 * share * vy, nz = 2 * share * vz;
-        const double k1 = 0.5 * ((bx + hx) * nx + (by + hy) * ny + (bz + hz) * nz);
-        const double k2 = -0.5 * ((ax + cx) * nx + (ay + cy) * ny + (az + cz) * nz);
+        const real ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
+        const real ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
+        const real bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
+        const real hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
+        const real dot = ex * fx + ey * fy + ez * fz, share = 1 / (1 + dot);
+        const real vx = ey * fz - ez * fy, vy = ez * fx - ex * fz, vz = ex * fy - ey * fx;
+        const real nx = 2 * share * vx, ny = 2 * share * vy, nz = 2 * share * vz;
+        const real k1 = real(0.5) * ((bx + hx) * nx + (by + hy) * ny + (bz + hz) * nz);
+        const real k2 = real(-0.5) * ((ax + cx) * nx + (ay + cy) * ny + (az + cz) * nz);
         // twist: the angle from the director before, transported, to the one after
-        const double lean_on = share * (vx * ax + vy * ay + vz * az);
-        const double px = dot * ax + vy * az - vz * ay + vx * lean_on;
-        const double py = dot * ay + vz * ax - vx * az + vy * lean_on;
-        const double pz = dot * az + vx * ay - vy * ax + vz * lean_on;
-        const double sine = (py * cz - pz * cy) * fx + (pz * cx - px * cz) * fy + (px * cy - py * cx) * fz;
-        const double cosine = px * cx + py * cy + pz * cz;
-        double m;
+        const real lean_on = share * (vx * ax + vy * ay + vz * az);
+        const real px = dot * ax + vy * az - vz * ay + vx * lean_on;
+        const real py = dot * ay + vz * ax - vx * az + vy * lean_on;
+        const real pz = dot * az + vx * ay - vy * ax + vz * lean_on;
+        const real sine = (py * cz - pz * cy) * fx + (pz * cx - px * cz) * fy + (px * cy - py * cx) * fz;
+        const real cosine = px * cx + py * cy + pz * cz;
+        real m;
         {
             const real over = sine, under = 1 + cosine;
             ARCTANGENT
             m = 2 * (over < 0 ? -folded : folded);
         }
         // share of the turning vector and its slope: 2 atan(x/2)/x
-        const double square = k1 * k1 + k2 * k2, size = sqrt(square), half = 0.5 * size;
-        double part;
+        const real square = k1 * k1 + k2 * k2, size = sqrt(square), half = real(0.5) * size;
+        real part;
         {
             const real over = half, under = 1;
             ARCTANGENT
-            part = half > 1e-8 ? folded / (half > 1e-8 ? half : 1.0) : 1.0;
+            part = half > real(1e-8) ? folded / (half > real(1e-8) ? half : real(1.0)) : real(1.0);
         }
-        const double steep_slope = (1 / (1 + 0.25 * square) - part) / (size > SMALL ? square : 1.0);
-        const double angle_x = part * k1, angle_y = part * k2;
-        const double trial_x = angle_x - own_x[k] - flow_x[k], trial_y = angle_y - own_y[k] - flow_y[k];
-        const double beyond_x = trial_x - back * flow_x[k], beyond_y = trial_y - back * flow_y[k];
-        const double reach = sqrt(beyond_x * beyond_x + beyond_y * beyond_y);
-        const double most = spread[k] > 0 ? yield_curvature / (spread[k] > 0 ? spread[k] : 1.0) : 0.0;
+        const real steep_slope = (1 / (1 + real(0.25) * square) - part) / (size > SMALL ? square : real(1.0));
+        const real angle_x = part * k1, angle_y = part * k2;
+        const real trial_x = angle_x - own_x[k] - flow_x[k], trial_y = angle_y - own_y[k] - flow_y[k];
+        const real beyond_x = trial_x - back * flow_x[k], beyond_y = trial_y - back * flow_y[k];
+        const real reach = sqrt(beyond_x * beyond_x + beyond_y * beyond_y);
+        const real most = spread[k] > 0 ? yield / (spread[k] > 0 ? spread[k] : real(1.0)) : real(0.0);
         const bool over_most = yields && reach > most;
-        const double inverse = over_most ? 1 / (reach > most ? reach : 1.0) : 0.0;
-        const double off = over_most ? (1 - hardening) * (1 - most * inverse) : 0.0;
-        const double change_x = trial_x - off * beyond_x, change_y = trial_y - off * beyond_y, change = m - own_m[k];
-        const double bow = bow_moment * spread[k] * spread[k] * (arc_pull[k - 1] + arc_pull[k]);
+        const real inverse = over_most ? 1 / (reach > most ? reach : real(1.0)) : real(0.0);
+        const real off = over_most ? not_kept * (1 - most * inverse) : real(0.0);
+        const real change_x = trial_x - off * beyond_x, change_y = trial_y - off * beyond_y, change = m - own_m[k];
+        const real bow = bow_moment * spread[k] * spread[k] * (arc_pull[k - 1] + arc_pull[k]);
         kx[k] = k1;
         ky[k] = k2;
         size_part[k] = part;
-        size_slope[k] = size > SMALL ? steep_slope : -1.0 / 6;
+        size_slope[k] = size > SMALL ? steep_slope : real(-1.0 / 6);
         nbx[k] = nx;
         nby[k] = ny;
         nbz[k] = nz;
@@ -195,7 +223,7 @@ _FORCES = (
         bow_y[k] = bow * angle_y;
         // tangent of what yields: (1 - softer) - the square of the direction `along`
         softer[k] = off;
-        const double radial = over_most ? sqrt((1 - hardening) * most * inverse) * inverse : 0.0;
+        const real radial = over_most ? sqrt(not_kept * most * inverse) * inverse : real(0.0);
         along_x[k] = radial * beyond_x;
         along_y[k] = radial * beyond_y;
         turn_x[k] = inner[k] * angle_x;
@@ -205,7 +233,7 @@ _FORCES = (
     }
     TOGETHER
     // moments with the first correction by their slopes along both segments
-    SHARED double ux[SPAN], uy[SPAN];
+    SHARED real ux[SPAN], uy[SPAN];
     if (lane == 0) ux[0] = uy[0] = ux[whole] = uy[whole] = 0;
     {
     #pragma clang fp reassociate(on) contract(fast)
@@ -218,50 +246,48 @@ _FORCES = (
     }
     TOGETHER
     // gradients of bending and twist by the edges before and after a node, and by the angles of both segments
-    SHARED double gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
+    SHARED real gbx[SPAN], gby[SPAN], gbz[SPAN], gax[SPAN], gay[SPAN], gaz[SPAN], gb[SPAN], ga[SPAN];
     Own acting_x, acting_y, acting_m;
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
     EACH(k, 1, whole) {
-        const double ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
-        const double ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
-        const double bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
-        const double hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
-        const double nx = nbx[k], ny = nby[k], nz = nbz[k], share = shared[k], k1 = kx[k], k2 = ky[k];
+        const real ex = tx[k - 1], ey = ty[k - 1], ez = tz[k - 1], fx = tx[k], fy = ty[k], fz = tz[k];
+        const real ax = dx[k - 1], ay = dy[k - 1], az = dz[k - 1], cx = dx[k], cy = dy[k], cz = dz[k];
+        const real bx = ey * az - ez * ay, by = ez * ax - ex * az, bz = ex * ay - ey * ax;
+        const real hx = fy * cz - fz * cy, hy = fz * cx - fx * cz, hz = fx * cy - fy * cx;
+        const real nx = nbx[k], ny = nby[k], nz = nbz[k], share = shared[k], k1 = kx[k], k2 = ky[k];
         // what the slopes of the moments add
         SLOPES_OF_U
-        const double add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
-        const double kept = 1 - softer[k], along = along_x[k] * add_x + along_y[k] * add_y;
-        const double moment_x = mx[k] + kept * add_x - along * along_x[k] + bow_x[k];
-        const double moment_y = my[k] + kept * add_y - along * along_y[k] + bow_y[k];
+        const real add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
+        const real kept = 1 - softer[k], along = along_x[k] * add_x + along_y[k] * add_y;
+        const real moment_x = mx[k] + kept * add_x - along * along_x[k] + bow_x[k];
+        const real moment_y = my[k] + kept * add_y - along * along_y[k] + bow_y[k];
         acting_x[k] = inner[k] * moment_x;
         acting_y[k] = inner[k] * moment_y;
-        const double both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
-        const double g1 = size_part[k] * moment_x + both * k1, g2 = size_part[k] * moment_y + both * k2;
-        const double g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
+        const real both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
+        const real g1 = size_part[k] * moment_x + both * k1, g2 = size_part[k] * moment_y + both * k2;
+        const real g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
         acting_m[k] = inner[k] * g;
-        const double lean = -(g1 * k1 + g2 * k2) * share;
-        const double qx = share * (g1 * (bx + hx) - g2 * (ax + cx));
-        const double qy = share * (g1 * (by + hy) - g2 * (ay + cy));
-        const double qz = share * (g1 * (bz + hz) - g2 * (az + cz));
-        const double sx = lean * (ex + fx) + 0.5 * g * nx, sy = lean * (ey + fy) + 0.5 * g * ny;
-        const double sz = lean * (ez + fz) + 0.5 * g * nz;
+        const real lean = -(g1 * k1 + g2 * k2) * share;
+        const real qx = share * (g1 * (bx + hx) - g2 * (ax + cx));
+        const real qy = share * (g1 * (by + hy) - g2 * (ay + cy));
+        const real qz = share * (g1 * (bz + hz) - g2 * (az + cz));
+        const real sx = lean * (ex + fx) + real(0.5) * g * nx, sy = lean * (ey + fy) + real(0.5) * g * ny;
+        const real sz = lean * (ez + fz) + real(0.5) * g * nz;
         gbx[k] = il[k - 1] * (sx + fy * qz - fz * qy);
         gby[k] = il[k - 1] * (sy + fz * qx - fx * qz);
         gbz[k] = il[k - 1] * (sz + fx * qy - fy * qx);
         gax[k] = il[k] * (sx - ey * qz + ez * qy);
         gay[k] = il[k] * (sy - ez * qx + ex * qz);
         gaz[k] = il[k] * (sz - ex * qy + ey * qx);
-        gb[k] = -0.5 * ((g1 * ax + g2 * bx) * nx + (g1 * ay + g2 * by) * ny + (g1 * az + g2 * bz) * nz) - g;
-        ga[k] = -0.5 * ((g1 * cx + g2 * hx) * nx + (g1 * cy + g2 * hy) * ny + (g1 * cz + g2 * hz) * nz) + g;
+        gb[k] = real(-0.5) * ((g1 * ax + g2 * bx) * nx + (g1 * ay + g2 * by) * ny + (g1 * az + g2 * bz) * nz) - g;
+        ga[k] = real(-0.5) * ((g1 * cx + g2 * hx) * nx + (g1 * cy + g2 * hy) * ny + (g1 * cz + g2 * hz) * nz) + g;
     }
     }
     // contact: forces on four nodes and couples on three sections from each contact of a segment
-    SHARED double cfx[SPAN], cfy[SPAN], cfz[SPAN], ccx[SPAN], ccy[SPAN], ccz[SPAN];
+    SHARED real cfx[SPAN], cfy[SPAN], cfz[SPAN], ccx[SPAN], ccy[SPAN], ccz[SPAN];
     EACH(k, 0, whole) cfx[k] = cfy[k] = cfz[k] = ccx[k] = ccy[k] = ccz[k] = 0;
-    const int* start_of_first = touch_first_start.data;
-    const int* start_of_second = touch_second_start.data;
     // on a GPU a node at a time of each segment, so that no two threads add to the same one
     #ifdef __CUDA_ARCH__
     enum { TURNS = 4 };
@@ -277,8 +303,8 @@ _FORCES = (
             for (int q = start[0]; q < start[1]; ++q) {
                 const int touch = side ? touch_of_second.data[q] : q;
                 if (!touch_loaded.data[touch]) continue;
-                const double* push = (const double*)(touch_force.data + 8 * touch + 4 * side);
-                const double* couple = (const double*)(touch_couple.data + 6 * touch + 3 * side);
+                const real* push = (const real*)(touch_force.data + 8 * touch + 4 * side);
+                const real* couple = (const real*)(touch_couple.data + 6 * touch + 3 * side);
                 for (int a = now; a < 4; a += TURNS) {
                     cfx[k - 1 + a] += push[3 * a];
                     cfy[k - 1 + a] += push[3 * a + 1];
@@ -303,20 +329,20 @@ _FORCES = (
         }
     }
     // forces of the segments, and their sums
-    SHARED double nx[SPAN], ny[SPAN], nz[SPAN];
+    SHARED real nx[SPAN], ny[SPAN], nz[SPAN];
     {
     #pragma clang fp reassociate(on) contract(fast)
     #pragma clang loop vectorize(enable)
     EACH(k, HALO - 1, HALO + count) {
-        const double x = ty[k] * ccz[k] - tz[k] * ccy[k], y = tz[k] * ccx[k] - tx[k] * ccz[k];
-        const double z = tx[k] * ccy[k] - ty[k] * ccx[k];
+        const real x = ty[k] * ccz[k] - tz[k] * ccy[k], y = tz[k] * ccx[k] - tx[k] * ccz[k];
+        const real z = tx[k] * ccy[k] - ty[k] * ccx[k];
         nx[k] = has[k] * (pull[k] * tx[k] + gax[k] + gbx[k + 1] + il[k] * x);
         ny[k] = has[k] * (pull[k] * ty[k] + gay[k] + gby[k + 1] + il[k] * y);
         nz[k] = has[k] * (pull[k] * tz[k] + gaz[k] + gbz[k + 1] + il[k] * z);
     }
     }
     TOGETHER
-    double* __restrict sum = (double*)(force.data + first - HALO - stored_from);
+    real* __restrict sum = (real*)(force.data + first - HALO - stored_from);
     double* __restrict edge = (double*)(edge_force.data + first - HALO);
     double* __restrict turning = (double*)(curvature.data + first - HALO);
     double* __restrict acting = (double*)(moment.data + first - HALO);
@@ -324,7 +350,7 @@ _FORCES = (
         sum[3 * k] = cfx[k] + (nx[k] - nx[k - 1]);
         sum[3 * k + 1] = cfy[k] + (ny[k] - ny[k - 1]);
         sum[3 * k + 2] = cfz[k] + (nz[k] - nz[k - 1]);
-        const double about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
+        const real about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
         torque.data[first - HALO + k - stored_from] = has[k] * (about - ga[k] - gb[k + 1]);
     }
     if (steps) return;
@@ -339,14 +365,14 @@ _FORCES = (
         acting[3 * k + 2] = acting_m[k];
         twist.data[first - HALO + k] = turned[k];
         // energies of the elastic turn and the twist, of the slope along the segment behind, and q . S q/2
-        const double trial_x = turn_x[k] - own_x[k] - flow_x[k], trial_y = turn_y[k] - own_y[k] - flow_y[k];
-        const double change_x = trial_x - softer[k] * (trial_x - back * flow_x[k]);
-        const double change_y = trial_y - softer[k] * (trial_y - back * flow_y[k]), change = turned[k] - own_m[k];
+        const real trial_x = turn_x[k] - own_x[k] - flow_x[k], trial_y = turn_y[k] - own_y[k] - flow_y[k];
+        const real change_x = trial_x - softer[k] * (trial_x - back * flow_x[k]);
+        const real change_y = trial_y - softer[k] * (trial_y - back * flow_y[k]), change = turned[k] - own_m[k];
         SLOPES_OF_M
-        const double at_node = change_x * mx[k] + change_y * my[k] + change * twist_moment[k];
-        const double along = sixth[k] * softness * (to_x * to_x + to_y * to_y);
-        const double again = s11[k] * by_x * by_x + 2 * s12[k] * by_x * by_y + s22[k] * by_y * by_y;
-        bend_energy.data[first - HALO + k] = 0.5 * (at_node + along + again);
+        const real at_node = change_x * mx[k] + change_y * my[k] + change * twist_moment[k];
+        const real along = sixth[k] * softness * (to_x * to_x + to_y * to_y);
+        const real again = s11[k] * by_x * by_x + 2 * s12[k] * by_x * by_y + s22[k] * by_y * by_y;
+        bend_energy.data[first - HALO + k] = real(0.5) * (at_node + along + again);
     }
     };
     #ifndef __CUDA_ARCH__
@@ -361,7 +387,7 @@ _FORCES = (
     .replace("ARCTANGENT", ARCTANGENT)
     .replace("SLOPES_OF_M", _SLOPES.replace("VALUE", "m"))
     .replace("SLOPES_OF_U", _SLOPES.replace("VALUE", "u"))
-    .replace("SMALL", "1e-4")
+    .replace("SMALL", "real(1e-4)")
 )  # |k| below which two terms of the series are exact to round-off
 
 
@@ -397,13 +423,13 @@ def forces_of_block(
     touch_second_start: wp.array(dtype=wp.int32),
     touch_of_second: wp.array(dtype=wp.int32),
     touch_loaded: wp.array(dtype=wp.int32),
-    touch_force: wp.array(dtype=wp.vec3d),
-    touch_couple: wp.array(dtype=wp.vec3d),
+    touch_force: wp.array(dtype=Any),
+    touch_couple: wp.array(dtype=Any),
     # state in
     tension_offset: wp.array(dtype=wp.float64),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     plastic_turn: wp.array(dtype=wp.vec2d),
     # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
     # first node, in an evaluation without a step
@@ -414,8 +440,8 @@ def forces_of_block(
     edge_force: wp.array(dtype=wp.vec3d),
     # out: the sums, from this node on
     stored_from: wp.int32,
-    force: wp.array(dtype=wp.vec3d),
-    torque: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=Any),
+    torque: wp.array(dtype=Any),
 ): ...
 
 
@@ -451,13 +477,13 @@ def find_rod_forces(
     touch_second_start: wp.array(dtype=wp.int32),
     touch_of_second: wp.array(dtype=wp.int32),
     touch_loaded: wp.array(dtype=wp.int32),
-    touch_force: wp.array(dtype=wp.vec3d),
-    touch_couple: wp.array(dtype=wp.vec3d),
+    touch_force: wp.array(dtype=Any),
+    touch_couple: wp.array(dtype=Any),
     # state in
     tension_offset: wp.array(dtype=wp.float64),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     plastic_turn: wp.array(dtype=wp.vec2d),
     # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
     # first node, in an evaluation without a step
@@ -468,8 +494,8 @@ def find_rod_forces(
     edge_force: wp.array(dtype=wp.vec3d),
     # out: the sums, from this node on
     stored_from: wp.int32,
-    force: wp.array(dtype=wp.vec3d),
-    torque: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=Any),
+    torque: wp.array(dtype=Any),
 ):
     """`threads_a_block` threads a block: one, or ROD_LANES on a GPU."""
     thread = wp.tid()

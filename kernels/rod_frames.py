@@ -12,6 +12,8 @@ jump.
 Positions are x = F X + u; F acts in the plane of the mesh only. The last node of an open wire has no segment.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
@@ -25,20 +27,22 @@ AHEAD = wp.constant(2)
 
 # The sine and the cosine are series to round-off up to HALF a radian, which a step hardly ever exceeds.
 _FRAMES = (
-    BLOCK
+    "typedef decltype(pending_turn.data[0] + pending_turn.data[0]) real;\n"
+    + BLOCK
     + r"""
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
-    const double HALF = 0.5;
+    const real HALF = 0.5;
     const int segments = !closed && first + count == wire_end ? count - 1 : count;
     const double* __restrict rest = (const double*)(rest_position.data + first);
     const double* __restrict span = (const double*)(rest_edge.data + first + to_row);
     const double* __restrict moved = (const double*)displacement.data;
     double* __restrict place = (double*)(position.data + first);
-    double* __restrict t = (double*)(tangent.data + first);
-    double* __restrict d = (double*)(director.data + first);
-    double* __restrict turn = pending_turn.data + first;
+    real* __restrict t = (real*)(tangent.data + first);
+    real* __restrict d = (real*)(director.data + first);
+    real* __restrict turn = pending_turn.data + first;
     double* __restrict size = length.data + first;
-    SHARED double ux[SPAN], uy[SPAN], uz[SPAN], sines[SPAN], cosines[SPAN];
+    SHARED double ux[SPAN], uy[SPAN], uz[SPAN];
+    Own sines, cosines, sx, sy, sz;
     EACH(k, 0, count + 1) {
         int i = first + k;
         if (i >= wire_end) i = closed ? wire_begin : wire_end - 1;
@@ -47,16 +51,20 @@ _FRAMES = (
         uz[k] = moved[3 * i + 2];
     }
     TOGETHER
-    double widest = 0;
+    int is_wide = 0;
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
     EACH(k, 0, segments) {
-        const double a = turn[k], z = a * a;
-        widest = a > widest ? a : (-a > widest ? -a : widest);
-        sines[k] = a * (1 + z * (-1.0 / 6 + z * (1.0 / 120 + z * (-1.0 / 5040 + z * (1.0 / 362880 + z * (-1.0 / 39916800
-            + z * (1.0 / 6227020800)))))));
-        cosines[k] = 1 + z * (-1.0 / 2 + z * (1.0 / 24 + z * (-1.0 / 720 + z * (1.0 / 40320 + z * (-1.0 / 3628800
-            + z * (1.0 / 479001600 + z * (-1.0 / 87178291200)))))));
+        const real a = turn[k], z = a * a;
+        is_wide |= z > HALF * HALF ? 1 : 0;
+        sines[k] = a * (1 + z * (real(-1.0 / 6) + z * (real(1.0 / 120) + z * (real(-1.0 / 5040) + z * (real(1.0 / 362880)
+            + z * (real(-1.0 / 39916800) + z * real(1.0 / 6227020800)))))));
+        cosines[k] = 1 + z * (real(-1.0 / 2) + z * (real(1.0 / 24) + z * (real(-1.0 / 720) + z * (real(1.0 / 40320)
+            + z * (real(-1.0 / 3628800) + z * (real(1.0 / 479001600) + z * real(-1.0 / 87178291200)))))));
     }
-    if (widest > HALF) {
+    }
+    if (is_wide) {
         EACH(k, 0, segments) {
             sines[k] = wp::sin(turn[k]);
             cosines[k] = wp::cos(turn[k]);
@@ -79,22 +87,30 @@ _FRAMES = (
         const double ey = fyx * span[3 * k] + fyy * span[3 * k + 1] + (uy[k + 1] - uy[k]);
         const double ez = span[3 * k + 2] + (uz[k + 1] - uz[k]);
         const double l = sqrt(ex * ex + ey * ey + ez * ez), inverse = 1 / l;
-        const double px = t[3 * k], py = t[3 * k + 1], pz = t[3 * k + 2];
-        const double tx = ex * inverse, ty = ey * inverse, tz = ez * inverse;
-        const double vx = d[3 * k], vy = d[3 * k + 1], vz = d[3 * k + 2];
-        const double bx = py * tz - pz * ty, by = pz * tx - px * tz, bz = px * ty - py * tx;
-        const double c = px * tx + py * ty + pz * tz;
-        const double along = (bx * vx + by * vy + bz * vz) / (1 + c);
-        double wx = c * vx + by * vz - bz * vy + bx * along;
-        double wy = c * vy + bz * vx - bx * vz + by * along;
-        double wz = c * vz + bx * vy - by * vx + bz * along;
-        const double off = wx * tx + wy * ty + wz * tz;
+        size[k] = l;
+        sx[k] = ex * inverse;
+        sy[k] = ey * inverse;
+        sz[k] = ez * inverse;
+    }
+    }
+    {
+    #pragma clang fp reassociate(on) contract(fast)
+    #pragma clang loop vectorize(enable)
+    EACH(k, 0, segments) {
+        const real px = t[3 * k], py = t[3 * k + 1], pz = t[3 * k + 2], tx = sx[k], ty = sy[k], tz = sz[k];
+        const real vx = d[3 * k], vy = d[3 * k + 1], vz = d[3 * k + 2];
+        const real bx = py * tz - pz * ty, by = pz * tx - px * tz, bz = px * ty - py * tx;
+        const real c = px * tx + py * ty + pz * tz;
+        const real along = (bx * vx + by * vy + bz * vz) / (1 + c);
+        real wx = c * vx + by * vz - bz * vy + bx * along;
+        real wy = c * vy + bz * vx - bx * vz + by * along;
+        real wz = c * vz + bx * vy - by * vx + bz * along;
+        const real off = wx * tx + wy * ty + wz * tz;
         wx -= off * tx;
         wy -= off * ty;
         wz -= off * tz;
-        const double unit = 1 / sqrt(wx * wx + wy * wy + wz * wz);
-        const double co = cosines[k] * unit, si = sines[k] * unit;
-        size[k] = l;
+        const real unit = 1 / sqrt(wx * wx + wy * wy + wz * wz);
+        const real co = cosines[k] * unit, si = sines[k] * unit;
         t[3 * k] = tx;
         t[3 * k + 1] = ty;
         t[3 * k + 2] = tz;
@@ -137,9 +153,9 @@ def frames_of_block(
     # state in
     displacement: wp.array(dtype=wp.vec3d),
     # in and out: the pending rotation [rad] is applied and set to zero
-    pending_turn: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    pending_turn: wp.array(dtype=Any),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # out
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -166,9 +182,9 @@ def update_frames(
     # state in
     displacement: wp.array(dtype=wp.vec3d),
     # in and out: the pending rotation [rad] is applied and set to zero
-    pending_turn: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    pending_turn: wp.array(dtype=Any),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # out
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),

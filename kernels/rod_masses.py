@@ -7,6 +7,8 @@ With lengths a, c of the segments before and behind a node and p, m its turning 
 A node and its neighbours have the masses of (dx_b/c - dx_a/a)^2 bend + (dx)^2 edge; sections those of twist and bent, likewise.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .banded_mass import HELD_NODE, HELD_TURN
@@ -19,7 +21,8 @@ MORE_TURN = 0.15  # [rad] allowance for turns sharpened until the next update
 MORE_TENSION = 1.2  # the same for tensions
 
 _MASSES = (
-    BLOCK
+    "typedef double real;\n"
+    + BLOCK
     + AROUND
     + constants(TURNED=TURNED, MORE_TURN=MORE_TURN, MORE_TENSION=MORE_TENSION, BOW=BOW, HELD_NODE=HELD_NODE, HELD_TURN=HELD_TURN)
     + r"""
@@ -79,7 +82,8 @@ _MASSES = (
     double* __restrict second = second_mass.data + first - HALO;
     double* __restrict inertia = spin_inertia.data + first - HALO;
     double* __restrict next_turn = next_inertia.data + first - HALO;
-    const double* pushed = (const double*)(sweep.data + first - HALO);
+    typedef decltype(sweep.data[0].c[0] + sweep.data[0].c[0]) stored;
+    const stored* pushed = (const stored*)(sweep.data + first - HALO);
     const bool touches = may_touch != 0;
     EACH(k, HALO, HALO + count) {
         const double a = inverse[k - 1], c = inverse[k], beyond = inverse[k + 1];
@@ -143,7 +147,7 @@ def masses_of_block(
     plastic_turn: wp.array(dtype=wp.vec2d),
     # in: bounds on the stiffness of contacts, of nodes [N/m] and of sections [N m], where wires may touch
     may_touch: wp.int32,
-    sweep: wp.array(dtype=wp.vec4d),
+    sweep: wp.array(dtype=Any),
     # out: see banded_mass.py
     node_mass: wp.array(dtype=wp.vec3d),
     next_mass: wp.array(dtype=wp.float64),
@@ -193,7 +197,7 @@ def find_masses(
     plastic_turn: wp.array(dtype=wp.vec2d),
     # in: bounds on the stiffness of contacts, of nodes [N/m] and of sections [N m], where wires may touch
     may_touch: wp.int32,
-    sweep: wp.array(dtype=wp.vec4d),
+    sweep: wp.array(dtype=Any),
     # out: see banded_mass.py
     node_mass: wp.array(dtype=wp.vec3d),
     next_mass: wp.array(dtype=wp.float64),

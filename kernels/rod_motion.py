@@ -5,6 +5,8 @@
 The sweep forward leaves z, the sweep back updates each node by the two-term update of control.py once its acceleration is known.
 """
 
+from typing import Any
+
 import warp as wp
 
 from . import banded_mass as m
@@ -17,7 +19,8 @@ MOTION_LANES = 256  # four numbers of 64 parts of a wire
 # from zero, with the response to either node before the part, then from what the part before hands on. Full rows are zero between
 # `quiet` and the last four nodes.
 _MOVE = (
-    STEERING
+    "typedef decltype(torque.data[0] + torque.data[0]) real;\n"
+    + STEERING
     + SHARING
     + constants(
         MOTION_LANES=MOTION_LANES,
@@ -40,28 +43,28 @@ _MOVE = (
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
     const long long inside = count - 2;
     const int begin = (int)(inside * part / parts), end = (int)(inside * (part + 1) / parts);
-    const double* __restrict factors = (const double*)(mass_factor.data + FACTORS * first) + own;
-    const double* __restrict borders = (const double*)(mass_border.data + BORDERS * wire_border.data[wire]) + own;
-    const double* __restrict push = (const double*)(force.data + first - stored_from);
-    const double* __restrict couple = torque.data + first - stored_from;
-    double* __restrict swept = (double*)(sweep.data + first - stored_from) + own;
-    const auto given = [&](int j, int c) { return own + c < 3 ? push[3 * j + own + c] : couple[j]; };
+    const real* __restrict factors = (const real*)(mass_factor.data + FACTORS * first) + own;
+    const real* __restrict borders = (const real*)(mass_border.data + BORDERS * wire_border.data[wire]) + own;
+    const real* __restrict push = (const real*)(force.data + first - stored_from);
+    const real* __restrict couple = torque.data + first - stored_from;
+    real* __restrict swept = (real*)(sweep.data + first - stored_from) + own;
+    const auto given = [&](int j, int c) -> real { return own + c < 3 ? push[3 * j + own + c] : couple[j]; };
     // two nodes of a sweep, the nearest first, for a source; the last two are responses to either node before
-    struct Pair { double near[NUMBERS], far[NUMBERS]; };
+    struct Pair { real near[NUMBERS], far[NUMBERS]; };
     const auto forward = [&](int j, Pair& z, bool from_rest) {
-        const double* __restrict l = factors + 4 * FACTORS * j;
-        double now[NUMBERS];
-        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? 0.0 : given(j, c);
+        const real* __restrict l = factors + 4 * FACTORS * j;
+        real now[NUMBERS];
+        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? real(0) : given(j, c);
         for (int c = 0; c < NUMBERS; ++c) now[c] -= l[4 * SECOND + c] * z.far[c];
         for (int c = 0; c < NUMBERS; ++c) now[c] -= l[4 * NEXT + c] * z.near[c];
         for (int c = 0; c < NUMBERS; ++c) z.far[c] = z.near[c];
         for (int c = 0; c < NUMBERS; ++c) z.near[c] = now[c];
     };
-    double other[NUMBERS] = {}, last[NUMBERS] = {};
+    real other[NUMBERS] = {}, last[NUMBERS] = {};
     const auto backward = [&](int j, Pair& z, bool from_rest) {
-        const double* __restrict l = factors + 4 * FACTORS * j;
-        double now[NUMBERS];
-        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? 0.0 : l[4 * PIVOT + c] * swept[4 * j + c];
+        const real* __restrict l = factors + 4 * FACTORS * j;
+        real now[NUMBERS];
+        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? real(0) : l[4 * PIVOT + c] * swept[4 * j + c];
         // the last two rows are full: L to them is not zero only there
         for (int c = 0; c < NUMBERS; ++c) now[c] -= (l + 8 * FACTORS)[4 * SECOND + c] * z.far[c];
         for (int c = 0; c < NUMBERS; ++c) now[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * z.near[c];
@@ -74,8 +77,8 @@ _MOVE = (
     };
     #ifdef __CUDA_ARCH__
     // what the part before hands on: ends from zero, and the responses, joined in the order of the parts
-    __shared__ double near_end[MOTION_LANES], far_end[MOTION_LANES], near_near[MOTION_LANES], near_far[MOTION_LANES];
-    __shared__ double far_near[MOTION_LANES], far_far[MOTION_LANES];
+    __shared__ real near_end[MOTION_LANES], far_end[MOTION_LANES], near_near[MOTION_LANES], near_far[MOTION_LANES];
+    __shared__ real far_near[MOTION_LANES], far_far[MOTION_LANES];
     const auto handed_on = [&](const auto& sweep, int from, int to, int step) {
         Pair z = {}, by_near = {{1.0}, {0.0}}, by_far = {{0.0}, {1.0}};
         for (int j = from; j != to; j += step) {
@@ -93,10 +96,10 @@ _MOVE = (
         TOGETHER
         const int first_lane = step > 0 ? own : own + 4 * (parts - 1);
         if (lane == first_lane) {
-            double near = 0, far = 0;
+            real near = 0, far = 0;
             for (int p = 0, k = first_lane; p < parts; ++p, k += 4 * step) {
-                const double next_near = near_end[k] + near_near[k] * near + near_far[k] * far;
-                const double next_far = far_end[k] + far_near[k] * near + far_far[k] * far;
+                const real next_near = near_end[k] + near_near[k] * near + near_far[k] * far;
+                const real next_far = far_end[k] + far_near[k] * near + far_far[k] * far;
                 near_end[k] = near;
                 far_end[k] = far;
                 near = next_near;
@@ -136,42 +139,42 @@ _MOVE = (
     #endif
     // the last two nodes, of which every thread finds the accelerations
     for (int c = 0; c < NUMBERS; ++c) {
-        const double* __restrict l = factors + 4 * FACTORS * (count - 1);
-        const double before = given(count - 2, c) - other[c];
-        const double at_end = given(count - 1, c) - (last[c] + l[4 * NEXT + c] * before);
+        const real* __restrict l = factors + 4 * FACTORS * (count - 1);
+        const real before = given(count - 2, c) - other[c];
+        const real at_end = given(count - 1, c) - (last[c] + l[4 * NEXT + c] * before);
         last[c] = l[4 * PIVOT + c] * at_end;
         other[c] = (l - 4 * FACTORS)[4 * PIVOT + c] * before - l[4 * NEXT + c] * last[c];
     }
     const double* steer = control.data;
-    const double a = steer[VELOCITY_FACTOR], b = steer[FORCE_FACTOR], dt = steer[TIME_STEP], ahead = steer[LOOK_AHEAD];
+    const real a = steer[VELOCITY_FACTOR], b = steer[FORCE_FACTOR], dt = steer[TIME_STEP], ahead = steer[LOOK_AHEAD];
     double* __restrict moved = (double*)(displacement.data + first);
-    double* __restrict speed = (double*)(velocity.data + first);
-    double* __restrict rate = spin.data + first;
-    double* __restrict turned = angle.data + first;
-    double* __restrict turn = pending_turn.data + first;
-    double* __restrict total = (double*)(force_sum.data + first);
+    real* __restrict speed = (real*)(velocity.data + first);
+    real* __restrict rate = spin.data + first;
+    real* __restrict turned = angle.data + first;
+    real* __restrict turn = pending_turn.data + first;
+    real* __restrict total = (real*)(force_sum.data + first);
     const double* __restrict mass = (const double*)(node_mass.data + first);
     const double* __restrict inertia = spin_inertia.data + first;
     double kinetic = 0, fastest = 0, strongest = 0, square = 0;
-    const auto move = [&](int j, const double* acceleration) {
-        double q2 = 0, f2 = 0, e = 0;
+    const auto move = [&](int j, const real* acceleration) {
+        real q2 = 0, f2 = 0, e = 0;
         for (int c = 0; c < NUMBERS && own + c < 3; ++c) {
             const int k = 3 * j + own + c;
-            const double before = speed[k], after = a * before + b * acceleration[c];
+            const real before = speed[k], after = a * before + b * real(acceleration[c]);
             speed[k] = after;
             moved[k] += dt * (after + ahead * (after - before));
             total[k] += push[k];
             q2 += after * after;
-            e += mass[k] * after * after;
+            e += real(mass[k]) * after * after;
             f2 += push[k] * push[k];
         }
         if (own + NUMBERS == 4) {
-            const double before = rate[j], after = a * before + b * acceleration[NUMBERS - 1];
-            const double angle = dt * (after + ahead * (after - before));
+            const real before = rate[j], after = a * before + b * real(acceleration[NUMBERS - 1]);
+            const real angle = dt * (after + ahead * (after - before));
             rate[j] = after;
             turn[j] = angle;
             turned[j] += angle;
-            e += inertia[j] * after * after;
+            e += real(inertia[j]) * after * after;
         }
         #ifdef __CUDA_ARCH__
         const unsigned quad = 0xfu << (lane % 32 - own);
@@ -215,25 +218,25 @@ def move_wire(
     wire_count: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
     # in: masses and their factors
-    mass_factor: wp.array2d(dtype=wp.vec4d),
-    mass_border: wp.array2d(dtype=wp.vec4d),
+    mass_factor: wp.array2d(dtype=Any),
+    mass_border: wp.array2d(dtype=Any),
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
     # in: what steers the step; forces, torques and the sweep, from this node on
     control: wp.array(dtype=wp.float64),
     stored_from: wp.int32,
-    force: wp.array(dtype=wp.vec3d),
-    torque: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=Any),
+    torque: wp.array(dtype=Any),
     # state in and out
     displacement: wp.array(dtype=wp.vec3d),
-    velocity: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
-    angle: wp.array(dtype=wp.float64),
-    force_sum: wp.array(dtype=wp.vec3d),
+    velocity: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
+    angle: wp.array(dtype=Any),
+    force_sum: wp.array(dtype=Any),
     # out
-    sweep: wp.array(dtype=wp.vec4d),
-    pending_turn: wp.array(dtype=wp.float64),
+    sweep: wp.array(dtype=Any),
+    pending_turn: wp.array(dtype=Any),
     partial: wp.array2d(dtype=wp.float64),
 ): ...
 
@@ -247,25 +250,25 @@ def move_rods(
     first_wire: int,
     threads_a_block: int,
     # in: masses and their factors
-    mass_factor: wp.array2d(dtype=wp.vec4d),
-    mass_border: wp.array2d(dtype=wp.vec4d),
+    mass_factor: wp.array2d(dtype=Any),
+    mass_border: wp.array2d(dtype=Any),
     wire_quiet: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
     # in: what steers the step; forces, torques and the sweep, from this node on
     control: wp.array(dtype=wp.float64),
     stored_from: wp.int32,
-    force: wp.array(dtype=wp.vec3d),
-    torque: wp.array(dtype=wp.float64),
+    force: wp.array(dtype=Any),
+    torque: wp.array(dtype=Any),
     # state in and out
     displacement: wp.array(dtype=wp.vec3d),
-    velocity: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
-    angle: wp.array(dtype=wp.float64),
-    force_sum: wp.array(dtype=wp.vec3d),
+    velocity: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
+    angle: wp.array(dtype=Any),
+    force_sum: wp.array(dtype=Any),
     # out
-    sweep: wp.array(dtype=wp.vec4d),
-    pending_turn: wp.array(dtype=wp.float64),
+    sweep: wp.array(dtype=Any),
+    pending_turn: wp.array(dtype=Any),
     partial: wp.array2d(dtype=wp.float64),
 ):
     """`threads_a_block` threads a wire: one, or MOTION_LANES on a GPU; and a row of partial sums. The kinetic energy is that of

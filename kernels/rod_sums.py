@@ -1,5 +1,7 @@
 """Sums over the nodes of rods at a convergence check: one partial sum for every block of nodes, so that their order is fixed."""
 
+from typing import Any
+
 import warp as wp
 
 
@@ -17,8 +19,8 @@ def sum_mass_products(
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
     # in: motions of nodes and sections, zero where held
-    move: wp.array(dtype=wp.vec3d),
-    turn: wp.array(dtype=wp.float64),
+    move: wp.array(dtype=Any),
+    turn: wp.array(dtype=Any),
     # out: [block]
     partial: wp.array(dtype=wp.float64),
 ):
@@ -28,14 +30,14 @@ def sum_mass_products(
     total = wp.float64(0.0)
     for lane in range(block_count[block]):
         i = block_first[block] + lane
-        v = move[i]
+        v = wp.vec3d(move[i])
         coupled = wp.cw_mul(node_mass[i], v)
-        spun = spin_inertia[i] * turn[i]
+        spun = spin_inertia[i] * wp.float64(turn[i])
         after = following[i]
         if after >= 0:
-            coupled += (two * next_mass[i]) * move[after]
-            spun += two * next_inertia[i] * turn[after]
+            coupled += (two * next_mass[i]) * wp.vec3d(move[after])
+            spun += two * next_inertia[i] * wp.float64(turn[after])
             if following[after] >= 0:
-                coupled += (two * second_mass[i]) * move[following[after]]
-        total += wp.dot(v, coupled) + turn[i] * spun
+                coupled += (two * second_mass[i]) * wp.vec3d(move[following[after]])
+        total += wp.dot(v, coupled) + wp.float64(turn[i]) * spun
     partial[block] = total

@@ -5,6 +5,8 @@ That rotation carries the rest director d0 to
     p = c d0 + b x d0 + b (b . d0)/(1 + c)        b = t0 x t,  c = t0 . t        turn = angle from p to the director about t
 """
 
+from typing import Any
+
 import warp as wp
 
 from .rod_frames import affine_map
@@ -30,8 +32,8 @@ def find_turns(
     rest_row: wp.array(dtype=wp.int32),
     rest_edge: wp.array(dtype=wp.vec3d),
     rest_director: wp.array(dtype=wp.vec3d),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # out: [rad], 0 where there is no segment
     turn: wp.array(dtype=wp.float64),
 ):
@@ -39,8 +41,10 @@ def find_turns(
     turn[node] = wp.float64(0.0)
     if following[node] >= 0:
         row = rest_row[node]
-        p = tilted(rest_edge[row], rest_director[row], tangent[node])
-        turn[node] = wp.atan2(wp.dot(wp.cross(p, director[node]), tangent[node]), wp.dot(p, director[node]))
+        t = wp.vec3d(tangent[node])
+        d = wp.vec3d(director[node])
+        p = tilted(rest_edge[row], rest_director[row], t)
+        turn[node] = wp.atan2(wp.dot(wp.cross(p, d), t), wp.dot(p, d))
 
 
 @wp.kernel
@@ -55,8 +59,8 @@ def turn_sections(
     # in: [rad]
     turn: wp.array(dtype=wp.float64),
     # out
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
 ):
     """Tangents by the displacements, and directors by the turns."""
     node = wp.tid()
@@ -65,5 +69,5 @@ def turn_sections(
         row = rest_row[node]
         t = wp.normalize(affine_map(rest_edge[row], control) + displacement[after] - displacement[node])
         p = tilted(rest_edge[row], rest_director[row], t)
-        tangent[node] = t
-        director[node] = wp.cos(turn[node]) * p + wp.sin(turn[node]) * wp.cross(t, p)
+        tangent[node] = tangent.dtype(t)
+        director[node] = director.dtype(wp.cos(turn[node]) * p + wp.sin(turn[node]) * wp.cross(t, p))

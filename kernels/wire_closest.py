@@ -12,6 +12,8 @@ that goes over into another in one step was gone: the other one had appeared uns
 then on, as wires that vibrate there would gain energy each time.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, TRAVEL, is_halted
@@ -39,7 +41,7 @@ from .wire_minima import (
     projected_end,
     saddle_of,
 )
-from .wire_prefetch import first_of_part, prefetch_pair
+from .wire_prefetch import first_of_part
 
 MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the contact distance: ten times NEWTON_ACCURACY squared
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
@@ -97,7 +99,7 @@ def mark_near_pairs(
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
     # in and out: [m] travel at which the pair may touch, by its gap when last measured and without what pushes it apart
     pair_wake_travel: wp.array(dtype=wp.float64),
     # out
@@ -189,7 +191,6 @@ def find_closest_places(
     # in: the pairs that may touch, those of them to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
-    touch_count: wp.array(dtype=wp.int32),
     touch_awake: wp.array(dtype=wp.int32),
     touch_awake_count: wp.array(dtype=wp.int32),
     part: int,
@@ -214,8 +215,8 @@ def find_closest_places(
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # in and out: [m] travel at which a pair may touch, and up to which its places are followed; minima and places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_renewal_travel: wp.array(dtype=wp.float64),
@@ -239,9 +240,6 @@ def find_closest_places(
         if touch_followed[touch] != 0:
             continue
         touch_loaded[touch] = 0
-        prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
-                      previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                      contact_offset, position, length, tangent, director)  # fmt: skip
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
         travel = control[TRAVEL]

@@ -8,6 +8,8 @@ whose search is due, whose place is ill-conditioned or moves far, or that may ha
 The result of a pair does not depend on the others of its batch.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import EVALUATED_GAP, STATUS, STATUS_RUNNING, is_halted
@@ -50,8 +52,9 @@ _STEP = r"""
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING : 0.0;
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
     const double* nodes = (const double*)position.data;
-    const double* tangents = (const double*)tangent.data;
-    const double* directors = (const double*)director.data;
+    typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) stored;
+    const stored* tangents = (const stored*)tangent.data;
+    const stored* directors = (const stored*)director.data;
 """
 
 # the weight of a contact that is bounded by the end of a segment (line_weight of wire_weights.py)
@@ -89,7 +92,6 @@ _GATHER = r"""
     batches[0].filled = batches[1].filled = 0;
     for (int touch = begin; touch < end || batches[0].filled > 0 || batches[1].filled > 0;) {
         if (touch < end) {
-            const int stride = 1;
             { PREFETCH_A_PAIR }
             const int pair = touch_pair.data[touch], found = pair_found.data[pair];
             const int sides[2] = {pair_first.data[pair], pair_second.data[pair]};
@@ -391,6 +393,9 @@ _KEEP = r"""
                 for (int a = 0; a < PLACES; ++a) {
                     const int k = 3 * now + a;
                     const bool counts = a < places && weight[a][l] != 0;
+                    if (counts && a < 2 && normal_force[a][l] != 0 && overlap[a][l] > max_penetration.data[0])
+                        max_penetration.data[0] = overlap[a][l];
+                    if (is_running) continue; // steps need forces and couples alone
                     touch_normal_force.data[k] = counts ? normal_force[a][l] : 0.0;
                     touch_overlap.data[k] = counts ? overlap[a][l] : -NO_COMMON_WIRE;
                     if (!counts) continue;
@@ -398,17 +403,15 @@ _KEEP = r"""
                     n[0] = normal[a].x[l];
                     n[1] = normal[a].y[l];
                     n[2] = normal[a].z[l];
-                    if (a < 2 && normal_force[a][l] != 0 && overlap[a][l] > max_penetration.data[0])
-                        max_penetration.data[0] = overlap[a][l];
                 }
                 if (!loaded[l]) continue;
-                double* f = (double*)(touch_force.data + 8 * now);
+                stored* f = (stored*)(touch_force.data + 8 * now);
                 for (int k = 0; k < 8; ++k) {
                     f[3 * k] = force[k].x[l];
                     f[3 * k + 1] = force[k].y[l];
                     f[3 * k + 2] = force[k].z[l];
                 }
-                double* c = (double*)(touch_couple.data + 6 * now);
+                stored* c = (stored*)(touch_couple.data + 6 * now);
                 for (int k = 0; k < 6; ++k) {
                     c[3 * k] = couple[k].x[l];
                     c[3 * k + 1] = couple[k].y[l];
@@ -496,8 +499,8 @@ def follow_contacts(
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # in and out: see find_closest_places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
@@ -508,8 +511,8 @@ def follow_contacts(
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_normal: wp.array(dtype=wp.vec3d),
     touch_loaded: wp.array(dtype=wp.int32),
-    touch_force: wp.array(dtype=wp.vec3d),
-    touch_couple: wp.array(dtype=wp.vec3d),
+    touch_force: wp.array(dtype=Any),
+    touch_couple: wp.array(dtype=Any),
     # in and out: [m] largest overlap of a thread
     max_penetration: wp.array(dtype=wp.float64),
 ): ...
@@ -545,8 +548,8 @@ def find_followed_contacts(
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # in and out: see find_closest_places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
@@ -557,8 +560,8 @@ def find_followed_contacts(
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_normal: wp.array(dtype=wp.vec3d),
     touch_loaded: wp.array(dtype=wp.int32),
-    touch_force: wp.array(dtype=wp.vec3d),
-    touch_couple: wp.array(dtype=wp.vec3d),
+    touch_force: wp.array(dtype=Any),
+    touch_couple: wp.array(dtype=Any),
     # in and out: [m] largest overlap of a thread
     max_penetration: wp.array(dtype=wp.float64),
 ):

@@ -21,6 +21,8 @@ forces and torques in rod_motion.py.
 Weights of contacts at the end of a segment, and of two contacts of one pair: wire_weights.py.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import (
@@ -41,7 +43,7 @@ from .wire_friction import previous_slip, surface_before
 from .wire_minima import is_bounded
 from .wire_motion import node_velocities, point_velocity, section_rate
 from .wire_pairs import NO_COMMON_WIRE
-from .wire_prefetch import first_of_part, prefetch_pair
+from .wire_prefetch import first_of_part
 from .wire_weights import friction_weight, line_weight, saddle_weight
 
 
@@ -61,8 +63,8 @@ def push_wire(
     couple: wp.vec3d,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
-    touch_force: wp.array(dtype=wp.vec3d),
-    touch_couple: wp.array(dtype=wp.vec3d),
+    touch_force: wp.array(dtype=Any),
+    touch_couple: wp.array(dtype=Any),
 ):
     """Distribute a force on segment i to its four nodes, and by levers to three sections; add a couple to its own section.
 
@@ -74,20 +76,20 @@ def push_wire(
     w1 = w[1]
     w2 = w[2]
     if previous[i] >= 0:
-        touch_force[f] += w[0] * force
-        touch_couple[g] += wp.cross(row(levers, 0), force)
+        touch_force[f] = touch_force.dtype(wp.vec3d(touch_force[f]) + w[0] * force)
+        touch_couple[g] = touch_couple.dtype(wp.vec3d(touch_couple[g]) + wp.cross(row(levers, 0), force))
     else:
         w1 += wp.float64(2.0) * w[0]
         w2 -= w[0]
     if following[after] >= 0:
-        touch_force[f + 3] += w[3] * force
-        touch_couple[g + 2] += wp.cross(row(levers, 2), force)
+        touch_force[f + 3] = touch_force.dtype(wp.vec3d(touch_force[f + 3]) + w[3] * force)
+        touch_couple[g + 2] = touch_couple.dtype(wp.vec3d(touch_couple[g + 2]) + wp.cross(row(levers, 2), force))
     else:
         w2 += wp.float64(2.0) * w[3]
         w1 -= w[3]
-    touch_force[f + 1] += w1 * force
-    touch_force[f + 2] += w2 * force
-    touch_couple[g + 1] += couple + wp.cross(row(levers, 1), force)
+    touch_force[f + 1] = touch_force.dtype(wp.vec3d(touch_force[f + 1]) + w1 * force)
+    touch_force[f + 2] = touch_force.dtype(wp.vec3d(touch_force[f + 2]) + w2 * force)
+    touch_couple[g + 1] = touch_couple.dtype(wp.vec3d(touch_couple[g + 1]) + couple + wp.cross(row(levers, 1), force))
 
 
 @wp.kernel
@@ -95,7 +97,6 @@ def find_contact_forces(
     # in: the pairs that may touch, those of them to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
-    touch_count: wp.array(dtype=wp.int32),
     touch_found: wp.array(dtype=wp.int32),
     touch_found_count: wp.array(dtype=wp.int32),
     part: int,
@@ -130,16 +131,16 @@ def find_contact_forces(
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     displacement: wp.array(dtype=wp.vec3d),
-    velocity: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
+    velocity: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
     # in: the equilibrium before, of a relaxation with friction
     before_position: wp.array(dtype=wp.vec3d),
     before_length: wp.array(dtype=wp.float64),
-    before_tangent: wp.array(dtype=wp.vec3d),
-    before_director: wp.array(dtype=wp.vec3d),
+    before_tangent: wp.array(dtype=Any),
+    before_director: wp.array(dtype=Any),
     before_control: wp.array(dtype=wp.float64),
     # in and out: elastic slip, double-buffered by the parity of the step
     slip_step: wp.array2d(dtype=wp.int32),
@@ -150,11 +151,12 @@ def find_contact_forces(
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_friction: wp.array(dtype=wp.vec3d),
     touch_normal: wp.array(dtype=wp.vec3d),
-    # out: whether a touch pushes at all; forces on the four nodes of either segment, and couples on its three sections
+    # out: whether a touch pushes at all; [m] largest overlap
     touch_loaded: wp.array(dtype=wp.int32),
-    touch_force: wp.array(dtype=wp.vec3d),
-    touch_couple: wp.array(dtype=wp.vec3d),
     max_penetration: wp.array(dtype=wp.float64),
+    # in and out: forces on the four nodes of either segment, and couples on its three sections, from zero
+    touch_force: wp.array(dtype=Any),
+    touch_couple: wp.array(dtype=Any),
 ):
     """The threads of a part share its pairs, at the places found, but for those that have their force.
 
@@ -167,9 +169,6 @@ def find_contact_forces(
         touch = touch_found[listed]
         if touch_followed[touch] == FOLLOWED_FORCE:
             continue
-        prefetch_pair(touch, threads, touch_pair, touch_count, pair_first, pair_second, pair_shift, pair_found, pair_place,
-                      previous, following, node_radius, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                      contact_offset, position, length, tangent, director)  # fmt: skip
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
         found = pair_found[pair]
@@ -320,9 +319,9 @@ def find_contact_forces(
             if not pushes:
                 pushes = True
                 for part in range(8):
-                    touch_force[8 * touch + part] = wp.vec3d()
+                    touch_force[8 * touch + part] = touch_force.dtype()
                 for part in range(6):
-                    touch_couple[6 * touch + part] = wp.vec3d()
+                    touch_couple[6 * touch + part] = touch_couple.dtype()
             push_wire(2 * touch, i, w, push, levers_p, couple_p, previous, following, touch_force, touch_couple)
             push_wire(2 * touch + 1, j, v, -push, levers_q, couple_q, previous, following, touch_force, touch_couple)
         if pushes:

@@ -75,9 +75,10 @@ def weighted_sum(w: wp.vec4d, nodes: Nodes) -> wp.vec3d:
 
 
 @wp.func
-def section_vector(director: wp.vec3d, tangent: wp.vec3d, one: wp.float64, two: wp.float64) -> wp.vec3d:
+def section_vector(director: Any, tangent: Any, one: wp.float64, two: wp.float64) -> wp.vec3d:
     """one d1 + two d2."""
-    return one * director + two * wp.cross(tangent, director)
+    d = wp.vec3d(director)
+    return one * d + two * wp.cross(wp.vec3d(tangent), d)
 
 
 @wp.func
@@ -90,8 +91,8 @@ def rest_shape(
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
 ) -> Shape:
     """[m] rest-shape offsets m L A and B of the curve of segment i, as rows; `rest_row` [node] is the row of its rest data, which
     wires of one shape share."""
@@ -192,20 +193,20 @@ def stencil(
     following: wp.array(dtype=wp.int32),
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
 ) -> Nodes:
     """Positions [m] of the four nodes of segment i as rows, unwrapped along the wire."""
     one = position[i]
-    edge = length[i] * tangent[i]
+    edge = length[i] * wp.vec3d(tangent[i])
     two = one + edge
     zero = one - edge
     before = previous[i]
     if before >= 0:
-        zero = one - length[before] * tangent[before]
+        zero = one - length[before] * wp.vec3d(tangent[before])
     three = two + edge
     after = following[i]
     if following[after] >= 0:
-        three = two + length[after] * tangent[after]
+        three = two + length[after] * wp.vec3d(tangent[after])
     return wp.matrix_from_rows(zero, one, two, three)
 
 

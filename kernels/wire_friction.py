@@ -9,6 +9,8 @@ alternate, so no entry is read while it is written. Pairs of the same segments d
 wire continues at its first node, the shift of a neighbouring pair differs by its period.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import LENGTH_FACTOR
@@ -140,12 +142,12 @@ def surface_before(
     rest_slope: wp.array(dtype=wp.vec2d),
     rest_bump: wp.array(dtype=Bump),
     slope_weight: wp.array(dtype=wp.vec4d),
-    tangent: wp.array(dtype=wp.vec3d),
-    director: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     before_position: wp.array(dtype=wp.vec3d),
     before_length: wp.array(dtype=wp.float64),
-    before_tangent: wp.array(dtype=wp.vec3d),
-    before_director: wp.array(dtype=wp.vec3d),
+    before_tangent: wp.array(dtype=Any),
+    before_director: wp.array(dtype=Any),
     before_control: wp.array(dtype=wp.float64),
 ) -> wp.vec3d:
     """[m] where a point of the surface was at the equilibrium before; now it is `lever` away from a place on segment i."""
@@ -153,10 +155,12 @@ def surface_before(
     shape = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                        before_tangent, before_director)  # fmt: skip
     curve = curve_through(nodes, before_control[LENGTH_FACTOR] * shape, slope_weight[rest_row[i]])
-    across = wp.cross(tangent[i], director[i])
-    along = wp.dot(lever, tangent[i]) * before_tangent[i]
-    turned = wp.dot(lever, director[i]) * before_director[i] + along
-    turned += wp.dot(lever, across) * wp.cross(before_tangent[i], before_director[i])
+    t = wp.vec3d(tangent[i])
+    d = wp.vec3d(director[i])
+    before_t = wp.vec3d(before_tangent[i])
+    before_d = wp.vec3d(before_director[i])
+    turned = wp.dot(lever, d) * before_d + wp.dot(lever, t) * before_t
+    turned += wp.dot(lever, wp.cross(t, d)) * wp.cross(before_t, before_d)
     return point_at(curve, place) + turned
 
 

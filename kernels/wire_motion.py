@@ -1,5 +1,7 @@
 """Velocities of the curves of wires: of nodes, the load's own motion included, of sections, and of points between the nodes."""
 
+from typing import Any
+
 import warp as wp
 
 from .control import LOAD_STEP, TIME_STEP
@@ -26,20 +28,20 @@ def node_velocities(
     following: wp.array(dtype=wp.int32),
     control: wp.array(dtype=wp.float64),
     displacement: wp.array(dtype=wp.vec3d),
-    velocity: wp.array(dtype=wp.vec3d),
+    velocity: wp.array(dtype=Any),
 ) -> Nodes:
     """Velocities [m/s] of the four nodes of segment i as rows, the affine velocity of the load included."""
-    one = velocity[i] + load_velocity(row(nodes, 1) - displacement[i], control)
+    one = wp.vec3d(velocity[i]) + load_velocity(row(nodes, 1) - displacement[i], control)
     after = following[i]
-    two = velocity[after] + load_velocity(row(nodes, 2) - displacement[after], control)
+    two = wp.vec3d(velocity[after]) + load_velocity(row(nodes, 2) - displacement[after], control)
     zero = wp.float64(2.0) * one - two
     before = previous[i]
     if before >= 0:
-        zero = velocity[before] + load_velocity(row(nodes, 0) - displacement[before], control)
+        zero = wp.vec3d(velocity[before]) + load_velocity(row(nodes, 0) - displacement[before], control)
     three = wp.float64(2.0) * two - one
     third = following[after]
     if third >= 0:
-        three = velocity[third] + load_velocity(row(nodes, 3) - displacement[third], control)
+        three = wp.vec3d(velocity[third]) + load_velocity(row(nodes, 3) - displacement[third], control)
     return wp.matrix_from_rows(zero, one, two, three)
 
 
@@ -48,14 +50,16 @@ def section_rate(
     segment: int,
     relative_velocity: wp.vec3d,
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
 ) -> wp.vec3d:
     """[1/s] angular velocity of a section: tilt of its segment and spin about it.
 
     relative_velocity [m/s]: that of the second node less that of the first.
     """
-    return wp.cross(tangent[segment], relative_velocity) / length[segment] + spin[segment] * tangent[segment]
+    return wp.cross(wp.vec3d(tangent[segment]), relative_velocity) / length[segment] + wp.float64(spin[segment]) * wp.vec3d(
+        tangent[segment]
+    )
 
 
 @wp.func
@@ -67,8 +71,8 @@ def point_velocity(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
-    spin: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
 ) -> wp.vec3d:
     """[m/s] of a point of the curve of segment i; `nodes` are velocities."""
     speed = weighted_sum(w, nodes)

@@ -8,6 +8,8 @@ arc length and not by number, so that segments shorter than the thickness do not
 the list is filled, so it never overflows.
 """
 
+from typing import Any
+
 import warp as wp
 
 from .control import GRADIENT, LENGTH_FACTOR
@@ -119,7 +121,7 @@ def place_segments_in_hash(
     control: wp.array(dtype=wp.float64),
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
     # how
     cell: wp.vec3d,
     # out: midpoints of the segments in rest coordinates, in cells; [m] bound on the distance of their curves from them
@@ -131,7 +133,7 @@ def place_segments_in_hash(
     """One thread a node. The last node of an open wire, which has no segment, has the reach -1."""
     i = wp.tid()
     half = wp.float64(0.5) * length[i]
-    middle = affine_inverse(position[i] + half * tangent[i], control)
+    middle = affine_inverse(position[i] + half * wp.vec3d(tangent[i]), control)
     place[i] = wp.vec3(wp.float32(middle[0] / cell[0]), wp.float32(middle[1] / cell[1]), wp.float32(middle[2] / cell[2]))
     reach[i] = -1.0
     if following[i] >= 0:
@@ -174,7 +176,7 @@ def find_segment_pairs(
     longest_reach: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
-    tangent: wp.array(dtype=wp.vec3d),
+    tangent: wp.array(dtype=Any),
     # in: where the pairs of each segment begin
     start: wp.array(dtype=wp.int32),
     # out: how many there are, or the pairs
@@ -222,7 +224,7 @@ def find_segment_pairs(
         if nearest_image_square(place[j] - place[i], cell, tile_size) > rest_scale * rest_scale * both * both:
             continue
         q1 = position[j]
-        q2 = q1 + length[j] * tangent[j]
+        q2 = q1 + length[j] * wp.vec3d(tangent[j])
         between = middle - half * (q1 + q2)
         rest_offset = affine_inverse(between, control)
         rest_reach = wp.float64(both) * rest_extent

@@ -15,6 +15,7 @@ SCENES = Path(__file__).parent.parent / "scenes"
 DRAFT = "solver.preset=draft"
 CASES = {
     "a tile": ("atlas_cell_spatial.toml", []),
+    "single precision": ("atlas_cell_spatial.toml", ["solver.precision=single", "knit.repeats=[4, 4]"]),
     "clamps that follow the load": ("atlas_cell_spatial.toml", ["model.boundary=gripped", "knit.repeats=[2, 2]"]),
     "clamps that slide": ("hook_spatial.toml", []),
 }

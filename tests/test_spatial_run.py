@@ -30,7 +30,6 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
     ("override", "line"),
     [
         ("panel.focal_length=1 m", "panel.focal_length: given "),
-        ("solver.precision=single", "solver.precision: given 'single', allowed: 'double'"),
         ("contact.body_mass=0.1", "contact.body_mass: given 0.1, allowed: left out"),
     ],
 )
@@ -176,6 +175,11 @@ def test_tension_is_found_and_let_go_again() -> None:
         assert measure.mesh_tension(record.observables)[1] == pytest.approx(warp, rel=TOLERANCE, abs=least)
         assert record.observables.gradient[0, 0] == 1.0 + weft
     assert loaded.observables.gradient[1, 1] > unloaded.observables.gradient[1, 1] > 1.0
+
+
+def test_single_precision_resumes_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene(CELL, [*QUICK, "solver.precision=single", "output.frames=2"])
+    assert_parts_are_the_whole(scene, tmp_path, monkeypatch, 17)
 
 
 HOOK = ("model.nodes_per_loop=16", "hook.overlap='60 um'", "solver.residual_tolerance=2e-2", "output.frames=1")

@@ -40,7 +40,9 @@ def parser() -> argparse.ArgumentParser:
     for name, (part, text) in SUBJECTS.items():
         subject.add_argument(f"--{name}", dest="part", action="store_const", const=part, help=text)
     found.add_argument("--nodes", type=float, nargs="+", help="[default: 1e4 1e5 1e6; on a GPU 2e5 to 2e7]")
-    found.add_argument("--precision", nargs="+", choices=("single", "double"), default=["single", "double"])
+    found.add_argument(
+        "--precision", nargs="+", choices=("single", "double"), default=["single", "double"], help="on a GPU the first alone"
+    )
     found.add_argument("--threads", type=int, nargs="+", help="of each process.  [default: 1 2, of --ranks 1]")
     found.add_argument("--contact", action="store_true", help="the periodic mesh with its contacts at 12 %% strain")
     found.add_argument("--rounds", type=int, default=5, help="turns, of which the best counts")

@@ -12,7 +12,12 @@ from .scene import Scene
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of address space reserved for libraries: threads, compiler, USD
 # peak bytes of a run on the CPU, by model.kind and solver.precision; spatial: with its list of segment pairs, twice as much of a
 # tight knit
-MEMORY_PER_NODE = {("planar", "single"): 420, ("planar", "double"): 520, ("spatial", "double"): 2_500}
+MEMORY_PER_NODE = {
+    ("planar", "single"): 420,
+    ("planar", "double"): 520,
+    ("spatial", "single"): 2_300,
+    ("spatial", "double"): 2_500,
+}
 USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and its frame
 
 

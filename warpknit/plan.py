@@ -243,7 +243,8 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
         step = exact(solver.target_time_step, "s")
         yield f"mass scaling: masses raised for a stable step of {step}, solver.target_time_step"
     if solver.precision == "single":
-        yield "single precision: displacements are 32-bit fixed point, the rest is float32, solver.precision"
+        positions = "float64" if scene.model.kind == "spatial" else "32-bit fixed point"
+        yield f"single precision: displacements are {positions}, the rest is float32, solver.precision"
     else:
         yield "double precision: float64 throughout, solver.precision"
 

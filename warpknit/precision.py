@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+VECTORS: dict[type, tuple[type, type]] = {wp.float32: (wp.vec3f, wp.vec4f), wp.float64: (wp.vec3d, wp.vec4d)}
+
 
 @dataclass(frozen=True)
 class Precision:
@@ -17,6 +19,16 @@ class Precision:
     real: type
     coordinate: type
     unit: float  # [m] of one count of a coordinate
+
+    @property
+    def vec3(self) -> type:
+        """Vectors of three numbers `real`."""
+        return VECTORS[self.real][0]
+
+    @property
+    def vec4(self) -> type:
+        """Vectors of four numbers `real`."""
+        return VECTORS[self.real][1]
 
     def counts(self, metres: np.ndarray) -> np.ndarray:
         """Lengths [m] in counts, ready to upload."""

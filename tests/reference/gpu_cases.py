@@ -41,6 +41,20 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "output.frames=1",
         ],
     ),
+    "spatial patch, friction, yield, single": (
+        "atlas_cell_spatial.toml",
+        [
+            "model.boundary=gripped",
+            "knit.repeats=[1, 1]",
+            "solver.preset=draft",
+            "solver.precision=single",
+            "wire.plastic=true",
+            "contact.friction=0.1",
+            "load.strain_weft=0.04",
+            "load.strain_warp=0.04",
+            "output.frames=1",
+        ],
+    ),
     "spatial panel, from a smaller mesh": (
         "atlas_cell_spatial.toml",
         [

@@ -61,9 +61,15 @@ class OutOfTime(Exception):
 # --- steps ------------------------------------------------------------------------------------------------------------
 
 
-def at_load(kind: str, nodes: int, device: str) -> Simulation:
+def at_load(kind: str, nodes: int, precision: str, device: str) -> Simulation:
     """A periodic tile of about so many nodes, at its load in the state of one repeat."""
-    settings = ["solver.preset=draft", "output.frames=1", f"load.strain_weft={STRAIN}", f"load.strain_warp={STRAIN}"]
+    settings = [
+        "solver.preset=draft",
+        f"solver.precision={precision}",
+        "output.frames=1",
+        f"load.strain_weft={STRAIN}",
+        f"load.strain_warp={STRAIN}",
+    ]
     one = build_model(load_scene(SCENES / CELLS[kind], settings)).node_count
     side = max(1, round(math.sqrt(nodes / one)))
     scene = load_scene(SCENES / CELLS[kind], [*settings, f"knit.repeats=[{side}, {max(2, round(nodes / one / side))}]"])
@@ -101,7 +107,7 @@ def bytes_of(launch: Launch) -> int:
 def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> Iterator[dict[str, Any]]:
     """With contact and free, by graphs and launch by launch."""
     begin, device = time.perf_counter(), options.device
-    simulation = at_load(kind, nodes, device)
+    simulation = at_load(kind, nodes, options.precision[0], device)
     stepper, state, count = simulation.mechanics.stepper, simulation.state, simulation.model.node_count
     state.write_control({c.TRAVEL_LIMIT: math.inf, c.TIME_STEP: 0.0})  # the state stays, also without contact
     built = time.perf_counter() - begin
@@ -125,6 +131,7 @@ def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> It
             yield {
                 "case": f"{kind}, {'free' if free else 'in contact'}, {way}",
                 "nodes": count,
+                "precision": options.precision[0],
                 "step_us": 1e6 * seconds / STEPS,
                 "node_steps_per_s": speed,
                 "bytes_a_node_step": number,

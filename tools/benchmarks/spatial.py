@@ -33,6 +33,7 @@ from .turns import best
 HERE = Path(__file__).parent
 SCENE = HERE.parents[1] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 200
+REAL = {"single": (np.float32, ctypes.c_float, "float"), "double": (np.float64, ctypes.c_double, "double")}
 NODES_PER_LOOP = 64
 OWN_REACH = 4.0  # thicknesses along a wire within which the C loop looks for no contact
 TRICOT = [
@@ -98,9 +99,10 @@ class CLoop:
 
     def __init__(self, stepper: RodStepper, folder: Path, own: int = 0) -> None:
         """own: segments along the wire that never touch; 0: without contact."""
-        library = folder / "rod_loop.so"
+        number, self.real, name = REAL[stepper.precision.name]
+        library = folder / f"rod_loop_{name}.so"
         if not library.exists():
-            command = ["gcc", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-shared", "-fPIC", "-DREAL=double"]
+            command = ["gcc", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-shared", "-fPIC", f"-DREAL={name}"]
             subprocess.run([*command, "-o", str(library), str(HERE / "rod_loop.c"), "-lm"], check=True)
         self.library, rods, state, arrays = ctypes.CDLL(str(library)), stepper.rods, stepper.state, stepper.arrays
         self.nodes = nodes = rods.node_count
@@ -114,7 +116,7 @@ class CLoop:
         # mass and inertia make a step of 1 s stable
         bend, spacing = rods.section.bending_stiffness, rods.natural_length
         mass, inertia = 64.0 * bend / spacing**3, 64.0 * bend / spacing
-        self.arrays = [
+        arrays_in_double = [
             zeros(3), zeros(3), rows(state.tangent.numpy()), rows(state.director.numpy()),
             rows(state.tangent.numpy() * state.length.numpy()[:, None]), zeros(3),
             zeros(), zeros(), zeros(), spacing.copy(), rows(arrays.natural_curvature.numpy()[rods.row]),
@@ -122,6 +124,7 @@ class CLoop:
             mass, inertia, np.array([1.0, 0.0, 0.0, 1.0]), rows(state.position.numpy()),
             rods.tile[:2] * np.diag(state.gradient),
         ]  # fmt: skip
+        self.arrays = [values.astype(number) for values in arrays_in_double]
         section, self.own = rods.section, own
         # wires that touch would be driven apart: they are not moved
         numbers = [section.thickness if own else 0.0, 1.0, 1e-3 * section.axial_stiffness, section.bending_stiffness]
@@ -131,13 +134,13 @@ class CLoop:
     def step(self, steps: int, threads: int) -> int:
         """Take steps; returns the number of segments in contact."""
         addresses = [values.ctypes.data_as(ctypes.c_void_p) for values in self.arrays]
-        numbers = map(ctypes.c_double, self.numbers)
+        numbers = map(self.real, self.numbers)
         return self.library.take_steps(ctypes.c_int64(self.nodes), steps, threads, *addresses, self.own, *numbers)
 
 
-def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
+def measure(knit: str, repeats: int, precision: str, options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
     """What a step takes, and its parts; without contact, then with it."""
-    relaxation = at_load(knit, repeats, options.overrides, options.device)
+    relaxation = at_load(knit, repeats, [*options.overrides, f"solver.precision={precision}"], options.device)
     stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
     rounds, threads, nodes, searches = options.rounds, stepper.threads, relaxation.model.rods.node_count, contact.searches
     contact.search()
@@ -157,7 +160,7 @@ def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) 
     share = dict.fromkeys(("broad_phase", *dict.fromkeys(PARTS.values())), 0.0) | {"broad_phase": search}
     for name, seconds in parts.items():
         share[PARTS.get(name, "rods")] += seconds
-    common = {"nodes": nodes, "precision": "double", "threads": threads, "device": str(stepper.device)}
+    common = {"nodes": nodes, "precision": precision, "threads": threads, "device": str(stepper.device)}
 
     def speeds(taken: dict[str, float]) -> dict[str, Any]:
         one = {name: nodes * STEPS / seconds for name, seconds in taken.items()}
@@ -187,10 +190,11 @@ def measure(knit: str, repeats: int, options: argparse.Namespace, folder: Path) 
 
 
 def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Two dictionaries a knit and a size, of as many columns as rows of repeats."""
+    """Two dictionaries a knit, a size and a precision, of as many columns as rows of repeats."""
     with tempfile.TemporaryDirectory() as folder:
         for knit, overrides in KNITS.items():
             one = build_model(load_scene(SCENE, [*overrides, f"model.nodes_per_loop={NODES_PER_LOOP}", "knit.repeats=[3, 3]"]))
             for nodes in options.nodes:
                 repeats = max(1 if knit == "double atlas" else 3, round(3.0 * math.sqrt(nodes / one.rods.node_count)))
-                yield from measure(knit, repeats, options, Path(folder))
+                for precision in options.precision:
+                    yield from measure(knit, repeats, precision, options, Path(folder))

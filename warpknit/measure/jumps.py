@@ -43,11 +43,12 @@ def stands_out(path: np.ndarray, value: np.ndarray, least: np.ndarray | float = 
     """(state - 1,) whether a value changes much faster between a state and the next than on both sides, and by more than `least`.
 
     An adjacent change of opposite sign belongs to the same jump, there and back: the change beyond it is compared. path: (state,)
-    increasing. At the ends, and beside unknown values (nan), nothing stands out.
+    increasing; where it stays the same, at the ends, and beside unknown values (nan) nothing stands out.
     """
     change = np.diff(value)
     slope = np.full(len(change) + 4, np.nan)
-    slope[2:-2] = change / np.diff(path)
+    way = np.diff(path)
+    np.divide(change, way, out=slope[2:-2], where=way > 0.0)
     here = slope[2:-2]
     beside = [np.where(near * here < 0.0, far, near) for near, far in ((slope[1:-3], slope[:-4]), (slope[3:-1], slope[4:]))]
     notable = np.maximum(NOTABLE * np.nanmax(np.abs(value), initial=0.0), least)

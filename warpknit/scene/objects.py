@@ -365,7 +365,7 @@ class Solver(Table):
     preset: PresetName = key("Sets the defaults of the keys below.", DEFAULT_PRESET)
     drive: Drive = key("`relax`: equilibrium at each load level. `ramp`: real time with true or scaled masses.", "relax")
     precision: Precision = key(
-        "`single`: 32-bit fixed-point displacements and float32. `double`: float64.",
+        "`single`: float32, with positions in 32-bit fixed point, in space in float64. `double`: float64.",
         None,
         left_out="the preset's; `double` above 48 nodes per loop, and for wires so thin that s (d/W)^2 is below 0.001 with the"
         " softening s",

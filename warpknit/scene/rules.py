@@ -103,7 +103,6 @@ RULES = (
     Rule("path", ("sweep",), "as `warpknit map` runs only [load]", "each strain of a map is loaded separately", refused=False),
     # the solver
     Rule("single", ("hook",), "'double' with [hook], which has few nodes", "double precision costs nothing with few nodes"),
-    Rule("single", ("spatial",), f"'double' {SPATIAL}", NOT_BUILT),
     Rule("no multipliers", ("spatial",), f"true {SPATIAL}", NOT_BUILT),
     Rule("focal length", ("spatial",), f"left out {SPATIAL}", NOT_BUILT),
     Rule("target time step", ("relax",), REAL_TIME, FICTITIOUS),

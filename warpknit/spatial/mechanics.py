@@ -63,7 +63,7 @@ class SpatialMechanics:
         self.model, scene = model, model.scene
         self.notes: list[str] = []
         self.sites = Sites(model.wires, model.rods)
-        self.stepper = RodStepper(model.rods, model.device, state)
+        self.stepper = RodStepper(model.rods, model.device, state, model.precision)
         self.contact = WireContact(self.stepper, model.contact_stiffness, friction=scene.contact.friction, curve=model.curve)
         self.clamps = self._moving_clamps()
         self._held = Entries(model.wires.held_node, model.device)
@@ -198,7 +198,9 @@ class SpatialMechanics:
             return
         control, (before, after) = self.state.read_control(), self._release
         share = min(1.0, float((control[int(c.RAMP_STEP)] + CHECK_STEPS) / max(control[int(c.RAMP_STEPS)], CHECK_STEPS)))
-        set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, before + share * (after - before))
+        set_natural_shape(
+            self.stepper.arrays, self.model.rods, self.model.device, before + share * (after - before), self.model.precision
+        )
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         strain = float(np.abs(load.gradient - self.state.gradient).max())

@@ -157,7 +157,7 @@ class SpatialModel:
 
 def initial_state(model: SpatialModel) -> RodState:
     """The knitted shape, without velocity and load."""
-    return rest_state(model.rods, model.device)
+    return rest_state(model.rods, model.device, model.precision)
 
 
 def wire_section(wire: Wire) -> Section:
@@ -245,7 +245,7 @@ def _assemble(
         soft_penalty=SOFT_PENALTY * section.bending_stiffness / loop_length**3 if given is None else given,
         loop_length=loop_length,
         device=device,
-        precision=precision_of("double", 1.0),
+        precision=precision_of(scene.solver.precision, 1.0),
         ranks=One(),
     )
     return model if scene.solver.drive == "relax" else replace(model, ramp=_ramp_numerics(model))

@@ -1,4 +1,7 @@
-"""Rods on the device, in double precision: rest data (`RodArrays`) and state (`RodState`)."""
+"""Rods on the device: rest data (`RodArrays`) and state (`RodState`).
+
+In single precision frames, motion, forces and mass factors are float32; positions, lengths, tensions and rest data are float64.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,13 @@ from ..kernels.rod_frames import ALWAYS, update_frames
 from ..kernels.rod_motion import MOTION_LANES, move_rods
 from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
+from ..precision import Precision, precision_of
 from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
 WIRE_PARTS = 64  # of a wire whose masses a GPU factors
+DOUBLE = precision_of("double", 1.0)
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
 
 
@@ -124,8 +129,9 @@ class RodState:
         return self.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
 
 
-def upload_rods(rods: Rods, device: str) -> RodArrays:
-    """Rest data on the device; natural curvature and twist default to the rest values times the set fraction."""
+def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodArrays:
+    """Rest data on the device, for steps in this precision; natural curvature and twist default to the rest values times the set
+    fraction."""
     of_row = rods.row_node
     blocks = _blocks(rods)
     stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
@@ -152,19 +158,19 @@ def upload_rods(rods: Rods, device: str) -> RodArrays:
         slope_length=shared(rods.slope_length[of_row], wp.float64, device),
         moment_turn=zeros(len(of_row), wp.vec2d, device),
     )
-    twist = set_natural_shape(arrays, rods, device, rods.set_fraction)
+    twist = set_natural_shape(arrays, rods, device, rods.set_fraction, precision)
     between = 0.5 * (twist + twist[rods.following])[of_row]
     store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
     return arrays
 
 
-def set_natural_shape(arrays: RodArrays, rods: Rods, device: str, fraction: float) -> np.ndarray:
+def set_natural_shape(arrays: RodArrays, rods: Rods, device: str, fraction: float, precision: Precision = DOUBLE) -> np.ndarray:
     """Make natural curvature and twist this fraction of those at rest, unless the rods have their own; return [node] the twist
     at rest."""
-    at_rest = rest_state(rods, device)
+    at_rest = rest_state(rods, device, precision)
     at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
     frames_launch(arrays, at_rest).run(device)
-    force_launch(rods, arrays, at_rest, no_contact(rods, device)).run(device)
+    force_launch(rods, arrays, at_rest, no_contact(rods, device, precision)).run(device)
     curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
     natural = fraction * curvature if rods.natural_curvature is None else rods.natural_curvature
     store(arrays.natural_curvature, natural[rods.row_node])
@@ -189,7 +195,7 @@ def _borders(rods: Rods) -> tuple[np.ndarray, int]:
     return begin - np.where(rods.wire_closed, 0, rods.wire_count - OPEN_BORDER), int(rows.sum())
 
 
-def rest_state(rods: Rods, device: str) -> RodState:
+def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodState:
     """The rest state, with true masses and stiffnesses."""
     nodes = rods.node_count
     edge = rods.rest_edge
@@ -201,14 +207,19 @@ def rest_state(rods: Rods, device: str) -> RodState:
     def vectors(values: np.ndarray | None = None) -> wp.array:
         return zeros(nodes, wp.vec3d, device) if values is None else shared(values.copy(), wp.vec3d, device)
 
+    def directions(values: np.ndarray) -> wp.array:
+        return shared(values.astype(wp.dtype_to_numpy(precision.real)), precision.vec3, device)
+
+    real, vec3, vec4 = precision.real, precision.vec3, precision.vec4
+
     state = RodState(
         displacement=vectors(),
-        velocity=vectors(),
-        pending_turn=reals(),
-        spin=reals(),
-        angle=reals(),
-        tangent=vectors(edge / np.linalg.norm(edge, axis=1)[:, None]),
-        director=vectors(rods.director),
+        velocity=zeros(nodes, vec3, device),
+        pending_turn=zeros(nodes, real, device),
+        spin=zeros(nodes, real, device),
+        angle=zeros(nodes, real, device),
+        tangent=directions(edge / np.linalg.norm(edge, axis=1)[:, None]),
+        director=directions(rods.director),
         tension_offset=reals(),
         stretch_stiffness=reals(section.axial_stiffness),
         node_mass=vectors(np.repeat((section.linear_density * rods.node_length)[:, None], 3, axis=1)),
@@ -216,8 +227,8 @@ def rest_state(rods: Rods, device: str) -> RodState:
         second_mass=reals(),
         spin_inertia=reals(section.rotary_inertia * rods.natural_length),
         next_inertia=reals(),
-        mass_factor=zeros((nodes, FACTORS), wp.vec4d, device),
-        mass_border=zeros((_borders(rods)[1], BORDERS), wp.vec4d, device),
+        mass_factor=zeros((nodes, FACTORS), vec4, device),
+        mass_border=zeros((_borders(rods)[1], BORDERS), vec4, device),
         wire_quiet=zeros(len(rods.wire_first), wp.int32, device),
         load_force=vectors(),
         position=vectors(rods.position),
@@ -230,10 +241,10 @@ def rest_state(rods: Rods, device: str) -> RodState:
         edge_force=vectors(),
         contact_penalty=reals(),
         contact_offset=reals(),
-        force=vectors(),
-        torque=reals(),
-        force_sum=vectors(),
-        sweep=zeros(nodes, wp.vec4d, device),
+        force=zeros(nodes, vec3, device),
+        torque=zeros(nodes, real, device),
+        force_sum=zeros(nodes, vec3, device),
+        sweep=zeros(nodes, vec4, device),
         control=zeros(c.CONTROL_COUNT, wp.float64, device),
         partial=zeros((len(rods.wire_first), c.PARTIAL_COUNT), wp.float64, device),
         no_bodies=zeros((1, c.PARTIAL_COUNT), wp.float64, device),
@@ -286,7 +297,7 @@ class TouchArrays:
         return self.touch_pair.shape[0]
 
     @staticmethod
-    def of(nodes: int, capacity: int, device: str, *, with_friction: bool = False) -> TouchArrays:
+    def of(nodes: int, capacity: int, device: str, precision: Precision = DOUBLE, *, with_friction: bool = False) -> TouchArrays:
         """Empty ones."""
 
         def whole(count: int) -> wp.array:
@@ -305,14 +316,15 @@ class TouchArrays:
         return TouchArrays(
             whole(capacity), count, *looked_at, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
             whole(capacity),
-            vectors(8 * capacity), vectors(6 * capacity), reals(places), reals(places),
+            zeros(8 * capacity, precision.vec3, device), zeros(6 * capacity, precision.vec3, device),
+            reals(places), reals(places),
             vectors(places if with_friction else 1), vectors(places),
         )  # fmt: skip
 
 
-def no_contact(rods: Rods, device: str) -> TouchArrays:
+def no_contact(rods: Rods, device: str, precision: Precision = DOUBLE) -> TouchArrays:
     """No pairs."""
-    return TouchArrays.of(rods.node_count, 1, device)
+    return TouchArrays.of(rods.node_count, 1, device, precision)
 
 
 class StepForces(NamedTuple):

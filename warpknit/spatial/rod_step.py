@@ -27,10 +27,12 @@ from ..kernels.control import update_control
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..launch import Launch, bind, replay
 from ..numerics import thread_count
+from ..precision import Precision
 from ..row_sums import fewer_rows
 from ..team import Team
 from .masses import Masses
 from .rod_arrays import (
+    DOUBLE,
     RodArrays,
     RodState,
     StepForces,
@@ -90,17 +92,18 @@ class Clamps(Protocol):
 class RodStepper:
     """Steps rods in time; `contact` adds the forces between wires, `clamps` move held nodes."""
 
-    def __init__(self, rods: Rods, device: str = "cpu", state: RodState | None = None) -> None:
-        """state: of the rods; default: at rest."""
+    def __init__(self, rods: Rods, device: str = "cpu", state: RodState | None = None, precision: Precision = DOUBLE) -> None:
+        """state: of the rods, in this precision; default: at rest."""
         self.rods = rods
         self.device = device
-        self.arrays: RodArrays = upload_rods(rods, device)
-        self.state: RodState = rest_state(rods, device) if state is None else state
+        self.precision = precision
+        self.arrays: RodArrays = upload_rods(rods, device, precision)
+        self.state: RodState = rest_state(rods, device, precision) if state is None else state
         self.yielding = Yielding(rods, self.arrays, self.state)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
         self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
-        self._no_contact = no_contact(rods, device)
+        self._no_contact = no_contact(rods, device, precision)
         self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
         self._groups = wire_groups(rods, fetch(self.arrays.block_wire), self.team.threads, on_cpu=device == "cpu")
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]

@@ -180,7 +180,9 @@ class WireContact:
 
     def _new_touch(self, capacity: int) -> TouchArrays:
         stepper = self.stepper
-        return TouchArrays.of(stepper.rods.node_count, capacity, stepper.device, with_friction=self.friction > 0.0)
+        return TouchArrays.of(
+            stepper.rods.node_count, capacity, stepper.device, stepper.precision, with_friction=self.friction > 0.0
+        )
 
     def search(self) -> None:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
