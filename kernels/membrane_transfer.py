@@ -151,7 +151,7 @@ def gather_forces(
     # in: rest positions [m] and forces [N] of nodes in space
     held: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
-    force: wp.array(dtype=wp.vec3d),
+    force: wp.array(dtype=Any),
     grid: Grid,
     force_unit: wp.float64,
     # out, added to
@@ -164,8 +164,9 @@ def gather_forces(
     if (held[i] & HELD_NODE) == 0:
         x = rest_position[i][0]
         y = rest_position[i][1]
-        gather(grid, x, y, force[i][0], force[i][1], force_unit, grid_force)
-        gather(grid, x, y, force[i][2], wp.float64(0.0), force_unit, across_force)
+        push = wp.vec3d(force[i])
+        gather(grid, x, y, push[0], push[1], force_unit, grid_force)
+        gather(grid, x, y, push[2], wp.float64(0.0), force_unit, across_force)
 
 
 @wp.func

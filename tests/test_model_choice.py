@@ -86,8 +86,7 @@ def test_a_kind_that_is_given_stays(kind: str) -> None:
 @pytest.mark.parametrize(
     ("tables", "options", "words"),
     [
-        ({"solver": {"precision": "single"}}, {}, "single precision"),
-        ({"solver": {"multipliers": False, "precision": "single"}}, {}, "single precision, no multipliers"),
+        ({"solver": {"multipliers": False}}, {}, "no multipliers"),
         ({}, {"command": "trade"}, "`warpknit trade`"),
         ({}, {"ranks": 2}, "`mpirun`"),
         ({"model": {"boundary": "gripped"}, "panel": {"focal_length": "1 m"}}, {}, "held on a paraboloid"),

@@ -61,6 +61,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
             "model.boundary=gripped",
             "knit.repeats=[12, 3]",
             "solver.preset=draft",
+            "solver.precision=single",
             "output.frames=1",
             "solver.residual_tolerance=0.05",
         ],
