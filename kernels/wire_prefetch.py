@@ -1,7 +1,7 @@
 """Prefetch of the data of a pair of segments that a thread will reach soon.
 
-The segments of successive pairs lie far apart in memory: a pair reads some forty cache lines, in three turns, as what is read first
-tells where the rest lies. `stored` is the type of the numbers of forces.
+The segments of successive pairs lie far apart in memory: a pair reads some forty cache lines, in three turns, as what is read
+first tells where the rest lies. `stored` is the type of the numbers of forces.
 """
 
 import warp as wp

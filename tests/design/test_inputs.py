@@ -33,6 +33,7 @@ from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.results import load_run
+from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene, make_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
@@ -199,7 +200,7 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
     lines = [",".join(map(str, (*pair, *measure.mesh_tension(state)))) for pair, state in zip(strains, states, strict=True)]
     path = tmp_path / "measured.csv"
     path.write_text("\n".join([",".join(COLUMNS), *lines]), encoding="utf-8")
-    fitted = fit_curve(scene, path)
+    fitted = fit_curve(scene, path, Progress())
     found = fitted.scene
     write_fit(fitted, tmp_path)
     fit = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
@@ -224,7 +225,7 @@ def test_a_bad_curve_is_refused(scene, tmp_path, text, said):
     path = tmp_path / "measured.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="measured.csv") as refused:
-        fit_curve(scene, path)
+        fit_curve(scene, path, Progress())
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
@@ -244,4 +245,4 @@ def test_what_was_fitted_is_left_as_numbers(scene, tmp_path):
 
 def test_a_missing_curve_is_refused(scene, tmp_path):
     with pytest.raises(InputError, match="nowhere.csv"):
-        fit_curve(scene, tmp_path / "nowhere.csv")
+        fit_curve(scene, tmp_path / "nowhere.csv", Progress())

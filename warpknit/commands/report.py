@@ -94,12 +94,10 @@ def report_command(
     known = asked.known
     loaded = report_scene(scene)
     fitted = Fitted(loaded)
-    if known.loop_length or known.curve:
-        progress.stage("fit of the loops", number=1, of=1)
     if known.openings or known.loop_length:  # another knit, for which auto may take another model
         fitted = with_known(loaded, Known(known.openings, known.loop_length))
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
-    fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass)))
+    fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass), progress))
     notes = fitted.notes
     result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report")
     if result.exit_code != 0:

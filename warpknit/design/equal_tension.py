@@ -27,6 +27,7 @@ LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
 LEAST_LEVELS = 2  # of a stage that doubles the tension, which has half the levels of a run
 APART = 1.05  # ratio of the tensions at the ends of two stages, at least, but for those that are wanted
 YIELDED = "beyond first yield"
+BROKEN = "beyond the strength of the wire"
 NO_PATH = "no strains of equal tension in the map"
 MISSES = 2  # stages in a row that may fail
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
@@ -45,22 +46,22 @@ class EqualTensionPath:
     @property
     def gave_up(self) -> bool:
         """Whether it ends where the relaxation did not converge."""
-        return bool(self.ended) and self.ended != YIELDED
+        return self.ended not in ("", YIELDED, BROKEN)
 
     @property
     def end_text(self) -> str:
         """Its largest tension, and why it ends there."""
         top = engineering(mean_tension(self.rows[-1]), "N/m")
-        if self.ended == YIELDED:
-            return f"to {top}, beyond first yield"
+        if self.ended in (YIELDED, BROKEN):
+            return f"to {top}, {self.ended}"
         return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
 
 
 def load_equally(
     model: Mesh, largest: EqualTension, requested: float | None, watch: Callable[[float], None] = lambda _: None
 ) -> EqualTensionPath:
-    """The path over the `requested` tension [N/m] to first yield, else to the largest of the service tensions and of the map,
-    doubled DOUBLINGS times.
+    """The path over the `requested` tension [N/m] to first yield, or up to the strength of the wire, else to the largest of the
+    service tensions and of the map, doubled DOUBLINGS times.
 
     Empty without a requested tension where the `largest` of the map is zero. A stage that does not converge is tried with the end
     of the next one, MISSES times in a row; then the path ends with the records before. `watch` is called with the share that is
@@ -84,8 +85,10 @@ def load_equally(
                 under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends))
             ):
                 rows.append(row_of(record))
-                if low >= (requested or 0.0) and _has_yielded(scene, rows):
+                if low >= (requested or 0.0) and _has_passed(scene.wire.yield_stress, rows):
                     return EqualTensionPath(rows, states, at, YIELDED)
+                if _has_passed(scene.wire.tensile_strength, rows):
+                    return EqualTensionPath(rows, states, at, BROKEN)
         except Diverged as error:
             missed += 1
             if missed > MISSES or high == ends[-1]:
@@ -133,9 +136,9 @@ def levels_between(scene: Scene, low: float, high: float) -> int:
     return doubling if low == 0.0 else max(1, math.ceil(doubling * math.log2(high / low)))
 
 
-def _has_yielded(scene: Scene, rows: Sequence[Row]) -> bool:
-    """Whether two records are beyond first yield: they give the place of a closing (answers.py) just below it too."""
-    return len(rows) > 1 and bool(rows[-2].stress_max_Pa > scene.wire.yield_stress)
+def _has_passed(stress: float, rows: Sequence[Row]) -> bool:
+    """Whether two records are beyond a stress [Pa]: they give the place of a closing (answers.py) just below it too."""
+    return len(rows) > 1 and bool(rows[-2].stress_max_Pa > stress)
 
 
 def service_points(
@@ -156,8 +159,8 @@ def service_points(
 
 def _unreached(path: EqualTensionPath, tension: float) -> str:
     """Why a path has no state at a `tension` [N/m], in a few words."""
-    if path.ended == YIELDED:
-        return YIELDED
+    if path.ended in (YIELDED, BROKEN):
+        return path.ended
     if not path.rows:
         return "the mesh as knitted did not converge" if path.ended else NO_PATH
     top = max(map(mean_tension, path.rows))

@@ -6,6 +6,7 @@ Wales and courses are scaled to the openings, their ratio kept. The loops are fi
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 from dataclasses import asdict, dataclass, replace
@@ -20,6 +21,7 @@ from ..errors import Diverged, InputError
 from ..files import write_aside
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
+from ..runner.progress_display import Progress
 from ..scene import Knit, Scene
 from ..scene.objects import Override
 from ..sweep.states import mesh_of
@@ -32,6 +34,8 @@ FAR = 1.25  # change of the spacings, or its inverse, that is told
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 POOR_FIT, NO_FIT = 0.1, 0.5  # rms error over the tensions: reported; refused
 FIT = "fit.json"
+MOST_TRIED = 20  # factors
+REMAINING = 5  # factors that are still tried, about, in what progress tells
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,7 @@ class Known:
     areal_mass: float | None = None  # [kg/m2] as knitted; for comparison only
 
 
-def with_known(scene: Scene, known: Known) -> Fitted:
+def with_known(scene: Scene, known: Known, progress: Progress | None = None) -> Fitted:
     """`scene` fitted to the `known` properties, with notes. Raises `InputError`, `KnitError`, `ModelError`."""
     fitted = Fitted(scene)
     if known.openings is not None:
@@ -54,7 +58,7 @@ def with_known(scene: Scene, known: Known) -> Fitted:
         one = len(lengths) == 1
         fitted = fitted.then(fit_loop_length(fitted.scene, lengths[0]) if one else fit_run_in(fitted.scene, lengths))
     if known.curve is not None:
-        fitted = fitted.then(fit_curve(fitted.scene, known.curve))
+        fitted = fitted.then(fit_curve(fitted.scene, known.curve, progress or Progress()))
     if known.areal_mass is not None:
         cloth = knit_scene(fitted.scene)
         (knitted,) = states_at(mesh_of(fitted.scene), [np.eye(2)])
@@ -139,7 +143,7 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     return Fitted(resized, tuple(notes))
 
 
-def fit_curve(scene: Scene, path: Path) -> Fitted:
+def fit_curve(scene: Scene, path: Path, progress: Progress) -> Fitted:
     """Loops whose tensions come nearest to a measured biaxial curve in the CSV file `path`, with COLUMNS.
 
     Least squares over all tensions, by one factor. Raises `InputError` for the file, and where no factor brings the mesh to
@@ -147,15 +151,21 @@ def fit_curve(scene: Scene, path: Path) -> Fitted:
     """
     strains, tensions = _read_curve(path)
     gradients = [np.diag(1.0 + strain) for strain in strains]
+    progress.stage("fit of the loops", number=1, of=1)
+    tried = itertools.count()
 
     def misfit(factor: float) -> float:
+        done = next(tried)
+        progress.update(done=done / (done + REMAINING), load_factor=1.0, now=f"loops times {factor:.3f}")
         states = states_at(mesh_of(scaled(scene, factor)), gradients)
         if any(isinstance(state, Diverged) for state in states):
             return math.inf
         found = np.array([measure.mesh_tension(state) for state in states if not isinstance(state, Diverged)])
         return float(np.linalg.norm(found - tensions) / np.linalg.norm(tensions))
 
-    best = minimize_scalar(misfit, bounds=factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": 20})
+    best = minimize_scalar(
+        misfit, bounds=factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": MOST_TRIED}
+    )
     if not math.isfinite(best.fun):
         raise InputError(f"{path}: strain: given strains at which the mesh did not converge, allowed: smaller strains")
     if best.fun > NO_FIT:

@@ -381,7 +381,10 @@ class Solver(Table):
     )
     residual_tolerance: Tolerance = key("Relative residual below which a state is converged.", None, left_out="the preset's")
     max_steps: StepCount | None = key(
-        "Relax: a level that has not converged after this many steps ends the run with exit status 3.", None, left_out="500,000"
+        "Relax: a level, or an increment of one that is repeated in smaller increments, that has not converged after this many"
+        " steps ends the run with exit status 3.",
+        None,
+        left_out="500,000",
     )
     multipliers: Flag = key(
         "Relax: augmented Lagrangian multipliers correct the error of the softening and of the contact penalty.", True

@@ -27,7 +27,7 @@ WIRE_LOADS = "strains, tensions, shear and temperature with [wires]"
 NO_EDGE = "nothing with model.boundary = 'periodic', which has no edge"
 NOT_IN_A_RAMP = "nothing with solver.drive = 'ramp'"
 STRAINS_ONLY = "strains with friction or yield: a search for tension would be part of the load history"
-ON_THE_PATH = "left out for a map (its meshes are elastic, frictionless and uniformly strained)"
+ON_THE_PATH = "left out for maps and reports (its meshes are elastic, frictionless and uniformly strained)"
 ENDS = "only the two upper ends of a hook move"
 SIZE = "the size of the mesh is known only when the file is read"
 SYMMETRY = "a periodic tile requires a uniform load"
@@ -118,13 +118,13 @@ RULES = (
     # rules for a whole table, after those for its keys
     Rule("periodic", ("panel",), "'gripped' with [panel]: a periodic tile has no outline", "a tile has no outline"),
     # commands
-    Rule("wires", ("map",), "[knit] for a map", NOT_BUILT),
+    Rule("wires", ("map",), "[knit] for maps and reports", NOT_BUILT),
     Rule("wires", ("trade",), "[knit] or [hook] for a trade", NOT_BUILT),
     Rule("wires", ("error",), "[knit] or [hook] with --error", "settings are tried on a smaller mesh, which requires a knit"),
-    Rule("hook", ("map",), "[knit] for a map", "it has no strains"),
+    Rule("hook", ("map",), "[knit] for maps and reports", "it has no strains"),
     Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few for several ranks"),
     Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the loads"),
-    Rule("ramp", ("map",), "'relax' for a map", "a map consists of equilibria"),
+    Rule("ramp", ("map",), "'relax' for maps and reports", "a map consists of equilibria"),
     Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
     Rule(
         "spatial",
@@ -152,6 +152,11 @@ RULES = (
             ("cord", ALONE),
         )
     ),
-    Rule("cuda", ("map",), "cpu for a map (its small meshes fit the caches of a CPU)", "small meshes fit the caches of a CPU"),
-    Rule("ranks", ("map",), "one rank for a map: run it without mpirun", "its meshes are small"),
+    Rule(
+        "cuda",
+        ("map",),
+        "cpu for maps and reports (its small meshes fit the caches of a CPU)",
+        "small meshes fit the caches of a CPU",
+    ),
+    Rule("ranks", ("map",), "one rank for maps and reports: run it without mpirun", "its meshes are small"),
 )

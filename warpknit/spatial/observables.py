@@ -223,7 +223,7 @@ class SpatialObservables(Boundary):
         turned[:, :2] = turned[:, :2] @ strain.rotation(self.clamp_rotation).T
         return turned
 
-    @property
+    @cached_property
     def body_position(self) -> np.ndarray:
         """(site, 3) [m] contact points of the sites, or the midpoint of the nearest points of their wires."""
         place = site_places(self) @ self._turn.T
