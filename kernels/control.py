@@ -71,7 +71,8 @@ PENALTY_FLOOR = wp.constant(55)  # [N/m] least penalty of a contact
 MEAN_PUSH = wp.constant(56)  # [N] mean force of the contacts that push
 IS_LOADING = wp.constant(57)  # 1 while a load is applied
 STICKING = wp.constant(58)  # [N/m] tangential stiffness of contacts
-CONTROL_COUNT = 59
+STEP_TRAVEL = wp.constant(59)  # [m] of wires in space: the part of TRAVEL that steps of nodes have made
+CONTROL_COUNT = 60
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -191,6 +192,7 @@ def renew_control(
     control[DISSIPATED] = control[DISSIPATED] + control[DAMPING] * control[TIME_STEP] * kinetic
     move = control[SPEED_MAX] * control[TIME_STEP]
     control[TRAVEL] = control[TRAVEL] + move
+    control[STEP_TRAVEL] = control[STEP_TRAVEL] + move
     if not finite or move > control[STEP_LIMIT]:
         control[STATUS] = STATUS_DIVERGED
     else:

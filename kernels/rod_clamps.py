@@ -29,13 +29,40 @@ from .control import (
 )
 
 
+@wp.func
+def add_travel(
+    i: int,
+    way: wp.float64,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
+    block_travel: wp.array(dtype=wp.float64),
+):
+    """Add the way [m] of a node to the travel of the blocks whose segments it shapes."""
+    own = node_block[i]
+    wp.atomic_add(block_travel, own, way)
+    before = previous[i]
+    if before >= 0:
+        if previous[before] >= 0:
+            before = previous[before]
+        if node_block[before] != own:
+            wp.atomic_add(block_travel, node_block[before], way)
+    after = following[i]
+    if after >= 0:
+        if node_block[after] != own:
+            wp.atomic_add(block_travel, node_block[after], way)
+
+
 @wp.kernel
 def move_clamps(
     # in: clamps
     clamp_node: wp.array2d(dtype=wp.int32),
     clamp_lever: wp.array2d(dtype=wp.vec2d),
     clamp_slides: wp.array(dtype=wp.int32),
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
     node_wire: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
@@ -46,6 +73,8 @@ def move_clamps(
     displacement: wp.array(dtype=wp.vec3d),
     # out
     partial: wp.array2d(dtype=wp.float64),
+    # out, added to: [m]
+    block_travel: wp.array(dtype=wp.float64),
 ):
     """One thread a clamp, behind `move_rods`. `clamp_lever` is X - c [m] of both nodes, `clamp_velocity` [m/s] along the warp."""
     s = wp.tid()
@@ -80,4 +109,5 @@ def move_clamps(
         displacement[i] = wp.vec3d(x, y, old[2])
         step = wp.vec2d(x - old[0], y - old[1]) / dt
         speed_square = wp.max(speed_square, wp.dot(step, step))
+        add_travel(i, dt * wp.length(step), previous, following, node_block, block_travel)
     wp.atomic_max(partial, row, SPEED_PART, speed_square)

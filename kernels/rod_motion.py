@@ -12,6 +12,7 @@ import warp as wp
 from . import banded_mass as m
 from .control import STATUS, STATUS_RUNNING
 from .native import SHARING, STEERING, SUM_OF_LANES, constants
+from .rod_blocks import ROD_BLOCK
 
 MOTION_LANES = 256  # four numbers of 64 parts of a wire
 
@@ -24,6 +25,7 @@ _MOVE = (
     + SHARING
     + constants(
         MOTION_LANES=MOTION_LANES,
+        ROD_BLOCK=ROD_BLOCK,
         PIVOT=m.PIVOT,
         NEXT=m.NEXT,
         SECOND=m.SECOND,
@@ -156,6 +158,13 @@ _MOVE = (
     const double* __restrict mass = (const double*)(node_mass.data + first);
     const double* __restrict inertia = spin_inertia.data + first;
     double kinetic = 0, fastest = 0, strongest = 0, square = 0;
+    #ifndef __CUDA_ARCH__
+    // nodes come from the last to the first: the largest square of the speeds in the block `here`, whose first node is `begins`
+    int here = (count - 1) / ROD_BLOCK, begins = here * ROD_BLOCK;
+    real fastest_here = 0;
+    double* __restrict speeds = block_speed.data + node_block.data[first];
+    double* __restrict travel = block_travel.data + node_block.data[first];
+    #endif
     const auto move = [&](int j, const real* acceleration) {
         real q2 = 0, f2 = 0, e = 0;
         for (int c = 0; c < NUMBERS && own + c < 3; ++c) {
@@ -183,6 +192,15 @@ _MOVE = (
             f2 += __shfl_xor_sync(quad, f2, step);
         }
         #endif
+        #ifndef __CUDA_ARCH__
+        fastest_here = q2 > fastest_here ? q2 : fastest_here;
+        if (j == begins) {
+            speeds[here] = fastest_here;
+            fastest_here = 0;
+            here -= 1;
+            begins -= ROD_BLOCK;
+        }
+        #endif
         kinetic += e;
         fastest = q2 > fastest ? q2 : fastest;
         // of a quad of threads the first one counts
@@ -203,6 +221,17 @@ _MOVE = (
         backward(j, z, false);
         move(j, z.near);
     }
+    #ifndef __CUDA_ARCH__
+    // the nodes of a segment lie in its block and those beside it
+    const int blocks = (count + ROD_BLOCK - 1) / ROD_BLOCK, closed = wire_closed.data[wire];
+    for (int b = 0; b < blocks; ++b) {
+        double largest = speeds[b];
+        const int before = b > 0 ? b - 1 : (closed ? blocks - 1 : 0), behind = b < blocks - 1 ? b + 1 : (closed ? 0 : b);
+        largest = speeds[before] > largest ? speeds[before] : largest;
+        largest = speeds[behind] > largest ? speeds[behind] : largest;
+        travel[b] += steer[TIME_STEP] * sqrt(largest);
+    }
+    #endif
     double* row = partial.data + PARTIAL_COUNT * wire;
 """
     + SUM_OF_LANES
@@ -216,7 +245,9 @@ def move_wire(
     lane: wp.int32,
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=Any),
     mass_border: wp.array2d(dtype=Any),
@@ -234,9 +265,11 @@ def move_wire(
     spin: wp.array(dtype=Any),
     angle: wp.array(dtype=Any),
     force_sum: wp.array(dtype=Any),
+    block_travel: wp.array(dtype=wp.float64),
     # out
     sweep: wp.array(dtype=Any),
     pending_turn: wp.array(dtype=Any),
+    block_speed: wp.array(dtype=wp.float64),
     partial: wp.array2d(dtype=wp.float64),
 ): ...
 
@@ -246,7 +279,9 @@ def move_rods(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),
     wire_count: wp.array(dtype=wp.int32),
+    wire_closed: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
     first_wire: int,
     threads_a_block: int,
     # in: masses and their factors
@@ -266,9 +301,11 @@ def move_rods(
     spin: wp.array(dtype=Any),
     angle: wp.array(dtype=Any),
     force_sum: wp.array(dtype=Any),
+    block_travel: wp.array(dtype=wp.float64),
     # out
     sweep: wp.array(dtype=Any),
     pending_turn: wp.array(dtype=Any),
+    block_speed: wp.array(dtype=wp.float64),
     partial: wp.array2d(dtype=wp.float64),
 ):
     """`threads_a_block` threads a wire: one, or MOTION_LANES on a GPU; and a row of partial sums. The kinetic energy is that of
@@ -281,7 +318,9 @@ def move_rods(
         thread % threads_a_block,
         wire_first,
         wire_count,
+        wire_closed,
         wire_border,
+        node_block,
         mass_factor,
         mass_border,
         wire_quiet,
@@ -296,7 +335,9 @@ def move_rods(
         spin,
         angle,
         force_sum,
+        block_travel,
         sweep,
         pending_turn,
+        block_speed,
         partial,
     )

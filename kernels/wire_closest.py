@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, TRAVEL, is_halted
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, STEP_TRAVEL, TRAVEL, is_halted
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -76,6 +76,22 @@ def offset_of_pair(i: int, j: int, following: wp.array(dtype=wp.int32), contact_
     return found + wp.max(contact_offset[j], contact_offset[following[j]])
 
 
+@wp.func
+def travel_of_pair(
+    i: int,
+    j: int,
+    node_block: wp.array(dtype=wp.int32),
+    block_travel: wp.array(dtype=wp.float64),
+    control: wp.array(dtype=wp.float64),
+) -> wp.float64:
+    """[m] a bound on what both segments have travelled since the search: that of their blocks by steps, and what all nodes have;
+    where nodes have one block, that of the fastest ones."""
+    if block_travel.shape[0] == 1:
+        return control[TRAVEL]
+    of_blocks = block_travel[node_block[i]] + block_travel[node_block[j]]
+    return control[TRAVEL] - control[STEP_TRAVEL] + wp.float64(0.5) * of_blocks
+
+
 @wp.kernel
 def mark_near_pairs(
     # in: pairs
@@ -94,8 +110,10 @@ def mark_near_pairs(
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),
-    # in: what steers the step
+    node_block: wp.array(dtype=wp.int32),
+    # in: what steers the step; [m] travel of blocks
     control: wp.array(dtype=wp.float64),
+    block_travel: wp.array(dtype=wp.float64),
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -109,9 +127,9 @@ def mark_near_pairs(
     """The threads of a part share its pairs: whether their wires may be nearer than NEAR_GAP, by chords, sag and what pushes
     them apart."""
     for pair in range(first_of_part(pair_count, part, parts) + wp.tid(), first_of_part(pair_count, part + 1, parts), threads):
-        travel = control[TRAVEL]
         i = pair_first[pair]
         j = pair_second[pair]
+        travel = travel_of_pair(i, j, node_block, block_travel, control)
         offset = offset_of_pair(i, j, following, contact_offset)
         gap = CLOSING_RATE * (pair_wake_travel[pair] - travel) - offset
         if gap <= control[NEAR_GAP]:
@@ -164,8 +182,10 @@ def list_awake_pairs(
     # in: wires
     following: wp.array(dtype=wp.int32),
     contact_offset: wp.array(dtype=wp.float64),
-    # in: what steers the step
+    node_block: wp.array(dtype=wp.int32),
+    # in: what steers the step; [m] travel of blocks
     control: wp.array(dtype=wp.float64),
+    block_travel: wp.array(dtype=wp.float64),
     # in and out: places of pairs that sleep are kept
     pair_found: wp.array(dtype=wp.int32),
     # out: pairs that do not sleep, in any order; the others have no force
@@ -178,8 +198,11 @@ def list_awake_pairs(
         return
     for touch in range(wp.tid(), touch_count[0], threads):
         pair = touch_pair[touch]
-        offset = offset_of_pair(pair_first[pair], pair_second[pair], following, contact_offset)
-        if CLOSING_RATE * (pair_wake_travel[pair] - control[TRAVEL]) > offset + evaluated_gap(control):
+        i = pair_first[pair]
+        j = pair_second[pair]
+        offset = offset_of_pair(i, j, following, contact_offset)
+        travel = travel_of_pair(i, j, node_block, block_travel, control)
+        if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap(control):
             pair_found[pair] = -wp.abs(pair_found[pair])
             touch_loaded[touch] = 0
         else:
@@ -210,8 +233,10 @@ def find_closest_places(
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),
-    # in: what steers the step
+    node_block: wp.array(dtype=wp.int32),
+    # in: what steers the step; [m] travel of blocks
     control: wp.array(dtype=wp.float64),
+    block_travel: wp.array(dtype=wp.float64),
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -242,11 +267,11 @@ def find_closest_places(
         touch_loaded[touch] = 0
         pair = touch_pair[touch]
         is_running = control[STATUS] == STATUS_RUNNING
-        travel = control[TRAVEL]
         most = evaluated_gap(control)
         found = pair_found[pair]
         i = pair_first[pair]
         j = pair_second[pair]
+        travel = travel_of_pair(i, j, node_block, block_travel, control)
         offset = offset_of_pair(i, j, following, contact_offset)
         if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + most:
             pair_found[pair] = -wp.abs(found)

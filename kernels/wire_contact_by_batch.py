@@ -47,7 +47,7 @@ FOLLOWING_STEPS = 4  # of Newton's method, before a pair is left to the other ke
 # what steers a step
 _STEP = r"""
     const double* steer = control.data;
-    const double travel = steer[TRAVEL], factor = steer[LENGTH_FACTOR];
+    const double by_load = steer[TRAVEL] - steer[STEP_TRAVEL], factor = steer[LENGTH_FACTOR];
     const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = friction == 0;
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING : 0.0;
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
@@ -85,7 +85,7 @@ _LINE_WEIGHT = r"""
 _GATHER = r"""
     // pairs with one place, and those with two and the saddle between them
     struct batch {
-        real number[2][ROWS], separation, renewal, offset, s[PLACES], t[PLACES];
+        real number[2][ROWS], separation, renewal, offset, travel, s[PLACES], t[PLACES];
         int touch[LANES], filled;
     };
     batch batches[2];
@@ -103,6 +103,9 @@ _GATHER = r"""
                 reach += ends[side][0] > ends[side][1] ? ends[side][0] : ends[side][1];
                 radii += factor * node_radius.data[i];
             }
+            // travel_of_pair
+            const double of_blocks = block_travel.data[node_block.data[sides[0]]] + block_travel.data[node_block.data[sides[1]]];
+            const double travel = block_travel.shape[0] == 1 ? steer[TRAVEL] : by_load + 0.5 * of_blocks;
             const int now = touch++;
             touch_followed.data[now] = 0;
             if (CLOSING_RATE * (pair_wake_travel.data[pair] - travel) > reach + gap) {  // it cannot touch yet
@@ -167,6 +170,7 @@ _GATHER = r"""
                 own_batch.separation[l] = pair_arc_separation.data[pair];
                 own_batch.renewal[l] = pair_renewal_travel.data[pair];
                 own_batch.offset[l] = reach;
+                own_batch.travel[l] = travel;
             }
         }
 """
@@ -180,7 +184,7 @@ _BATCHES = r"""
             // lanes that are not filled repeat the first
             double* numbers = (double*)(batches + kind);
             for (int l = filled; l < LANES; ++l)
-                for (int k = 0; k < 2 * ROWS + 3 + 2 * PLACES; ++k) numbers[k * LANES + l] = numbers[k * LANES];
+                for (int k = 0; k < 2 * ROWS + 4 + 2 * PLACES; ++k) numbers[k * LANES + l] = numbers[k * LANES];
             const batch& here = batches[kind];
             const real* of_p = here.number[0];
             const real* of_q = here.number[1];
@@ -372,7 +376,7 @@ _FORCES = r"""
 
 # what the other kernels need of a batch
 _KEEP = r"""
-            const real wake = real(travel) + (nearest - contact_distance + here.offset) * real(1.0 / CLOSING_RATE);
+            const real wake = here.travel + (nearest - contact_distance + here.offset) * real(1.0 / CLOSING_RATE);
             for (int l = 0; l < filled; ++l) {
                 if (failed[l]) continue;
                 const int now = here.touch[l], pair = touch_pair.data[now], minima = kind ? TWO_PLACES : ONE_PLACE;
@@ -492,8 +496,10 @@ def follow_contacts(
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
-    # in: what steers the step
+    node_block: wp.array(dtype=wp.int32),
+    # in: what steers the step; [m] travel of blocks
     control: wp.array(dtype=wp.float64),
+    block_travel: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
     friction: wp.float64,
     # state in
@@ -541,8 +547,10 @@ def find_followed_contacts(
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
-    # in: what steers the step
+    node_block: wp.array(dtype=wp.int32),
+    # in: what steers the step; [m] travel of blocks
     control: wp.array(dtype=wp.float64),
+    block_travel: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
     friction: wp.float64,
     # state in
@@ -587,7 +595,9 @@ def find_followed_contacts(
             slope_weight,
             contact_penalty,
             contact_offset,
+            node_block,
             control,
+            block_travel,
             min_arc_separation,
             friction,
             position,

@@ -32,6 +32,7 @@ PREFETCH = (
             __builtin_prefetch(previous.data + i);
             __builtin_prefetch(following.data + i);
             __builtin_prefetch(rest_row.data + i);
+            __builtin_prefetch(node_block.data + i);
             __builtin_prefetch(position.data + i);
             __builtin_prefetch(position.data + i + 1);
             __builtin_prefetch(length.data + i);

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.host import fetch, store
+from warpknit.kernels import control as c
 from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
@@ -43,3 +44,29 @@ def test_steps_of_a_graph_are_those_one_by_one(case: str) -> None:
     together, alone = (stepped(*CASES[case], size) for size in (GRAPH_STEPS[0], 1))
     for name, values in together.items():
         assert np.array_equal(values, alone[name]), name
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "gripped"])
+def test_what_blocks_have_travelled_bounds_the_ways_of_their_segments(boundary: str) -> None:
+    """Nodes of each segment, the one before and the one behind it have moved by no more than its block has travelled, and by what
+    steps are extrapolated; blocks that hardly move have travelled less than the fastest node of the mesh."""
+    changes = [DRAFT, f"model.boundary={boundary}", "knit.repeats=[2, 3]"]
+    mechanics = Simulation(build_model(load_scene(SCENES / "atlas_cell_spatial.toml", changes))).mechanics
+    mechanics.search()
+    state, rods, thickness = mechanics.state, mechanics.model.rods, mechanics.model.rods.section.thickness
+    before = fetch(state.displacement).copy()
+    push = np.zeros((rods.node_count, 3))
+    some = np.flatnonzero(mechanics.relaxation.free)[10:20]
+    push[some] = 1e-4 * thickness * np.random.default_rng(1).standard_normal((len(some), 3))
+    store(state.velocity, push)
+    mechanics.step(20)
+    block, travel = fetch(mechanics.stepper.arrays.node_block), fetch(state.block_travel)
+    control = state.read_control()
+    extrapolated = control[int(c.LOOK_AHEAD)] * control[int(c.TIME_STEP)] * (np.abs(push).max() + control[int(c.SPEED_MAX)])
+    moved = np.linalg.norm(fetch(state.displacement) - before, axis=1)
+    for node in rods.following, rods.previous, rods.following[rods.following], np.arange(rods.node_count):
+        there = node >= 0
+        assert np.all(moved[node[there]] <= travel[block[there]] * (1 + 1e-12) + 2 * extrapolated)
+    assert 0.0 < moved.max() <= travel.max() * (1 + 1e-12) + 2 * extrapolated
+    assert travel.max() <= control[int(c.STEP_TRAVEL)] * (1 + 1e-12)
+    assert travel.min() < 0.1 * travel.max()

@@ -42,6 +42,7 @@ class RodArrays:
     block_count: wp.array  # [block]
     block_wire: wp.array  # [block]
     node_wire: wp.array  # int
+    node_block: wp.array  # int; on a GPU 0
     previous: wp.array  # int
     following: wp.array
     held: wp.array
@@ -81,6 +82,8 @@ class RodState:
     mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
     mass_border: wp.array  # (row, BORDERS) vec4d
     wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
+    block_travel: wp.array  # [m] bound on the ways of its nodes, and those beside it, in the steps since the search of pairs
+    block_speed: wp.array  # [m2/s2] largest square of the speeds of its nodes in the last step
     load_force: wp.array  # vec3d [N] dead load, see `set_load`
     position: wp.array  # vec3d [m]
     length: wp.array  # [m]
@@ -144,6 +147,7 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodAr
         block_count=shared(blocks[1], wp.int32, device),
         block_wire=shared(blocks[2], wp.int32, device),
         node_wire=shared(rods.wire_of, wp.int32, device),
+        node_block=shared(_node_blocks(blocks, device), wp.int32, device),
         previous=shared(rods.previous, wp.int32, device),
         following=shared(rods.following, wp.int32, device),
         held=shared(rods.held, wp.int32, device),
@@ -188,6 +192,12 @@ def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return begin, np.minimum(ROD_BLOCK, end - begin), wire
 
 
+def _node_blocks(blocks: tuple[np.ndarray, ...], device: str) -> np.ndarray:
+    """[node] its block, by which travel is measured: on a GPU one for all."""
+    numbers = np.arange(len(blocks[0]), dtype=np.int32) if is_in_place(device) else np.zeros(len(blocks[0]), dtype=np.int32)
+    return np.repeat(numbers, blocks[1])
+
+
 def _borders(rods: Rods) -> tuple[np.ndarray, int]:
     """[wire] the row of its first node in the borders of the masses, and the number of rows."""
     rows = np.where(rods.wire_closed, rods.wire_count, OPEN_BORDER)
@@ -211,6 +221,7 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         return shared(values.astype(wp.dtype_to_numpy(precision.real)), precision.vec3, device)
 
     real, vec3, vec4 = precision.real, precision.vec3, precision.vec4
+    blocks = int(np.sum(-(-rods.wire_count // ROD_BLOCK))) if is_in_place(device) else 1
 
     state = RodState(
         displacement=vectors(),
@@ -230,6 +241,8 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         mass_factor=zeros((nodes, FACTORS), vec4, device),
         mass_border=zeros((_borders(rods)[1], BORDERS), vec4, device),
         wire_quiet=zeros(len(rods.wire_first), wp.int32, device),
+        block_travel=zeros(blocks, wp.float64, device),
+        block_speed=zeros(blocks, wp.float64, device),
         load_force=vectors(),
         position=vectors(rods.position),
         length=reals(np.linalg.norm(edge, axis=1)),

@@ -215,7 +215,8 @@ class WireContact:
         self._list, self._other = pairs, before if self.friction > 0.0 else pairs
         self.searches += 1
         self._search_travel = self._approach / float(CLOSING_RATE)
-        state.write_control({c.TRAVEL: 0.0, c.PAIR_REACH: self._reach(total) / float(CLOSING_RATE)})
+        store(state.block_travel, 0.0)
+        state.write_control({c.TRAVEL: 0.0, c.STEP_TRAVEL: 0.0, c.PAIR_REACH: self._reach(total) / float(CLOSING_RATE)})
         self.list_near_pairs()
 
     def _reach(self, total: int) -> float:
