@@ -161,6 +161,7 @@ _MOVE = (
     #ifndef __CUDA_ARCH__
     // nodes come from the last to the first: the largest square of the speeds in the block `here`, whose first node is `begins`
     int here = (count - 1) / ROD_BLOCK, begins = here * ROD_BLOCK;
+    const bool by_block = block_travel.shape[0] > 1; // else travel is that of the fastest node
     real fastest_here = 0;
     double* __restrict speeds = block_speed.data + node_block.data[first];
     double* __restrict travel = block_travel.data + node_block.data[first];
@@ -194,7 +195,7 @@ _MOVE = (
         #endif
         #ifndef __CUDA_ARCH__
         fastest_here = q2 > fastest_here ? q2 : fastest_here;
-        if (j == begins) {
+        if (j == begins && by_block) {
             speeds[here] = fastest_here;
             fastest_here = 0;
             here -= 1;
@@ -224,7 +225,7 @@ _MOVE = (
     #ifndef __CUDA_ARCH__
     // the nodes of a segment lie in its block and those beside it
     const int blocks = (count + ROD_BLOCK - 1) / ROD_BLOCK, closed = wire_closed.data[wire];
-    for (int b = 0; b < blocks; ++b) {
+    for (int b = 0; b < blocks && by_block; ++b) {
         double largest = speeds[b];
         const int before = b > 0 ? b - 1 : (closed ? blocks - 1 : 0), behind = b < blocks - 1 ? b + 1 : (closed ? 0 : b);
         largest = speeds[before] > largest ? speeds[before] : largest;
