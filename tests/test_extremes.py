@@ -171,7 +171,7 @@ def test_a_thin_wire_is_computed_in_double_precision() -> None:
     thin = merged(BASE, {"wire": {"diameter": 1e-6}})
     assert make_scene(thin).solver.precision == "double"
     assert make_scene(BASE).solver.precision == "single"
-    with_single = merged(thin, {"solver": {"precision": "single", "max_steps": 1000}})
+    with_single = merged(thin, {"model": {"kind": "planar"}, "solver": {"precision": "single", "max_steps": 1000}})
     found = run_of(with_single)
     assert found.exit_code == 3
     assert "round-off in single precision" in found.message

@@ -48,3 +48,6 @@ def precision_of(name: str, displacement_range: float) -> Precision:
         return Precision("double", wp.float64, wp.float64, 1.0)
     # a power of two, so that counts convert exactly
     return Precision("single", wp.float32, wp.int32, 2.0 ** math.ceil(math.log2(displacement_range / 2**31)))
+
+
+DOUBLE = precision_of("double", 1.0)

@@ -156,7 +156,7 @@ def test_a_second_turn_makes_a_knot_stiffer_as_its_braid_says() -> None:
 
 @cache
 def clasped() -> list[Pressure]:
-    return list(clasp_states((0.025,), 3, 0.25, tolerance=1e-3))
+    return list(clasp_states((0.025,), 3, 0.25, tolerance=5e-4))
 
 
 def test_rods_touch_at_the_tips_until_these_are_bent_by_one_over_their_distance() -> None:
@@ -175,8 +175,8 @@ def test_rods_touch_at_the_tips_until_these_are_bent_by_one_over_their_distance(
 
 
 def test_pressure_is_symmetric_without_friction() -> None:
-    """Both halves of a rod carry the same, and so do both rods, to what is out of balance: 0.004 to 0.02 where the residual is
-    2e-3, 0.002 where it is 1e-3. Rods that begin to part at their tips slide along each other with hardly any force."""
+    """Both halves of a rod carry the same, and so do both rods, to what is out of balance: up to 0.02 where the residual is 1e-3
+    to 2e-3, 0.002 where it is 5e-4. Rods that begin to part at their tips slide along each other with hardly any force."""
     for p in clasped():
         assert p.row.asymmetry < 0.01
     last = clasped()[-1]

@@ -20,13 +20,12 @@ from ..kernels.rod_frames import ALWAYS, update_frames
 from ..kernels.rod_motion import MOTION_LANES, move_rods
 from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
-from ..precision import Precision, precision_of
+from ..precision import DOUBLE, Precision
 from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
 
 WIRE_PARTS = 64  # of a wire whose masses a GPU factors
-DOUBLE = precision_of("double", 1.0)
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
 
 

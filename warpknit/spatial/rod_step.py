@@ -27,12 +27,12 @@ from ..kernels.control import update_control
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..launch import Launch, bind, replay
 from ..numerics import thread_count
-from ..precision import Precision
+from ..precision import DOUBLE, Precision
 from ..row_sums import fewer_rows
 from ..team import Team
 from .masses import Masses
+from .overloads import declare_overloads
 from .rod_arrays import (
-    DOUBLE,
     RodArrays,
     RodState,
     StepForces,
@@ -97,6 +97,7 @@ class RodStepper:
         self.rods = rods
         self.device = device
         self.precision = precision
+        declare_overloads(precision)
         self.arrays: RodArrays = upload_rods(rods, device, precision)
         self.state: RodState = rest_state(rods, device, precision) if state is None else state
         self.yielding = Yielding(rods, self.arrays, self.state)
