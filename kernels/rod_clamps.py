@@ -27,30 +27,7 @@ from .control import (
     TIME_STEP,
     VELOCITY_FACTOR,
 )
-
-
-@wp.func
-def add_travel(
-    i: int,
-    way: wp.float64,
-    previous: wp.array(dtype=wp.int32),
-    following: wp.array(dtype=wp.int32),
-    node_block: wp.array(dtype=wp.int32),
-    block_travel: wp.array(dtype=wp.float64),
-):
-    """Add the way [m] of a node to the travel of the blocks whose segments it shapes."""
-    own = node_block[i]
-    wp.atomic_add(block_travel, own, way)
-    before = previous[i]
-    if before >= 0:
-        if previous[before] >= 0:
-            before = previous[before]
-        if node_block[before] != own:
-            wp.atomic_add(block_travel, node_block[before], way)
-    after = following[i]
-    if after >= 0:
-        if node_block[after] != own:
-            wp.atomic_add(block_travel, node_block[after], way)
+from .wire_travel import add_travel
 
 
 @wp.kernel

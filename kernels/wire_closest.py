@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, STEP_TRAVEL, TRAVEL, is_halted
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, is_halted
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -42,6 +42,7 @@ from .wire_minima import (
     saddle_of,
 )
 from .wire_prefetch import first_of_part
+from .wire_travel import travel_of_pair
 
 MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the contact distance: ten times NEWTON_ACCURACY squared
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
@@ -74,22 +75,6 @@ def offset_of_pair(i: int, j: int, following: wp.array(dtype=wp.int32), contact_
     """[m] bound on what pushes the curves of two segments apart."""
     found = wp.max(contact_offset[i], contact_offset[following[i]])
     return found + wp.max(contact_offset[j], contact_offset[following[j]])
-
-
-@wp.func
-def travel_of_pair(
-    i: int,
-    j: int,
-    node_block: wp.array(dtype=wp.int32),
-    block_travel: wp.array(dtype=wp.float64),
-    control: wp.array(dtype=wp.float64),
-) -> wp.float64:
-    """[m] a bound on what both segments have travelled since the search: that of their blocks by steps, and what all nodes have;
-    where nodes have one block, that of the fastest ones."""
-    if block_travel.shape[0] == 1:
-        return control[TRAVEL]
-    of_blocks = block_travel[node_block[i]] + block_travel[node_block[j]]
-    return control[TRAVEL] - control[STEP_TRAVEL] + wp.float64(0.5) * of_blocks
 
 
 @wp.kernel

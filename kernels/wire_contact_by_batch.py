@@ -40,6 +40,7 @@ from .wire_minima import (
 )
 from .wire_pairs import NO_COMMON_WIRE
 from .wire_prefetch import PREFETCH, first_of_part
+from .wire_travel import TRAVEL_OF_PAIR
 from .wire_weights import LINE_FRACTION, POINT_FRACTION, SADDLE_RANGE
 
 FOLLOWING_STEPS = 4  # of Newton's method, before a pair is left to the other kernels
@@ -47,7 +48,7 @@ FOLLOWING_STEPS = 4  # of Newton's method, before a pair is left to the other ke
 # what steers a step
 _STEP = r"""
     const double* steer = control.data;
-    const double by_load = steer[TRAVEL] - steer[STEP_TRAVEL], factor = steer[LENGTH_FACTOR];
+    const double factor = steer[LENGTH_FACTOR];
     const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = friction == 0;
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING : 0.0;
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
@@ -103,9 +104,8 @@ _GATHER = r"""
                 reach += ends[side][0] > ends[side][1] ? ends[side][0] : ends[side][1];
                 radii += factor * node_radius.data[i];
             }
-            // travel_of_pair
-            const double of_blocks = block_travel.data[node_block.data[sides[0]]] + block_travel.data[node_block.data[sides[1]]];
-            const double travel = block_travel.shape[0] == 1 ? steer[TRAVEL] : by_load + 0.5 * of_blocks;
+            const int i = sides[0], j = sides[1];
+            TRAVEL_OF_A_PAIR
             const int now = touch++;
             touch_followed.data[now] = 0;
             if (CLOSING_RATE * (pair_wake_travel.data[pair] - travel) > reach + gap) {  // it cannot touch yet
@@ -463,7 +463,7 @@ _LANES = (
     + _STEP
     + POLYNOMIALS
     + _LINE_WEIGHT
-    + _GATHER.replace("PREFETCH_A_PAIR", PREFETCH)
+    + _GATHER.replace("PREFETCH_A_PAIR", PREFETCH).replace("TRAVEL_OF_A_PAIR", TRAVEL_OF_PAIR)
     + _BATCHES
     + CURVES
     + _FOLLOW

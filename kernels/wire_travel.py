@@ -1,0 +1,51 @@
+"""What segments of wires have travelled since the search of pairs: a bound, by the fastest nodes of their blocks.
+
+Each block has a travel by steps (rod_motion.py, and clamps below), which holds for the nodes of its segments, those beside it
+included. Travel of all nodes, by the load or from outside, comes on top. Where nodes have one block, the fastest of all count.
+"""
+
+import warp as wp
+
+from .native import STEERING
+
+# C++ that finds `travel` [m] of segments i and j from what steers a step
+TRAVEL_OF_PAIR = r"""
+    const double of_blocks = block_travel.data[node_block.data[i]] + block_travel.data[node_block.data[j]];
+    const double travel = block_travel.shape[0] == 1 ? steer[TRAVEL] : steer[TRAVEL] - steer[STEP_TRAVEL] + 0.5 * of_blocks;
+"""
+
+
+@wp.func_native(STEERING + "    const double* steer = control.data;\n" + TRAVEL_OF_PAIR + "    return travel;\n")
+def travel_of_pair(
+    # in: segments
+    i: int,
+    j: int,
+    node_block: wp.array(dtype=wp.int32),
+    # in: [m] travel of blocks, and what steers the step
+    block_travel: wp.array(dtype=wp.float64),
+    control: wp.array(dtype=wp.float64),
+) -> wp.float64: ...
+
+
+@wp.func
+def add_travel(
+    i: int,
+    way: wp.float64,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
+    block_travel: wp.array(dtype=wp.float64),
+):
+    """Add the way [m] of a node to the travel of the blocks whose segments it shapes."""
+    own = node_block[i]
+    wp.atomic_add(block_travel, own, way)
+    before = previous[i]
+    if before >= 0:
+        if previous[before] >= 0:
+            before = previous[before]
+        if node_block[before] != own:
+            wp.atomic_add(block_travel, node_block[before], way)
+    after = following[i]
+    if after >= 0:
+        if node_block[after] != own:
+            wp.atomic_add(block_travel, node_block[after], way)
