@@ -20,7 +20,6 @@ from .control import EVALUATED_GAP, IS_LOADING, MEAN_PUSH, MULTIPLIER_RATE, PENA
 from .native import constants
 from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 
-CONTACT_BLOCK = 64  # touches summed by one thread
 # columns of the sums
 PUSHING = wp.constant(0)  # contacts that push
 PUSH_SUM = wp.constant(1)  # [N] their forces
@@ -319,9 +318,12 @@ def renew_contact_offsets(
 
 @wp.kernel
 def sum_contacts(
-    # in: contacts with a force
+    # in: blocks of nodes
     first_block: int,
-    touch_count: wp.array(dtype=wp.int32),
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    # in: contacts with a force
+    touch_first_start: wp.array(dtype=wp.int32),
     touch_pair: wp.array(dtype=wp.int32),
     pair_found: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
@@ -331,15 +333,16 @@ def sum_contacts(
     # out: (block, CONTACT_COLUMNS)
     contact_partial: wp.array2d(dtype=wp.float64),
 ):
-    """A thread for CONTACT_BLOCK touches."""
+    """A thread for the touches whose first segments are in a block."""
     block = first_block + wp.tid()
+    begin = block_first[block]
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     pushing = wp.float64(0.0)
     total = wp.float64(0.0)
     error = wp.float64(0.0)
     square = wp.float64(0.0)
-    for touch in range(CONTACT_BLOCK * block, wp.min(CONTACT_BLOCK * (block + 1), touch_count[0])):
+    for touch in range(touch_first_start[begin], touch_first_start[begin + block_count[block]]):
         found = pair_found[touch_pair[touch]]
         if found > NOT_NEAR:
             for a in range(wp.where(found == ONE_PLACE, 1, PLACES)):

@@ -149,6 +149,7 @@ def gather_body_forces(
 @wp.kernel
 def gather_forces(
     # in: rest positions [m] and forces [N] of nodes in space
+    first_node: int,
     held: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=Any),
@@ -160,7 +161,7 @@ def gather_forces(
 ):
     """Forces of the nodes that are not held, counts of `force_unit` [N]: grid_force[grid node] in the plane,
     across_force[grid node, 0] across it."""
-    i = wp.tid()
+    i = first_node + wp.tid()
     if (held[i] & HELD_NODE) == 0:
         x = rest_position[i][0]
         y = rest_position[i][1]

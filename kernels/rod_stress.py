@@ -8,8 +8,6 @@ times the rest area, in rows xx, xy, yx, yy of blocks. Clamps come on top (spati
 
 import warp as wp
 
-from .contact_checks import CONTACT_BLOCK
-from .rod_blocks import ROD_BLOCK
 from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 from .wire_curve import hermite_10, hermite_11
 
@@ -48,26 +46,32 @@ def rest_place(
 
 @wp.kernel
 def sum_segment_stress(
-    # in
+    # in: blocks of nodes
     first_block: int,
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
+    # in
     rest_row: wp.array(dtype=wp.int32),
     rest_edge: wp.array(dtype=wp.vec3d),
     edge_force: wp.array(dtype=wp.vec3d),
     # out: [N m]
     segment_stress: wp.array(dtype=wp.vec4d),
 ):
-    """A thread for ROD_BLOCK nodes."""
+    """A thread a block."""
     block = first_block + wp.tid()
+    begin = block_first[block]
     total = wp.vec4d()
-    for i in range(block * ROD_BLOCK, wp.min((block + 1) * ROD_BLOCK, edge_force.shape[0])):
+    for i in range(begin, begin + block_count[block]):
         total = add_product(total, edge_force[i], rest_edge[rest_row[i]])
     segment_stress[block] = total
 
 
 @wp.kernel
 def sum_contact_stress(
-    # in: wires
+    # in: blocks of nodes, and wires
     first_block: int,
+    block_first: wp.array(dtype=wp.int32),
+    block_count: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     rest_row: wp.array(dtype=wp.int32),
@@ -75,8 +79,8 @@ def sum_contact_stress(
     rest_edge: wp.array(dtype=wp.vec3d),
     slope_weight: wp.array(dtype=wp.vec4d),
     # in: contacts with a force
+    touch_first_start: wp.array(dtype=wp.int32),
     touch_pair: wp.array(dtype=wp.int32),
-    touch_count: wp.array(dtype=wp.int32),
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_normal: wp.array(dtype=wp.vec3d),
     touch_friction: wp.array(dtype=wp.vec3d),
@@ -89,10 +93,11 @@ def sum_contact_stress(
     # out: [N m]
     contact_stress: wp.array(dtype=wp.vec4d),
 ):
-    """A thread for CONTACT_BLOCK touches."""
+    """A thread for the touches whose first segments are in a block."""
     block = first_block + wp.tid()
+    begin = block_first[block]
     total = wp.vec4d()
-    for touch in range(block * CONTACT_BLOCK, wp.min((block + 1) * CONTACT_BLOCK, touch_count[0])):
+    for touch in range(touch_first_start[begin], touch_first_start[begin + block_count[block]]):
         pair = touch_pair[touch]
         places = wp.where(pair_found[pair] == ONE_PLACE, 1, PLACES)
         if pair_found[pair] <= NOT_NEAR:

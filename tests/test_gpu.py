@@ -17,7 +17,6 @@ from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.errors import SceneError
 from warpknit.model import build_model
-from warpknit.planar.state_variables import state_variables
 from warpknit.ranks.ranks import One, Ranks
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, load_scene
@@ -84,10 +83,11 @@ def test_a_run_leaves_files_and_resumes(device: str, tmp_path: Path) -> None:
 
 
 @on_gpu
-def test_ranks_that_share_a_mesh_have_the_bits_of_one(device: str) -> None:
+@pytest.mark.parametrize("name", SHARED)
+def test_ranks_that_share_a_mesh_have_the_bits_of_one(name: str, device: str) -> None:
     def variables(ranks: Ranks) -> dict[str, np.ndarray]:
-        simulation, _last = last_of(scene_of(SHARED), device, ranks)
-        return state_variables(simulation.model, simulation.state)  # type: ignore[arg-type]
+        simulation, _last = last_of(scene_of(name), device, ranks)
+        return simulation.mechanics.state_variables()
 
     alone = variables(One())
     for shared in run_ranks(2, variables):

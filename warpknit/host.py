@@ -53,6 +53,26 @@ class Entries:
         return np.asarray(array[self._index].numpy())
 
 
+class Mirror:
+    """A device array with its host buffer for exchange: the same memory on the CPU, a pinned copy on a GPU."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: type, device: str) -> None:
+        self._device = device
+        self.array = wp.zeros(shape, dtype=dtype, device=device)
+        self._pinned = None if is_in_place(device) else wp.zeros(shape, dtype=dtype, device="cpu", pinned=True)
+        self.host: np.ndarray = (self.array if self._pinned is None else self._pinned).numpy()
+
+    def copy_to_host(self) -> None:
+        """Copy the array to the host, and wait."""
+        if self._pinned is not None:
+            wp.copy(self._pinned, self.array)
+            wp.synchronize_stream(self._device)
+
+    def copy_to_device(self) -> None:
+        if self._pinned is not None:
+            wp.copy(self.array, self._pinned)
+
+
 def shared(values: np.ndarray, kind: type, device: str) -> wp.array:
     """Values of this kind on the device, on the CPU in the same memory where their type is the same: neither is written to."""
     return wp.array(values, dtype=kind, device=device, copy=False)

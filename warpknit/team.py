@@ -41,6 +41,11 @@ class Team:
         begin, end = count * part // self.threads, count * (part + 1) // self.threads
         return begin, end - begin
 
+    def share_of(self, items: range, part: int) -> range:
+        """The share of a part in these items."""
+        begin, count = self.share(len(items), part)
+        return items[begin : begin + count]
+
 
 class SharedLaunches:
     """Launches that a team repeats, recorded once by name."""
@@ -53,14 +58,14 @@ class SharedLaunches:
         """Forget all, as their arrays are no longer in use."""
         self._recorded = {}
 
-    def run(self, name: str, kernel: wp.Kernel, by: str, count: int, *sources: object, threads: int = 1, **named: Any) -> None:
-        """Launch a kernel for `count` items of so many threads each, which the team shares.
+    def run(self, name: str, kernel: wp.Kernel, by: str, items: range, *sources: object, threads: int = 1, **named: Any) -> None:
+        """Launch a kernel for some items of so many threads each, which the team shares.
 
         by: name of the argument for the first item of a part; sources and the other arguments as in `bind`, of the first call.
         """
         if name not in self._recorded:
-            shares = [self._team.share(count, part) for part in range(self._team.threads)]
-            parts = [bind(kernel, threads * own, *sources, **{by: first}, **named) for first, own in shares]
+            shares = [self._team.share_of(items, part) for part in range(self._team.threads)]
+            parts = [bind(kernel, threads * len(own), *sources, **{by: own.start}, **named) for own in shares]
             self._recorded[name] = [launch.replay(self._device) for launch in parts if launch.threads]
         self._team.together(self._recorded[name])
 

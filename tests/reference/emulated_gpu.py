@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,16 @@ def register() -> None:
 
     for name in COMPILED:
         Simulation(build_model(scene_of(name), DEVICE)).compile()
-    run_ranks(2, lambda ranks: Simulation(build_model(scene_of(SHARED), DEVICE, ranks)).compile())
+    for name in SHARED:
+        run_ranks(2, partial(compile_shared, scene_of(name)))
+
+
+def compile_shared(scene: Any, ranks: Any) -> None:
+    """Compile the kernels of a rank."""
+    from warpknit.model import build_model
+    from warpknit.solve.simulate import Simulation
+
+    Simulation(build_model(scene, DEVICE, ranks)).compile()
 
 
 def name_of(kernel: wp.Kernel) -> str:

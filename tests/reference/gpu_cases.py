@@ -8,7 +8,7 @@ from warpknit.scene import Scene, load_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 DEVICE = "cuda:0"
-SHARED = "planar patch, yield"  # case that two ranks share
+SHARED = ("planar patch, yield", "spatial patch, friction, yield")  # cases that two ranks share
 CASES: dict[str, tuple[str, list[str]]] = {
     "planar cell": ("atlas_cell.toml", ["solver.preset=draft", "output.frames=1"]),
     "planar cell, double, friction": (

@@ -73,42 +73,18 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
     pair = (2 * body[:, None] + np.arange(2)).ravel()
     own = rank_of_pair[body].ravel() == rank
 
-    block = slice(*np.searchsorted(panel.block_wire, [wires.start, wires.stop]))
-    held = slice(*np.searchsorted(panel.held_node, [nodes.start, nodes.stop]))
-    clamps, held_clamp = np.unique(panel.held_clamp[held], return_inverse=True)
-
-    def as32(values: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(values, dtype=np.int32)
-
     part = replace(
-        panel,
-        wire_first=as32(panel.wire_first[wires] - nodes.start),
-        wire_count=panel.wire_count[wires],
-        wire_closed=panel.wire_closed[wires],
-        wire_thread=panel.wire_thread[wires],
-        wire_length=panel.wire_length[wires],
-        wire_clamp=panel.wire_clamp[wires],
-        wire_begin=panel.wire_begin[wires],
-        block_first=as32(panel.block_first[block] - nodes.start),
-        block_count=panel.block_count[block],
-        block_table=panel.block_table[block],
-        block_wire=as32(panel.block_wire[block] - wires.start),
-        block_origin=panel.block_origin[block],
+        panel_of(panel, np.arange(wires.start, wires.stop)),
         body_clasp=panel.body_clasp[body],
         body_rest=panel.body_rest[body],
         body_origin=panel.body_origin[body],
-        pair_wire=as32(np.where(own, panel.pair_wire[pair] - wires.start, -1)),
-        pair_seed=as32(np.where(own, panel.pair_seed[pair] - nodes.start, 0)),
+        pair_wire=_as32(np.where(own, panel.pair_wire[pair] - wires.start, -1)),
+        pair_seed=_as32(np.where(own, panel.pair_seed[pair] - nodes.start, 0)),
         pair_table=panel.pair_table[pair],
         pair_shift=panel.pair_shift[pair],
         pair_low=panel.pair_low[pair],
         pair_high=panel.pair_high[pair],
         pair_side=panel.pair_side[pair],
-        held_node=as32(panel.held_node[held] - nodes.start),
-        held_lever=panel.held_lever[held],
-        held_clamp=as32(held_clamp.reshape(-1)),
-        clamp_position=panel.clamp_position[clamps],
-        rhombus_bodies=np.zeros(0, dtype=np.int64),
     )
     return Strip(
         panel=part,
@@ -121,6 +97,55 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
         pair_of_whole=pair[own],
         neighbours=_neighbours(rank, body, rank_of_pair[body]),
     )
+
+
+def panel_of(panel: Panel, wires: np.ndarray) -> Panel:
+    """Some wires of a panel, in rising order, with their clamps and without bodies."""
+    count, first_node = panel.wire_count[wires], panel.wire_first[wires]
+    first = np.cumsum(count) - count
+    number = np.full(len(panel.wire_first), -1)
+    number[wires] = np.arange(len(wires))
+    shift = np.zeros(len(panel.wire_first), dtype=np.int64)  # of the nodes of each wire
+    shift[wires] = first - first_node
+    block = number[panel.block_wire] >= 0
+    held_wire = np.searchsorted(panel.wire_first, panel.held_node, side="right") - 1
+    held = number[held_wire] >= 0
+    clamps, held_clamp = np.unique(panel.held_clamp[held], return_inverse=True)
+    none = np.zeros(0, dtype=np.int32)
+    return replace(
+        panel,
+        wire_first=_as32(first),
+        wire_count=count,
+        wire_closed=panel.wire_closed[wires],
+        wire_thread=panel.wire_thread[wires],
+        wire_length=panel.wire_length[wires],
+        wire_clamp=panel.wire_clamp[wires],
+        wire_begin=panel.wire_begin[wires] if len(panel.wire_begin) else panel.wire_begin,
+        block_first=_as32((panel.block_first + shift[panel.block_wire])[block]),
+        block_count=panel.block_count[block],
+        block_table=panel.block_table[block],
+        block_wire=_as32(number[panel.block_wire[block]]),
+        block_origin=panel.block_origin[block],
+        body_clasp=none,
+        body_rest=np.zeros((0, 2)),
+        body_origin=np.zeros((0, 2)),
+        pair_wire=none,
+        pair_seed=none,
+        pair_table=none,
+        pair_low=none,
+        pair_high=none,
+        pair_side=none,
+        pair_shift=np.zeros((0, 2)),
+        held_node=_as32((panel.held_node + shift[held_wire])[held]),
+        held_lever=panel.held_lever[held],
+        held_clamp=_as32(held_clamp.reshape(-1)),
+        clamp_position=panel.clamp_position[clamps],
+        rhombus_bodies=np.zeros(0, dtype=np.int64),
+    )
+
+
+def _as32(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, dtype=np.int32)
 
 
 def _neighbours(rank: int, body: np.ndarray, rank_of_pair: np.ndarray) -> tuple[Neighbour, ...]:

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from ..host import Mirror
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
@@ -25,26 +26,6 @@ from .state import State
 from .step import Stepper, body_launch
 
 VALUES_A_PAIR = 3  # force and its components
-
-
-class Mirror:
-    """A device array with its host buffer for exchange: the same memory on the CPU, a pinned copy on a GPU."""
-
-    def __init__(self, shape: tuple[int, ...], dtype: type, device: str) -> None:
-        self._device = device
-        self.array = wp.zeros(shape, dtype=dtype, device=device)
-        self._pinned = None if device == "cpu" else wp.zeros(shape, dtype=dtype, device="cpu", pinned=True)
-        self.host: np.ndarray = (self.array if self._pinned is None else self._pinned).numpy()
-
-    def copy_to_host(self) -> None:
-        """Copy the array to the host, and wait."""
-        if self._pinned is not None:
-            wp.copy(self._pinned, self.array)
-            wp.synchronize_stream(self._device)
-
-    def copy_to_device(self) -> None:
-        if self._pinned is not None:
-            wp.copy(self.array, self._pinned)
 
 
 class StripStepper(Stepper):

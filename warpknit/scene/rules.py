@@ -133,7 +133,10 @@ RULES = (
         "its parameters are those of the planar model",
     ),
     Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "its errors were not measured for hooks in space"),
-    Rule("spatial", ("ranks",), "'planar' for several ranks: run without mpirun", NOT_BUILT),
+    *(
+        Rule(trait, ("spatial", "ranks"), f"{allowed} {SPATIAL} on several ranks: run without mpirun", NOT_BUILT)
+        for trait, allowed in (("ramp", "'relax'"), ("cord", "nothing"), ("pull", "nothing"), ("wires", "nothing"))
+    ),
     Rule("gripped", ("report",), "'periodic' for a report (a card is for endless cloth)", "a card is for endless cloth"),
     Rule(
         "friction",

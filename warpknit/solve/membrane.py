@@ -54,7 +54,7 @@ class Membrane:
         self._grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
         self._filled = self._filled_share()
         # of the cloth [N m]: straight wires in all directions
-        wires = float(self.model.panel.wire_length.sum()) / self.model.panel.area
+        wires = float(self.model.global_model.panel.wire_length.sum()) / self.model.panel.area
         self._bending_stiffness = 0.375 * self.model.bending_stiffness * wires
         self._tie_grid()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -13,13 +12,13 @@ import warp as wp
 from ..host import fetch
 from ..kernels import contact_checks as k
 from ..kernels import control as c
-from ..kernels.rod_blocks import ROD_BLOCK
 from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
 from ..team import SharedLaunches
 from .pair_list import PairList
 from .rest_curve import RestCurve
 from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
+from .wire_sums import WireSums
 
 STICK_SHARE = 0.5  # tangential over normal stiffness
 
@@ -47,7 +46,9 @@ class ContactChecks:
             "lever": wp.float64(curve.lever),
         }
         self._launches = SharedLaunches(stepper.team, stepper.device)
-        self._segment_stress = wp.zeros(math.ceil(rods.node_count / ROD_BLOCK), dtype=wp.vec4d, device=stepper.device)
+        self._sums, blocks, device = WireSums(stepper), len(stepper.arrays.block_first), stepper.device
+        self._segment_stress, self._contact_stress = (wp.zeros(blocks, dtype=wp.vec4d, device=device) for _ in range(2))
+        self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=device)
         self._lists: tuple[PairList, TouchArrays] | None = None
 
     def use(self, pairs: PairList, touch: TouchArrays) -> None:
@@ -56,43 +57,46 @@ class ContactChecks:
             self._lists = (pairs, touch)
             self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
             self._launches.clear()
-            blocks = math.ceil(touch.capacity / k.CONTACT_BLOCK)
-            self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=self._stepper.device)
-            self._contact_stress = wp.zeros(blocks, dtype=wp.vec4d, device=self._stepper.device)
 
-    def launch(self, kernel: wp.Kernel, by: str, count: int, *sources: object, **named: Any) -> None:
-        """Launch a kernel whose threads share `count` items, from `by` on, on the lists in use."""
+    def _launch(self, kernel: wp.Kernel, by: str, items: range, *sources: object, **named: Any) -> None:
+        """Launch a kernel whose threads share some items, from `by` on, on the lists in use."""
         assert self._lists is not None
         stepper, touch = self._stepper, self._lists[1]
         every = (stepper.arrays, stepper.state, self._wires, touch, self._pairs, *sources)
-        self._launches.run(kernel.key, kernel, by, count, *every, **named)
+        self._launches.run(kernel.key, kernel, by, items, *every, **named)
+
+    def _of_blocks(self, kernel: wp.Kernel, **named: Any) -> None:
+        """Launch a kernel for the own blocks of nodes."""
+        self._launch(kernel, "first_block", self._stepper.blocks, **named)
+
+    def of_nodes(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
+        """Launch a kernel for the own nodes, on the lists in use."""
+        self._launch(kernel, "first_node", self._stepper.strip.nodes, *sources, **named)
 
     def sums(self) -> ContactSums:
         """Sums over the contacts with a force in the state last evaluated."""
         state = self._stepper.state
 
         def total() -> np.ndarray:
-            self.launch(k.sum_contacts, "first_block", len(self._partial), contact_partial=self._partial)
-            return fetch(self._partial)
+            self._of_blocks(k.sum_contacts, contact_partial=self._partial)
+            return self._sums.total(fetch(self._partial))
 
-        rows = total()
-        pushing = float(rows[:, int(k.PUSHING)].sum())
-        mean = float(rows[:, int(k.PUSH_SUM)].sum()) / pushing if pushing > 0.0 else 0.0
+        pushing, force = total()[[int(k.PUSHING), int(k.PUSH_SUM)]].tolist()
+        mean = force / pushing if pushing > 0.0 else 0.0
         state.write_control({c.MEAN_PUSH: max(mean, 1e-300)})
-        rows = total()
-        return ContactSums(mean, int(pushing), float(rows[:, int(k.ERROR_MAX)].max()), float(rows[:, int(k.ERROR_SQUARE)].sum()))
+        square = float(total()[int(k.ERROR_SQUARE)])
+        return ContactSums(mean, int(pushing), float(self._sums.largest(fetch(self._partial))[int(k.ERROR_MAX)]), square)
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
-        self.launch(sum_segment_stress, "first_block", len(self._segment_stress), segment_stress=self._segment_stress)
-        contacts = {"contact_stress": self._contact_stress, "has_friction": int(self._has_friction)}
-        self.launch(sum_contact_stress, "first_block", len(self._contact_stress), **contacts)
-        rows = [fetch(self._segment_stress), fetch(self._contact_stress)]
-        return np.asarray(sum(one.sum(axis=0) for one in rows)).reshape(2, 2)
+        self._of_blocks(sum_segment_stress, segment_stress=self._segment_stress)
+        self._of_blocks(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self._has_friction))
+        segments, contacts = (self._sums.total(fetch(stress)) for stress in (self._segment_stress, self._contact_stress))
+        return np.asarray(segments + contacts).reshape(2, 2)
 
     def bound_stiffness(self) -> None:
         """Write bounds on the stiffness of contacts, up to the gap of the last evaluation, into `sweep` of the state."""
         state = self._stepper.state
         stiffness = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
         state.write_control({c.STICKING: STICK_SHARE * stiffness if self._has_friction else 0.0})
-        self.launch(k.bound_contact_stiffness, "first_node", self._stepper.rods.node_count, **self._of_wires)
+        self.of_nodes(k.bound_contact_stiffness, **self._of_wires)

@@ -79,8 +79,7 @@ class ContactMultipliers:
         is_fast = loading or float(state.read_control()[int(c.SPEED_MAX)]) > SLOW * self._thickness
         floor = self._loading_floor if is_fast else LOADED * self._floor
         state.write_control({c.MULTIPLIER_RATE: rate, c.PENALTY_FLOOR: floor, c.IS_LOADING: float(loading)})
-        nodes = len(state.contact_penalty)
-        self._contact.checks.launch(renew_contact_offsets, "first_node", nodes, self._arrays, **self._constants)
+        self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint, beside the state of the rods."""

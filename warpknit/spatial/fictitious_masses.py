@@ -43,7 +43,7 @@ class BandedMasses:
 
     def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool) -> None:
         """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes."""
-        self._checks, rods = checks, checks.stepper.rods
+        self._checks, rods = checks, checks.stepper.strip.mesh
         section, wave = rods.section, 2.0 * math.pi / wave_length
         spacing = float(rods.natural_length[rods.following >= 0].mean())
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
@@ -65,7 +65,7 @@ class BandedMasses:
         stepper = self._checks.stepper
         threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
         self._checks.launches.run(
-            f"masses {touches}", find_masses, "first_block", len(stepper.arrays.block_first), stepper.arrays, stepper.state,
+            f"masses {touches}", find_masses, "first_block", stepper.blocks, stepper.arrays, stepper.state,
             self._checks.arrays, threads=threads, threads_a_block=threads, may_touch=wp.int32(touches), **self._constants,
         )  # fmt: skip
         stepper.factor_masses()

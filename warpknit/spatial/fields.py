@@ -44,7 +44,7 @@ class Fields:
         rods = model.rods
         self._moves = (rods.held & int(HELD_NODE)) == 0
         self._turns = wp.zeros(rods.node_count, dtype=wp.float64, device=model.device)
-        self._rest_director: wp.array = wp.array(rods.director[rods.row_node], dtype=wp.vec3d, device=model.device)
+        self._rest_director: wp.array = wp.array(rods.of_rows.director, dtype=wp.vec3d, device=model.device)
 
     def read(self) -> dict[str, np.ndarray]:
         """Fields [panel node] of the current state."""
@@ -61,15 +61,29 @@ class Fields:
         }
         return {name: np.array(self.nodes.of_panel(value, of_segments=name in OF_SEGMENTS)) for name, value in values.items()}
 
+    def read_everywhere(self) -> dict[str, np.ndarray]:
+        """The same of the mesh of all ranks, on each of them."""
+        return {name: self._of_all_ranks(value) for name, value in self.read().items()}
+
+    def _of_all_ranks(self, values: np.ndarray) -> np.ndarray:
+        """[panel node] of the mesh of all ranks, from values of the panel here."""
+        strip, panel = self.stepper.strip, self.model.panel
+        if strip.is_whole:
+            return values
+        wires = slice(strip.wires.start, strip.wires.stop)
+        begin = int(panel.wire_first[strip.wires.start])
+        return np.concatenate(strip.ranks.everyone(values[begin : begin + int(panel.wire_count[wires].sum())]))
+
     def read_stiffness(self) -> dict[str, np.ndarray]:
-        """STIFFNESSES [panel node] of the current state."""
+        """STIFFNESSES [panel node] of the current state, of the mesh of all ranks, on each of them."""
         state = self.stepper.state
         values = {
             "stretch": fetch(state.stretch_stiffness),
             "penalty": fetch(state.contact_penalty),
             "raised": self.multipliers.raised,
         }
-        return {name: np.array(self.nodes.of_panel(value, of_segments=name == "stretch")) for name, value in values.items()}
+        on_panel = {name: np.array(self.nodes.of_panel(value, of_segments=name == "stretch")) for name, value in values.items()}
+        return {name: self._of_all_ranks(value) for name, value in on_panel.items()}
 
     def stiffen(self, stiffness: dict[str, np.ndarray], mean_force: float) -> None:
         """Raise stiffnesses to those given [panel node]; mean_force [N] of the contacts."""
@@ -80,7 +94,7 @@ class Fields:
 
     def add(self, changes: dict[str, np.ndarray]) -> None:
         """Change the fields by values [panel node]; held nodes and sections stay. Without any change nothing moves."""
-        if not any(np.any(change) for change in changes.values()):
+        if not self.stepper.strip.ranks.any(any(np.any(change) for change in changes.values())):
             return
         state, change = self.stepper.state, dict.fromkeys(FIELDS, np.zeros(self.model.node_count))
         for name, value in changes.items():

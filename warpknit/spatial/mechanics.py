@@ -34,9 +34,10 @@ from .residual import Residual
 from .rod_arrays import RodState, set_natural_shape
 from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
-from .rod_step import RodStepper
+from .search_cells import search_cells
 from .sites import Sites
 from .stability import Stability
+from .strip_step import stepper_of
 from .thermal import segment_thermal_strain
 from .wire_contact import WireContact
 
@@ -62,9 +63,17 @@ class SpatialMechanics:
     def __init__(self, model: SpatialModel, state: RodState) -> None:
         self.model, scene = model, model.scene
         self.notes: list[str] = []
-        self.sites = Sites(model.wires, model.rods)
-        self.stepper = RodStepper(model.rods, model.device, state, model.precision)
-        self.contact = WireContact(self.stepper, model.contact_stiffness, friction=scene.contact.friction, curve=model.curve)
+        mesh = model.global_model
+        self.sites = Sites(mesh.wires, mesh.rods)
+        self.stepper = stepper_of(model, state)
+        self.strip = self.stepper.strip
+        self.contact = WireContact(
+            self.stepper,
+            model.contact_stiffness,
+            friction=scene.contact.friction,
+            curve=model.curve,
+            cells=search_cells(mesh.rods, mesh.curve),
+        )
         self.clamps = self._moving_clamps()
         self._held = Entries(model.wires.held_node, model.device)
         self.relaxation = RodRelaxation(
@@ -132,11 +141,13 @@ class SpatialMechanics:
         """Intersecting centre lines do not tell which wire lies above the other."""
         near, rods = self.contact.read_contacts(0.0), self.model.rods
         contact_distance = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
-        if not len(contact_distance) or (distance := 1.0 - near.overlap / contact_distance).min() >= CLOSEST:
+        distance = 1.0 - near.overlap / contact_distance
+        wires, places = self.strip.wire[rods.wire_of[np.stack([near.first, near.second])]], rods.position[near.first]
+        worst = int(distance.argmin()) if len(distance) else None
+        here = (np.inf, 0, 0, np.zeros(3)) if worst is None else (distance[worst], *wires[:, worst].tolist(), places[worst])
+        least, first, second, (x, y, _) = min(self.strip.ranks.everyone(here), key=lambda there: float(there[0]))
+        if least >= CLOSEST:
             return
-        worst = int(distance.argmin())
-        first, second = (int(rods.wire_of[nodes[worst]]) for nodes in (near.first, near.second))
-        x, y, _ = rods.position[near.first[worst]]
         raise ModelError(
             f"wires {first + 1} and {second + 1} pass through each other near x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm: their"
             " centre lines intersect, so neither lies above the other; allowed: any distance between them, however small"
@@ -212,7 +223,7 @@ class SpatialMechanics:
         displacement = fetch(self.state.displacement).copy()
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
-            largest = float(np.linalg.norm(move, axis=1).max(initial=0.0))
+            largest = self.strip.largest(np.linalg.norm(move, axis=1))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
             store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
         self._last = self.state.gradient, displacement
@@ -238,29 +249,34 @@ class SpatialMechanics:
         return self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
 
     def deepest_overlap(self) -> str:
-        observed, rods, state = self.observe(), self.model.rods, self.state
-        contacts = observed.touching
+        observed, state = self.observe(), self.state
+        rods, contacts = observed.model.rods, observed.touching
         if not len(contacts.overlap):
             return "apart by now"
         worst = int(np.argmax(contacts.overlap))
         nodes = contacts.first[worst], contacts.second[worst]
         first, second = (int(rods.wire_of[node]) for node in nodes)
         x, y = 1e3 * measure.positions(observed)[0][nodes[0], :2]
+        stiffnesses = []
+        if self.strip.is_whole:  # those of other ranks are not known here
+            penalty, stretch = fetch(state.contact_penalty)[list(nodes)].mean(), fetch(state.stretch_stiffness)[nodes[0]]
+            stiffnesses = [
+                ("contact penalty", "N/m", penalty, self.model.contact_stiffness),
+                ("axial stiffness", "N", stretch, rods.section.axial_stiffness),
+            ]
         return f"deepest now between wires {first} and {second} near x = {x:.4g} mm, y = {y:.4g} mm from the corner" + "".join(
             f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
-            for name, unit, now, of_scene in (
-                ("contact penalty", "N/m", fetch(state.contact_penalty)[list(nodes)].mean(), self.model.contact_stiffness),
-                ("axial stiffness", "N", fetch(state.stretch_stiffness)[nodes[0]], rods.section.axial_stiffness),
-            )
+            for name, unit, now, of_scene in stiffnesses
             if not math.isclose(now, of_scene, rel_tol=LEAST_DIFFERENCE)
         )
 
     def fastest(self) -> tuple[int, int]:
-        rods = self.model.rods
-        speed = np.nan_to_num(np.linalg.norm(fetch(self.state.velocity), axis=1), nan=np.inf)
-        node = int(np.argmax(speed))
+        rods, strip = self.model.rods, self.strip
+        speed = np.nan_to_num(np.linalg.norm(fetch(self.state.velocity)[strip.own], axis=1), nan=np.inf)
+        node = strip.nodes[int(np.argmax(speed))]
         wire = int(rods.wire_of[node])
-        return wire, node - int(rods.wire_first[wire])
+        here = int(strip.wire[wire]), node - int(rods.wire_first[wire])
+        return max(strip.ranks.everyone((float(speed.max()), here)))[1]
 
     # --- convergence of a relaxation
 
@@ -315,10 +331,11 @@ class SpatialMechanics:
 
     def stress(self) -> np.ndarray:
         self.stepper.evaluate()
-        total = self.contact.checks.stress()
-        wires = self.model.wires
-        if len(wires.held_node):
-            total = total + np.einsum("ia,ib->ab", self._held.fetch(self.state.force)[:, :2], wires.held_lever)
+        total, wires = self.contact.checks.stress(), self.model.wires
+        if len(self.model.global_model.wires.held_node):
+            force = self._held.fetch(self.state.force)[:, :2]
+            products = np.einsum("ia,ib->iab", force, wires.held_lever).reshape(-1, 4)
+            total = total + self.strip.ranks.exact_sum(products).reshape(2, 2)
         return total / self.model.panel.area
 
     def causes(self) -> str:
@@ -331,7 +348,7 @@ class SpatialMechanics:
             return False
         self.stepper.evaluate()
         overlaps = self.contact.read_contacts().overlap / self.model.rods.section.thickness
-        deep = overlaps[overlaps > CLOSEST]
+        deep = np.concatenate(self.strip.ranks.everyone(overlaps[overlaps > CLOSEST]))
         if len(deep):
             self.notes.append(
                 f"as knitted, wires overlap in {len(deep)} place{'s' if len(deep) > 1 else ''}, by up to"
@@ -381,7 +398,7 @@ class SpatialMechanics:
         return MembraneGrid(self.fields, low, cell, cells)
 
     def state_variables(self) -> dict[str, np.ndarray]:
-        return self.fields.read()
+        return self.fields.read_everywhere()
 
     @property
     def checked_stress(self) -> np.ndarray:

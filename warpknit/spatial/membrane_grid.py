@@ -46,15 +46,16 @@ class MembraneGrid:
         stepper = self.fields.stepper
         self._force.counts.zero_()
         self._across_force.counts.zero_()
+        own = stepper.strip.nodes
         bind(
-            gather_forces, self.model.node_count, stepper.arrays, stepper.state, grid=self._grid, grid_force=self._force.counts,
-            across_force=self._across_force.counts, force_unit=self._force.unit,
+            gather_forces, len(own), stepper.arrays, stepper.state, first_node=own.start, grid=self._grid,
+            grid_force=self._force.counts, across_force=self._across_force.counts, force_unit=self._force.unit,
         ).run(self.model.device)  # fmt: skip
-        return self._force.read()
+        return self._force.read(stepper.strip.ranks)
 
     def gather_across(self) -> np.ndarray:
         """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them."""
-        return self._across_force.read()[:, 0]
+        return self._across_force.read(self.fields.stepper.strip.ranks)[:, 0]
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
         """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
@@ -72,7 +73,7 @@ class MembraneGrid:
         stepper, rods = self.fields.stepper, self.model.rods
         lift, *slope = self._surface(displacement)
         along_x, along_y = self._on_mesh(*slope)
-        height = rods.position[:, 2] - rods.position[:, 2].mean()
+        height = rods.position[:, 2] - stepper.strip.mesh.position[:, 2].mean()
         tangent = fetch(stepper.state.tangent)
         turn = along_y * tangent[:, 0] - along_x * tangent[:, 1]
         self.fields.move({"x": -along_x * height, "y": -along_y * height, "z": lift, "turn": turn})

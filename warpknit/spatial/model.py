@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..device import start_warp
-from ..errors import ModelError
 from ..frame import WireLayout, curve_parts
 from ..knit.cloth import Cloth
 from ..memory import refuse_beyond_memory
@@ -17,6 +16,7 @@ from ..mesh.hook_mesh import hook_panel, hook_table
 from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
+from ..mesh.strip import panel_of
 from ..precision import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
@@ -31,11 +31,13 @@ from .ramp_masses import RampNumerics, ramp_numerics
 from .rest_curve import RestCurve, along_centre_line, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
+from .strip import RodStrip, cut_rods
 
 LEAST_SPACING = 0.5  # smallest node spacing of wires from a file, in thicknesses of the wire
 # dynamics of a relaxation, whose multipliers correct them: about as stiff as the loops, of length L
 SOFT_STRETCH = 430.0  # axial stiffness over EI/L^2
 SOFT_PENALTY = 1000.0  # contact penalty over EI/L^3
+BORDER = 1.0  # wale spacings from the wires of a strip, within which it holds those of others
 CONTACT_TO_BENDING = 1.0  # default contact penalty over the larger of 4 EI/h^3 and softened EA/h
 
 
@@ -61,7 +63,8 @@ class SpatialModel:
     loop_length: float  # [m]
     device: str
     precision: Precision
-    ranks: Ranks
+    strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
+    mesh: SpatialModel | None = None  # the model of all ranks; None: this one
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
 
     has_replicas: ClassVar[bool] = False
@@ -102,13 +105,18 @@ class SpatialModel:
         return self.curve.fit_error
 
     @property
+    def ranks(self) -> Ranks:
+        """The ranks that share the mesh."""
+        return One() if self.strip is None else self.strip.ranks
+
+    @property
     def global_model(self) -> SpatialModel:
-        """The global model: this one, as ranks do not share it."""
-        return self
+        """The model of the mesh of all ranks."""
+        return self.mesh or self
 
     @property
     def bodies(self) -> np.ndarray:
-        """[site] index in the global model."""
+        """[site] index in the global model; those of a strip are known there only."""
         return np.arange(self.panel.body_count)
 
     @property
@@ -175,10 +183,45 @@ def wire_section(wire: Wire) -> Section:
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> SpatialModel:
-    """The spatial model of a scene. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
+    """The spatial model of a scene, of this rank's strip where several `ranks` share it.
+
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`.
+    """
     start_warp()
-    if ranks is not None and ranks.count > 1:
-        raise ModelError(f"model.kind: given 'spatial', which cannot run on {ranks.count} ranks, allowed: one (without mpirun)")
+    model = _whole_model(scene, device)
+    return model if ranks is None or ranks.count == 1 else _strip_of(model, ranks)
+
+
+def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
+    """The model of this rank's strip. Its places where wires hook each other are those of the mesh, and known there only."""
+    reach = BORDER * model.scene.knit.wale_spacing
+    strip = cut_rods(model.panel, model.rods, ranks, reach)
+    rods, wires, wire = model.rods.copied(strip.wire, np.zeros((len(strip.wire), 3))), model.wires, strip.wire
+    begin, last = strip.nodes_of_mesh[[strip.nodes.start, strip.nodes.stop - 1]]
+    own = slice(*np.searchsorted(wires.held_node, [begin, last + 1]))
+    return replace(
+        model,
+        panel=panel_of(model.panel, wire),
+        rods=rods,
+        curve=replace(model.curve, row=rods.row),
+        wires=replace(
+            wires,
+            held_node=np.searchsorted(strip.nodes_of_mesh, wires.held_node[own]),
+            held_lever=wires.held_lever[own],
+            site_wire=wires.site_wire[:0],
+            site_seed=wires.site_seed[:0],
+            site_low=wires.site_low[:0],
+            site_high=wires.site_high[:0],
+            panel_begin=None if wires.panel_begin is None else wires.panel_begin[wire],
+            panel_step=None if wires.panel_step is None else wires.panel_step[wire],
+        ),
+        strip=strip,
+        mesh=model,
+    )
+
+
+def _whole_model(scene: Scene, device: str) -> SpatialModel:
+    """The model of all wires."""
     section = wire_section(scene.wire)
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)
@@ -246,7 +289,6 @@ def _assemble(
         loop_length=loop_length,
         device=device,
         precision=precision_of(scene.solver.precision, 1.0),
-        ranks=One(),
     )
     return model if scene.solver.drive == "relax" else replace(model, ramp=_ramp_numerics(model))
 
@@ -264,5 +306,6 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[
     assert forms is not None
     period = np.array([0.0, panel.size[1], 0.0]) if panel.boundary == "periodic" else None
     rods = along_centre_line(rods_of(section, forms.points, [period] * len(forms.points), tile=wires.tile), forms.line)
-    copies = rods.copied(forms.form, forms.origin).holding(wires.held_node, wires.held_section)
+    node = rods.nodes_of(forms.form)  # of the form, for each node of the copies
+    copies = rods.holding(node[wires.held_node], node[wires.held_section]).copied(forms.form, forms.origin)
     return copies, replace(fit_rest_curve(rods, forms.line), row=copies.row)

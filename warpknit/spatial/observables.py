@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import warp as wp
 
 from ..host import fetch
 from ..kernels import control as c
@@ -286,44 +287,50 @@ def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.nda
 
 
 def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact) -> SpatialObservables:
-    """Evaluate the state and copy it to the host."""
+    """Evaluate the state and copy it to the host; with several ranks a collective call, by which the first gets the mesh."""
     stepper = relaxation.stepper
     stepper.evaluate()
-    state, rods = stepper.state, model.rods
-    section = rods.section
-    factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+    state, strip, yielding = stepper.state, stepper.strip, stepper.yielding
+    if strip.ranks.is_first:
+        model = model.global_model
+    rods, factor = model.rods, float(state.read_control()[int(c.LENGTH_FACTOR)])
+
+    def of_mesh(array: wp.array) -> np.ndarray:
+        return strip.gathered(fetch(array))
+
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
-    yielding = stepper.yielding
-    twisted = share * (fetch(state.twist) - fetch(stepper.arrays.natural_twist)[rods.row])
-    segment_tension, tangent = relaxation.tension(), fetch(state.tangent)
-    tension = np.where(relaxation.can_stretch, segment_tension, 0.0)
+    twisted = share * (of_mesh(state.twist) - fetch(stepper.arrays.natural_twist)[rods.row])
+    own_tension, tangent, director = relaxation.tension(), of_mesh(state.tangent), of_mesh(state.director)
+    segment_tension, tension = (
+        strip.gathered(values) for values in (own_tension, np.where(relaxation.can_stretch, own_tension, 0.0))
+    )
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
-    touching = contact.read_contacts()
+    touching = strip.gathered_contacts(contact.read_contacts())
     return SpatialObservables(
         model=model,
         sites=sites,
         control=state.read_control().copy(),
-        position=fetch(state.position).copy(),
-        director=fetch(state.director).copy(),
+        position=of_mesh(state.position),
+        director=director,
         tension=tension,
         rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
-        segment_tangent=tangent.copy(),
-        chord=fetch(state.length).copy(),
-        moment=fetch(state.moment).copy(),
-        plastic_curvature=share[:, None] * yielding.plastic,
+        segment_tangent=tangent,
+        chord=of_mesh(state.length),
+        moment=of_mesh(state.moment),
+        plastic_curvature=share[:, None] * (strip.gathered(yielding.plastic) if yielding.yields else yielding.plastic),
         twist_change=twisted,
-        segment_force=stepper.segment_forces(),
-        force=fetch(state.force).copy(),
+        segment_force=of_mesh(state.edge_force),
+        force=of_mesh(state.force),
         stretch_stiffness=relaxation.stored_stiffness,
         stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
-        bend_energy=yielding.elastic_energy,
-        hardened_energy=yielding.hardened_energy,
-        contact_growth=_contact_growth(model, touching, tangent, fetch(state.director)),
-        contact_energy=_contact_energy(rods, fetch(state.contact_offset), touching),
-        thermal_strain=relaxation.thermal_strain.copy(),
+        bend_energy=float(of_mesh(state.bend_energy).sum()),
+        hardened_energy=float(strip.ranks.sum(np.array([yielding.hardened_energy]))[0]),
+        contact_growth=_contact_growth(model, touching, tangent, director),
+        contact_energy=_contact_energy(rods, of_mesh(state.contact_offset), touching),
+        thermal_strain=strip.gathered(relaxation.thermal_strain),
         touching=touching,
-        near=contact.find_contacts((NEAR - 1.0) * section.thickness),
+        near=strip.gathered_contacts(contact.find_contacts((NEAR - 1.0) * rods.section.thickness)),
     )
 
 

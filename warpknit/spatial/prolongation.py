@@ -20,7 +20,7 @@ class Prolongation:
         """arrays: of the large mesh."""
         self.large, self.small = large, small
         self._repeats = RepeatProlongation(large.model, small.model, arrays)
-        self._last = small.read()
+        self._last = small.read_everywhere()
         self._nodes = large.model.panel.node_count
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
 
@@ -36,7 +36,7 @@ class Prolongation:
 
         `response`: of the cloth at the load. False where wires would overlap: the large mesh keeps its own state.
         """
-        last, self._last = self._last, self.small.read()
+        last, self._last = self._last, self.small.read_everywhere()
         taken, stiffness = self._repeats.taken(self._last, last), self.small.read_stiffness()
         change: dict[str, wp.array] = {
             name: wp.array(value, dtype=wp.float64, device=self.large.model.device)

@@ -61,12 +61,12 @@ class RestCurve:
 
 def catmull_rom(rods: Rods) -> RestCurve:
     """The Catmull-Rom curve: no correction."""
-    rows = len(rods.row_node)
+    rows = rods.of_rows.node_count
     return RestCurve(
         row=rods.row,
         slope=np.zeros((rows, 2)),
         slope_weight=np.full((rows, 4), 0.5),
-        length=rods.natural_length[rods.row_node],
+        length=rods.of_rows.natural_length,
         bump=np.zeros((rows, 2 * BUMPS)),
         bulge=np.zeros(rows),
         fit_error=0.0,

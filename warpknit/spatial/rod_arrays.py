@@ -5,7 +5,7 @@ In single precision frames, motion, forces and mass factors are float32; positio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +55,12 @@ class RodArrays:
     node_stiffness: wp.array  # (row, 6) [N m], see node_stiffness.py
     slope_length: wp.array  # [row] [m] of the segment, where the slope of the moment stores energy; else 0
     moment_turn: wp.array  # [row] vec2d cosine and sine of the twist from node to node at rest, by which moments turn
+    forms: RodArrays | None = None  # of Rods.forms, with the same arrays [row]
+
+
+BY_ROW = (
+    "rest_edge", "node_length", "natural_curvature", "natural_twist", "node_stiffness", "slope_length", "moment_turn"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -134,9 +140,10 @@ class RodState:
 def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodArrays:
     """Rest data on the device, for steps in this precision; natural curvature and twist default to the rest values times the set
     fraction."""
-    of_row = rods.row_node
+    forms = None
+    if rods.forms is not None:
+        forms = upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision)
     blocks = _blocks(rods)
-    stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
     arrays = RodArrays(
         wire_first=shared(rods.wire_first, wp.int32, device),
         wire_count=shared(rods.wire_count, wp.int32, device),
@@ -153,32 +160,42 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodAr
         rest_position=shared(rods.position, wp.vec3d, device),
         natural_length=shared(rods.natural_length, wp.float64, device),
         rest_row=shared(rods.row, wp.int32, device),
-        rest_edge=shared(rods.rest_edge[of_row], wp.vec3d, device),
-        node_length=shared(rods.node_length[of_row], wp.float64, device),
-        natural_curvature=zeros(len(of_row), wp.vec2d, device),
-        natural_twist=zeros(len(of_row), wp.float64, device),
-        node_stiffness=shared(stiffness[of_row], wp.float64, device),
-        slope_length=shared(rods.slope_length[of_row], wp.float64, device),
-        moment_turn=zeros(len(of_row), wp.vec2d, device),
+        **(_row_arrays(rods, device) if forms is None else {name: getattr(forms, name) for name in BY_ROW}),
+        forms=forms,
     )
-    twist = set_natural_shape(arrays, rods, device, rods.set_fraction, precision)
-    between = 0.5 * (twist + twist[rods.following])[of_row]
-    store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
+    if forms is None:
+        twist = set_natural_shape(arrays, rods, device, rods.set_fraction, precision)
+        between = 0.5 * (twist + twist[rods.following])
+        store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
     return arrays
 
 
+def _row_arrays(rods: Rods, device: str) -> dict[str, wp.array]:
+    """Arrays BY_ROW of rods that are no copies; natural shape and turns of moments are zero."""
+    stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
+    return {
+        "rest_edge": shared(rods.rest_edge, wp.vec3d, device),
+        "node_length": shared(rods.node_length, wp.float64, device),
+        "natural_curvature": zeros(rods.node_count, wp.vec2d, device),
+        "natural_twist": zeros(rods.node_count, wp.float64, device),
+        "node_stiffness": shared(stiffness, wp.float64, device),
+        "slope_length": shared(rods.slope_length, wp.float64, device),
+        "moment_turn": zeros(rods.node_count, wp.vec2d, device),
+    }
+
+
 def set_natural_shape(arrays: RodArrays, rods: Rods, device: str, fraction: float, precision: Precision = DOUBLE) -> np.ndarray:
-    """Make natural curvature and twist this fraction of those at rest, unless the rods have their own; return [node] the twist
+    """Make natural curvature and twist this fraction of those at rest, unless the rods have their own; return [row] the twist
     at rest."""
+    if rods.forms is not None and arrays.forms is not None:
+        return set_natural_shape(arrays.forms, rods.forms, device, fraction, precision)
     at_rest = rest_state(rods, device, precision)
     at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device, precision)).run(device)
     curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
-    natural = fraction * curvature if rods.natural_curvature is None else rods.natural_curvature
-    store(arrays.natural_curvature, natural[rods.row_node])
-    natural = fraction * twist if rods.natural_twist is None else rods.natural_twist
-    store(arrays.natural_twist, natural[rods.row_node])
+    store(arrays.natural_curvature, fraction * curvature if rods.natural_curvature is None else rods.natural_curvature)
+    store(arrays.natural_twist, fraction * twist if rods.natural_twist is None else rods.natural_twist)
     return np.array(twist)
 
 

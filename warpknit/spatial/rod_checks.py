@@ -18,6 +18,7 @@ from ..numerics import AXIAL_ERROR, error_ratio
 from ..team import SharedLaunches
 from .check_arrays import check_arrays
 from .rod_step import RodStepper
+from .wire_sums import WireSums
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,11 @@ class RodChecks:
         """sliding: nodes of clamps that move; keeps_arc_length: whether strains are those of arcs; bow_at_rest [node]."""
         self.stepper, rods, device = stepper, stepper.rods, stepper.device
         self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
-        free = (rods.held & int(HELD_NODE)) == 0
+        mesh = stepper.strip.mesh
+        free = (mesh.held & int(HELD_NODE)) == 0
         self._free = int(np.count_nonzero(free))
-        self._stretching = int(np.count_nonzero((rods.following >= 0) & (free | free[rods.following])))
-        self._block_wire = np.searchsorted(fetch(stepper.arrays.block_wire), np.arange(len(rods.wire_first)))
+        self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following])))
+        self._sums = WireSums(stepper)
         self._own: dict[str, Any] = {
             "axial_stiffness": wp.float64(rods.section.axial_stiffness), "keeps_arc_length": wp.int32(keeps_arc_length)
         }  # fmt: skip
@@ -60,20 +62,18 @@ class RodChecks:
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
         sources = (stepper.arrays, state, arrays)
-        blocks = len(arrays.partial)
-        self.launches.run(name, k.sum_states, "first_block", blocks, *sources, unbalanced=unbalanced, **self._own)
+        self.launches.run(name, k.sum_states, "first_block", stepper.blocks, *sources, unbalanced=unbalanced, **self._own)
         rows = fetch(arrays.state_partial)
-        excess = np.add.reduceat(rows[:, int(k.EXCESS_SUM)], self._block_wire)
-        energy = rows[:, int(k.STRETCH_ENERGY)].sum() + rows[:, int(k.BEND_ENERGY)].sum()
+        total, largest = self._sums.total(rows).tolist(), self._sums.largest(rows).tolist()
         return StateSums(
-            unbalanced_square=float(rows[:, int(k.UNBALANCED_SQUARE)].sum()),
-            unbalanced_max=float(np.sqrt(rows[:, int(k.UNBALANCED_MAX)].max())),
+            unbalanced_square=total[int(k.UNBALANCED_SQUARE)],
+            unbalanced_max=float(np.sqrt(largest[int(k.UNBALANCED_MAX)])),
             free_nodes=self._free,
-            energy=float(energy),
-            excess_max=float(rows[:, int(k.EXCESS_MAX)].max()),
-            excess_square=float(rows[:, int(k.EXCESS_SQUARE)].sum()),
+            energy=total[int(k.STRETCH_ENERGY)] + total[int(k.BEND_ENERGY)],
+            excess_max=largest[int(k.EXCESS_MAX)],
+            excess_square=total[int(k.EXCESS_SQUARE)],
             stretching=self._stretching,
-            mean_excess=excess / stepper.rods.wire_length,
+            mean_excess=self._sums.of_wires(rows[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length,
         )
 
     def renew_tension_offsets(self, rate: float, stiffening: np.ndarray) -> None:
@@ -82,20 +82,24 @@ class RodChecks:
         store(arrays.stiffening, stiffening)
         state.write_control({c.MULTIPLIER_RATE: rate})
         sources = (stepper.arrays, state, arrays)
-        self.launches.run("offsets", k.renew_tension_offsets, "first_node", stepper.rods.node_count, *sources, **self._own)
+        self.launches.run("offsets", k.renew_tension_offsets, "first_node", range(stepper.rods.node_count), *sources, **self._own)
 
     def motion(self) -> float:
         """[J] motion since the last check times the change of the forces; the motion stands in `last_place`, `last_angle`."""
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         self.launches.run(
-            "motion", k.find_motion, "first_block", len(arrays.partial), stepper.arrays, state, arrays, partial=arrays.partial
+            "motion", k.find_motion, "first_block", stepper.blocks, stepper.arrays, state, arrays, partial=arrays.partial
         )
-        return float(fetch(arrays.partial).sum())
+        return self._total()
+
+    def _total(self) -> float:
+        """The sum of `partial` over the mesh."""
+        return float(self._sums.total(fetch(self.arrays.partial)[:, None])[0])
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `motion`."""
         stepper = self.stepper
-        self.launches.run("keep", k.keep_motion, "first_node", stepper.rods.node_count, stepper.state, self.arrays)
+        self.launches.run("keep", k.keep_motion, "first_node", range(stepper.rods.node_count), stepper.state, self.arrays)
 
     def slow_motion(self, share: float) -> None:
         """Reduce all velocities to a share."""
@@ -107,5 +111,5 @@ class RodChecks:
         """[J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of the pair of arrays."""
         stepper, arrays = self.stepper, self.arrays
         sums: dict[str, Any] = {"move": move, "turn": turn, "partial": arrays.partial}
-        self.launches.run(name, sum_mass_products, "first_block", len(arrays.partial), stepper.arrays, stepper.state, **sums)
-        return float(fetch(arrays.partial).sum())
+        self.launches.run(name, sum_mass_products, "first_block", stepper.blocks, stepper.arrays, stepper.state, **sums)
+        return self._total()

@@ -92,13 +92,14 @@ class RodRelaxation:
             rods.section.axial_stiffness if multipliers else self.softened_stiffness
         )  # [N] that stretch is stored with
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arc_length else 0.0})
-        spacing = float(rods.natural_length[self.has_segment].min())
+        mesh = stepper.strip.mesh
+        spacing = float(mesh.natural_length[mesh.following >= 0].min())
         self._largest_move = SPEED_SHARE * spacing  # [m] a step
         if stepper.contact is not None:
             self._largest_move = min(self._largest_move, CONTACT_SPEED * rods.section.thickness)
         state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
-        longest = float(rods.wire_length.max())
+        longest = float(mesh.wire_length.max())
         bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
@@ -120,7 +121,7 @@ class RodRelaxation:
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
         store(self.checks.arrays.thermal_strain, thermal_strain)
-        self._has_multipliers |= bool(thermal_strain.any())
+        self._has_multipliers |= self.stepper.strip.ranks.any(bool(thermal_strain.any()))
 
     @property
     def thermal_strain(self) -> np.ndarray:
@@ -227,7 +228,8 @@ class RodRelaxation:
                 unbalanced_max=sums.unbalanced_max / CHECK_STEPS,
             )
         if yielding.yields:
-            sums = replace(sums, energy=sums.energy + yielding.potential() - yielding.elastic_energy)
+            plastic = np.array([yielding.potential() - yielding.elastic_energy])
+            sums = replace(sums, energy=sums.energy + float(self.stepper.strip.ranks.sum(plastic)[0]))
         if self.clamps is not None and len(self.clamps.sliding):
             force = np.abs(self.clamps.force[:, 1])
             sums = replace(

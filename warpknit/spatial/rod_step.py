@@ -13,10 +13,10 @@ contacts and wires of a step; sums do not depend on their number.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -46,6 +46,7 @@ from .rod_arrays import (
     upload_rods,
 )
 from .rods import Rods
+from .strip import RodStrip
 from .wire_groups import shared_forces, wire_groups
 from .yielding import Yielding
 
@@ -92,31 +93,36 @@ class Clamps(Protocol):
 class RodStepper:
     """Steps rods in time; `contact` adds the forces between wires, `clamps` move held nodes."""
 
-    def __init__(self, rods: Rods, device: str = "cpu", state: RodState | None = None, precision: Precision = DOUBLE) -> None:
-        """state: of the rods, in this precision; default: at rest."""
+    def __init__(
+        self,
+        rods: Rods,
+        device: str = "cpu",
+        state: RodState | None = None,
+        precision: Precision = DOUBLE,
+        strip: RodStrip | None = None,
+    ) -> None:
+        """state: of the rods, in this precision; default: at rest. strip: which of them are stepped here; default: all."""
         self.rods = rods
+        self.strip = strip or RodStrip.whole(rods)
         self.device = device
         self.precision = precision
         declare_overloads(precision)
         self.arrays: RodArrays = upload_rods(rods, device, precision)
         self.state: RodState = rest_state(rods, device, precision) if state is None else state
-        self.yielding = Yielding(rods, self.arrays, self.state)
+        self.yielding = Yielding(rods, self.arrays, self.state, self.strip)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
         self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
         self._no_contact = no_contact(rods, device, precision)
-        self._graphs: dict[tuple[tuple[int, ...], int], list[wp.Graph]] = {}
-        self._groups = wire_groups(rods, fetch(self.arrays.block_wire), self.team.threads, on_cpu=device == "cpu")
+        self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
+        block_wire, wires = fetch(self.arrays.block_wire), self.strip.wires
+        self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
+        self._groups = wire_groups(rods, wires, block_wire, self.team.threads, on_cpu=device == "cpu")
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
-        shares = [self._range(len(rods.wire_first), part) for part in range(self.team.threads)]
+        shares = [self.team.share_of(wires, part) for part in range(self.team.threads)]
         self._factor = [replay(factor_launches(self.arrays, self.state, share), device) for share in shares if share]
         self.factor_masses()
         self._frames = frames_launch(self.arrays, self.state).record(device)
-
-    def _range(self, count: int, part: int) -> range:
-        """The share of a thread in so many items."""
-        begin, share = self.team.share(count, part)
-        return range(begin, begin + share)
 
     def _contact_launches(self, part: int, when: int = ALWAYS) -> tuple[list[Launch], TouchArrays]:
         """The launches of one thread's part of frames and contact, in order, and what the contact finds."""
@@ -124,21 +130,31 @@ class RodStepper:
         touch, contact = self._no_contact, []
         if self.contact is not None:
             touch, contact = self.contact.touch, [*self.contact.launches(part, self.team.threads), *wait]
-        return [frames_launch(arrays, state, self._range(len(arrays.block_first), part), when), *wait, *contact], touch
+        blocks = self.team.share_of(range(len(arrays.block_first)), part)
+        return [frames_launch(arrays, state, blocks, when), *wait, *contact], touch
 
     def _evaluation_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of all forces, in order."""
         launches, touch = self._contact_launches(part)
-        blocks = self._range(len(self.arrays.block_first), part)
+        blocks = self.team.share_of(self.blocks, part)
         return [*launches, force_launch(self.rods, self.arrays, self.state, touch, blocks), *self.team.barrier()]
 
     def _step_launches(self, part: int = 0, *, is_first: bool = True, is_last: bool = True) -> list[Launch]:
-        """The launches of one thread's part of a step, in order; the first thread also moves clamps and control.
+        """The launches of one thread's part of a step, in order; the first thread also moves clamps and control."""
+        state, launches = self.state, self._motion_launches(part, is_first=is_first, is_last=is_last)
+        if part == 0:
+            launches += self.clamps.launches() if self.clamps is not None else ()
+            sums, rows = fewer_rows(state.partial)
+            launches += [*sums, bind(update_control, 1, control=state.control, wire_partial=rows, body_partial=state.no_bodies)]
+        return [*launches, *self.team.barrier()]
+
+    def _motion_launches(self, part: int, *, is_first: bool, is_last: bool) -> list[Launch]:
+        """The launches of one thread's part of a step up to the motion of its nodes.
 
         The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory, and steps before
         the last leave the frames of the next one, while all this is in the cache; not where clamps move by forces.
         """
-        wait, state, groups = self.team.barrier(), self.state, self._groups[part]
+        state, groups = self.state, self._groups[part]
         in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
         launches, touch = self._contact_launches(part, UNLESS_AHEAD if in_cache and not is_first else ALWAYS)
         forces = self._shared[part] if in_cache else [StepForces.of(state)] * len(groups)
@@ -149,12 +165,7 @@ class RodStepper:
             ]
             if in_cache and not is_last:
                 launches.append(frames_launch(self.arrays, state, group.blocks, AHEAD))
-        launches += wait
-        if part == 0:
-            launches += self.clamps.launches() if self.clamps is not None else ()
-            sums, rows = fewer_rows(state.partial)
-            launches += [*sums, bind(update_control, 1, control=state.control, wire_partial=rows, body_partial=state.no_bodies)]
-        return [*launches, *wait]
+        return [*launches, *self.team.barrier()]
 
     def step(self, count: int) -> None:
         """Take `count` steps, fewer where the state freezes (kernels/control.py)."""
@@ -175,6 +186,12 @@ class RodStepper:
         self._replay(0, 1)
         self.state.write_control({c.STATUS: kept})
 
+    def sync(self) -> None:
+        """Have the copies of wires of other ranks take over the state of those wires; a collective call."""
+
+    def watch_border(self, reach: float) -> None:
+        """Check that no other wires are within `reach` [m] of own ones; a collective call."""
+
     def update_frames(self) -> None:
         """Compute positions and frames of the current state, without forces."""
         kept = float(self.state.read_control()[int(c.STATUS)])
@@ -193,13 +210,18 @@ class RodStepper:
 
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
-        key = (self.contact.version if self.contact is not None else (), steps)
+        graphs = self._graphs_of(steps, partial(self._launches_of, steps))
+        self.team.together([partial(self._replay_part, graph, times) for graph in graphs])
+
+    def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
+        """The graph of each thread's part, captured once by name and version of the contact; launches_of: of a part."""
+        key = (self.contact.version if self.contact is not None else (), name)
         if key not in self._graphs:
             # two lists of pairs take turns; graphs of lists that have grown since are not used again, and hold their arrays
             kept = [version for version, _ in self._graphs if version != key[0] and version[1:] == key[0][1:]][-1:]
             self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
-            self._graphs[key] = [self._captured(part, steps) for part in range(self.team.threads)]
-        self.team.together([partial(self._replay_part, graph, times) for graph in self._graphs[key]])
+            self._graphs[key] = [self._captured(launches_of(part)) for part in range(self.team.threads)]
+        return self._graphs[key]
 
     def _replay_part(self, graph: wp.Graph, times: int) -> None:
         """Replay a graph; all threads see the state freeze after the same step."""
@@ -208,20 +230,19 @@ class RodStepper:
                 return
             wp.capture_launch(graph)
 
-    def _captured(self, part: int, steps: int) -> wp.Graph:
-        """The graph of one thread's part."""
-
-        def recorded(launches: list[Launch]) -> list[wp.Launch]:
-            return [launch.record(self.device) for launch in launches if launch.threads]
-
+    def _launches_of(self, steps: int, part: int) -> list[list[Launch]]:
+        """The launches of one thread's part, step by step; for none, those of the forces alone."""
         if steps <= 1:
-            work = [recorded(self._step_launches(part) if steps else self._evaluation_launches(part))]
-        else:
-            ends = [recorded(self._step_launches(part, is_first=first, is_last=not first)) for first in (True, False)]
-            between = recorded(self._step_launches(part, is_first=False, is_last=False))
-            work = [ends[0], *[between] * (steps - 2), ends[1]]
+            return [self._step_launches(part) if steps else self._evaluation_launches(part)]
+        between = self._step_launches(part, is_first=False, is_last=False)
+        begin, end = (self._step_launches(part, is_first=first, is_last=not first) for first in (True, False))
+        return [begin, *[between] * (steps - 2), end]
+
+    def _captured(self, steps: list[list[Launch]]) -> wp.Graph:
+        """The graph of launches; equal steps are recorded once."""
+        recorded = {id(step): [launch.record(self.device) for launch in step if launch.threads] for step in steps}
         with wp.ScopedCapture(device=self.device) as capture:
-            for command in chain.from_iterable(work):
+            for command in chain.from_iterable(recorded[id(step)] for step in steps):
                 command.launch()
         return capture.graph
 
@@ -259,7 +280,7 @@ class RodStepper:
         affine = self.rods.position.copy()
         affine[:, :2] = affine[:, :2] @ self.state.gradient.T
         displacement = np.asarray(position) - affine
-        moved = float(np.sqrt(np.max(np.sum((displacement - fetch(self.state.displacement)) ** 2, axis=1), initial=0.0)))
+        moved = self.strip.largest(np.linalg.norm(displacement - fetch(self.state.displacement), axis=1))
         store(self.state.displacement, displacement)
         if turn is not None:
             store(self.state.pending_turn, turn)

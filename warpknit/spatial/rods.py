@@ -52,13 +52,19 @@ class Rods:
     held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/banded_mass.py
     natural_length: np.ndarray  # [node] [m] of the segment, a chord
     natural_arc: np.ndarray  # [node] [m] of the wire along the segment
-    row: np.ndarray  # [node] int32, consecutive along each wire: nodes at which wires of one shape are alike have the same row
+    row: np.ndarray  # [node] int32: of copies the node of `forms`, else the node itself
     natural_curvature: np.ndarray | None = None  # (node, 2) [rad] along the section directors; None: as at rest
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
     node_stiffness: np.ndarray | None = None  # (node, 6) [N m], see node_stiffness.py; None: of the polygon
     thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
+    forms: Rods | None = None  # the wires that these are copies of; None: each is its own
+
+    @property
+    def of_rows(self) -> Rods:
+        """The wires whose nodes are the rows."""
+        return self if self.forms is None else self.forms
 
     @property
     def node_count(self) -> int:
@@ -136,15 +142,10 @@ class Rods:
     @cached_property
     def arc(self) -> np.ndarray:
         """[node] [m] natural arc length from the first node of the wire."""
-        total = np.concatenate([[0.0], np.cumsum(self.natural_arc)[:-1]])
-        return total - np.repeat(total[self.wire_first], self.wire_count)
-
-    @cached_property
-    def row_node(self) -> np.ndarray:
-        """[row] the last node of each row; 0 where there is none."""
-        node = np.zeros(int(self.row.max()) + 1, dtype=np.int64)
-        node[self.row] = np.arange(self.node_count)
-        return node
+        forms = self.of_rows
+        begins = zip(forms.wire_first.tolist(), forms.wire_count.tolist(), strict=True)
+        arcs = [np.cumsum(np.append(0.0, forms.natural_arc[first : first + count - 1])) for first, count in begins]
+        return np.concatenate(arcs)[self.row]
 
     @cached_property
     def wire_length(self) -> np.ndarray:
@@ -179,6 +180,7 @@ class Rods:
             natural_twist=part(self.natural_twist, node),
             node_stiffness=part(self.node_stiffness, node),
             thicker=part(self.thicker, wires),
+            forms=self.of_rows,
         )
 
     def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:

@@ -75,9 +75,9 @@ class Stability:
         self.notes.append(f"at strains of {strains} an equilibrium was not stable: the mesh left it for another")
 
     def _disturb(self) -> None:
-        rods, state = self.model.rods, self.relaxation.stepper.state
-        size = DISTURBANCE * self.model.scene.solver.residual_tolerance * rods.section.thickness
-        shift = size * np.random.default_rng(SEED).standard_normal((rods.node_count, 3))
+        strip, state = self.relaxation.stepper.strip, self.relaxation.stepper.state
+        size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.mesh.section.thickness
+        shift = size * np.random.default_rng(SEED).standard_normal((strip.mesh.node_count, 3))[strip.nodes_of_mesh]
         store(state.displacement, fetch(state.displacement) + np.where(self.relaxation.free[:, None], shift, 0.0))
         self.contact.search()
         self.relaxation.reset_damping_estimate()

@@ -35,7 +35,7 @@ from .rest_curve import RestCurve, catmull_rom
 from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
 from .rods import Rods
-from .search_cells import search_cells
+from .search_cells import SearchCells, search_cells
 
 MIN_ARC_SEPARATION = (
     4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
@@ -101,14 +101,15 @@ class WireContact:
         *,
         friction: float = 0.0,
         curve: RestCurve | None = None,
+        cells: SearchCells | None = None,
     ) -> None:
-        """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom."""
+        """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom; cells: default: those of the rods."""
         self.stepper = stepper
         self.friction = friction
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
-        cells = search_cells(rods, curve)
+        cells = cells or search_cells(rods, curve)
         self.margin, self._approach = cells.margin, cells.approach
         self._radius, self._cell = cells.radius, cells.size
         along_x, along_y, along_z = map(int, cells.count)
@@ -188,8 +189,10 @@ class WireContact:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
         stepper.update_frames()
+        stepper.watch_border(self._radius)
         self._longest_reach.zero_()
         self._place_in_hash.launch()
+        store(self._longest_reach, stepper.strip.ranks.largest(fetch(self._longest_reach)))
         self._grid.build(self._hash_place, 1.0)
         before, pairs = self._list, self._other
         self._find(pairs, filling=False)
@@ -211,6 +214,7 @@ class WireContact:
                 elastic_slip=pairs.elastic_slip, **pairs.named("first", "second", "shift"),
             ).run(device)  # fmt: skip
         store(pairs.found, int(NOT_NEAR))
+        store(pairs.renewal_travel, 0.0)  # nothing is known of these pairs yet
         pairs.order(total)
         self._list, self._other = pairs, before if self.friction > 0.0 else pairs
         self.searches += 1
@@ -224,7 +228,7 @@ class WireContact:
         pairs, device = self._list, self.stepper.device
         reach = wp.zeros(1, dtype=wp.float64, device=device)
         bind(find_reach, total, self.stepper.arrays, reach=reach, **pairs.named("first", "second", "shift")).run(device)
-        return self._radius + float(fetch(reach)[0])
+        return self._radius + float(self.stepper.strip.ranks.largest(fetch(reach))[0])
 
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the present positions; default: the last one given.
@@ -233,6 +237,7 @@ class WireContact:
         motion, and the rotation of the rest shape with its sections: what they bring together touches a step later.
         """
         stepper, state = self.stepper, self.stepper.state
+        stepper.sync()
         if travel is not None:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
         self._mark_near(float(CLOSING_RATE) * self._travel)
@@ -382,10 +387,10 @@ class WireContact:
         state.write_control({c.STEP: float(state.read_control()[int(c.STEP)]) + 1.0})
 
     def pop_max_penetration(self) -> float:
-        """[m] largest penetration since the last call; resets it."""
-        max_penetration = float(fetch(self.max_penetration).max())
+        """[m] largest penetration of the mesh since the last call; resets it."""
+        max_penetration = fetch(self.max_penetration).max(keepdims=True)
         store(self.max_penetration, 0)
-        return max_penetration
+        return float(self.stepper.strip.ranks.largest(max_penetration)[0])
 
     def _near_pairs(self) -> np.ndarray:
         """Numbers of the pairs that the steps look at."""
@@ -400,7 +405,8 @@ class WireContact:
         self._mark_near(distance)
         near = np.flatnonzero(fetch(self._list.is_near)[: self.pair_count])
         found, size = [], max(self.touch.capacity, LEAST_READ)
-        for begin in range(0, max(len(near), 1), size):
+        times = int(self.stepper.strip.ranks.largest(np.array([math.ceil(len(near) / size), 1])).max())
+        for begin in range(0, times * size, size):
             self._take_near_pairs(near[begin : begin + size])
             self.stepper.evaluate(distance)
             found.append(self.read_contacts(distance))
@@ -409,10 +415,14 @@ class WireContact:
         return Contacts.joined(found)
 
     def read_contacts(self, distance: float | None = None) -> Contacts:
-        """Contacts of the state last evaluated: those with a force, or those found with a gap below `distance` [m]."""
+        """Contacts of the state last evaluated: those with a force, or those found with a gap below `distance` [m].
+
+        Of a strip those whose first segments are its own.
+        """
         pairs, touch, near = self._list, self.touch, self._near_pairs()
-        found = fetch(pairs.found)[near][:, None]
-        is_there = (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
+        found, own = fetch(pairs.found)[near][:, None], self.stepper.strip.nodes
+        is_own = (fetch(pairs.first)[near] >= own.start) & (fetch(pairs.first)[near] < own.stop)
+        is_there = is_own[:, None] & (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
         force, overlap = (fetch(x)[: PLACES * len(near)] for x in (touch.touch_normal_force, touch.touch_overlap))
         kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
         which = np.flatnonzero(kept & is_there.ravel())

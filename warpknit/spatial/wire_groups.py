@@ -23,21 +23,22 @@ class WireGroup(NamedTuple):
     nodes: range
 
 
-def wire_groups(rods: Rods, block_wire: np.ndarray, parts: int, *, on_cpu: bool) -> list[list[WireGroup]]:
-    """The groups of each thread: whole wires, about as many nodes for each thread; a single group on a GPU.
+def wire_groups(rods: Rods, wires: range, block_wire: np.ndarray, parts: int, *, on_cpu: bool) -> list[list[WireGroup]]:
+    """The groups of each thread: some of the wires, about as many nodes for each thread; a single group on a GPU.
 
     block_wire: wire of each block.
     """
     largest = GROUP_NODES if on_cpu else rods.node_count
-    wires = len(rods.wire_first)
-    first_node, first_block = np.append(rods.wire_first, rods.node_count), np.searchsorted(block_wire, np.arange(wires + 1))
+    first_node = np.append(rods.wire_first, rods.node_count)
+    first_block = np.searchsorted(block_wire, np.arange(len(first_node)))
 
     def group(begin: int, end: int) -> WireGroup:
         blocks, nodes = (range(int(of[begin]), int(of[end])) for of in (first_block, first_node))
         return WireGroup(range(begin, end), blocks, nodes)
 
     shares: list[list[WireGroup]] = []
-    for begin, end in pairwise(even_shares(rods.wire_first, rods.wire_count, parts).tolist()):
+    first, count = (values[wires.start : wires.stop] for values in (rods.wire_first, rods.wire_count))
+    for begin, end in pairwise((wires.start + even_shares(first - first_node[wires.start], count, parts)).tolist()):
         shares.append([])
         while begin < end:
             behind = int(np.searchsorted(first_node, first_node[begin] + largest, side="right")) - 1

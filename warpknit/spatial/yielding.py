@@ -11,6 +11,7 @@ from ..host import fetch, store
 from ..kernels import control as c
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
+from .strip import RodStrip
 
 
 class Yielding:
@@ -19,13 +20,15 @@ class Yielding:
     Arrays run over the nodes; turns [rad] are along the section directors, and 0 at the ends of wires.
     """
 
-    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState) -> None:
-        self.rods, self.arrays, self.state = rods, arrays, state
-        self._inside = (rods.following >= 0) & (rods.previous >= 0)
+    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState, strip: RodStrip) -> None:
+        """strip: whose own nodes count."""
+        self.rods, self.arrays, self.state, self._strip = rods, arrays, state, strip
+        self._inside = np.zeros(rods.node_count, dtype=bool)
+        self._inside[strip.own] = ((rods.following >= 0) & (rods.previous >= 0))[strip.own]
         section = rods.section
         self._kept = section.hardening
         self.yields = section.yields
-        self.dissipated = 0.0  # [J]
+        self.dissipated = 0.0  # [J] over all ranks
 
     @property
     def length(self) -> np.ndarray:
@@ -77,7 +80,7 @@ class Yielding:
     @property
     def elastic_energy(self) -> float:
         """[J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
-        return float(fetch(self.state.bend_energy).sum())
+        return float(fetch(self.state.bend_energy)[self._strip.own].sum())
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2], summed."""
@@ -90,7 +93,8 @@ class Yielding:
             return
         change = (1.0 - self._kept) * self._beyond()[0]
         section = self.rods.section
-        self.dissipated += section.bending_stiffness * section.yield_curvature * float(np.linalg.norm(change, axis=1).sum())
+        passed = self._strip.ranks.sum(np.array([np.linalg.norm(change, axis=1).sum()]))
+        self.dissipated += section.bending_stiffness * section.yield_curvature * float(passed[0])
         store(self.state.plastic_turn, self.plastic + change)
 
     def state_dict(self) -> dict[str, np.ndarray]:

@@ -1,0 +1,120 @@
+"""The part of a mesh of rods that a rank steps: its own wires, beside copies of the wires of others that they may touch.
+
+Wires run along the warp and stand in memory side by side, so a strip is a range of whole wires. The copies are not stepped here:
+their ranks tell what contact reads of them after every step (strip_step.py), so that each rank finds the contacts of its own
+wires itself, from the same numbers and in the same order as in the mesh on one rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..mesh.panel import Panel
+from ..mesh.strip import wires_of_ranks
+from ..ranks.ranks import One, Ranks
+from .contacts import Contacts
+from .rods import Rods
+
+
+@dataclass(frozen=True)
+class BorderWires:
+    """Wires that are here and on another rank; both list them in the same order."""
+
+    rank: int
+    sent: np.ndarray  # own wires of which there are copies there
+    received: np.ndarray  # copies of wires of that rank
+
+
+@dataclass(frozen=True)
+class RodStrip:
+    """The wires of a rank among the rods that it holds; numbers are those of these rods unless noted."""
+
+    ranks: Ranks
+    mesh: Rods  # of all ranks
+    wire: np.ndarray  # [wire] its number in the mesh, rising
+    wires: range  # own
+    nodes: range
+    neighbours: tuple[BorderWires, ...] = ()
+
+    @staticmethod
+    def whole(rods: Rods) -> RodStrip:
+        """All wires on one rank."""
+        wires = len(rods.wire_first)
+        return RodStrip(One(), rods, np.arange(wires), range(wires), range(rods.node_count))
+
+    @property
+    def is_whole(self) -> bool:
+        return self.ranks.count == 1
+
+    @property
+    def own(self) -> slice:
+        """The own nodes."""
+        return slice(self.nodes.start, self.nodes.stop)
+
+    @cached_property
+    def nodes_of_mesh(self) -> np.ndarray:
+        """[node] its number in the mesh."""
+        return self.mesh.nodes_of(self.wire)
+
+    def largest(self, values: np.ndarray) -> float:
+        """The largest of values [node] over the mesh, none below 0."""
+        return float(self.ranks.largest(np.array([np.max(values[self.own], initial=0.0)]))[0])
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        """[node of the mesh, ...] copied to the first rank, from values [node, ...]; on the others a copy of them."""
+        parts = [] if self.is_whole else self.ranks.gather(np.ascontiguousarray(values[self.own]))
+        return np.concatenate(parts) if parts else values.copy()
+
+    def gathered_contacts(self, contacts: Contacts) -> Contacts:
+        """Those of all ranks on the first one; on the others those of the strip."""
+        if self.is_whole:
+            return contacts
+        number = self.nodes_of_mesh
+        own = vars(contacts) | {"first": number[contacts.first], "second": number[contacts.second]}
+        parts = {name: self.ranks.gather(np.ascontiguousarray(values)) for name, values in own.items()}
+        if not self.ranks.is_first:
+            return contacts
+        return Contacts(**{name: np.concatenate(values) for name, values in parts.items()})
+
+
+def cut_rods(panel: Panel, rods: Rods, ranks: Ranks, reach: float) -> RodStrip:
+    """The strip of this rank, whose border has all wires of others that come within `reach` [m] of its own along the weft.
+
+    Raises `ModelError` where there are fewer wires than ranks.
+    """
+    first = wires_of_ranks(panel, ranks.count)
+    low, high = weft_range(rods, rods.position[:, 0])
+    held = [_with_border(first[rank], first[rank + 1], low, high, reach, float(rods.tile[0])) for rank in range(ranks.count)]
+    here, begin, end = held[ranks.rank], int(first[ranks.rank]), int(first[ranks.rank + 1])
+    own = np.arange(begin, end)
+    neighbours = []
+    for rank, there in enumerate(held):
+        sent, received = np.intersect1d(own, there), np.intersect1d(np.arange(first[rank], first[rank + 1]), here)
+        if rank != ranks.rank and (len(sent) or len(received)):
+            neighbours.append(BorderWires(rank, *(np.searchsorted(here, wires) for wires in (sent, received))))
+    count = rods.wire_count[here]
+    node = np.append(0, np.cumsum(count))
+    at = int(np.searchsorted(here, begin))
+    wires = range(at, at + len(own))
+    return RodStrip(ranks, rods, here, wires, range(int(node[wires.start]), int(node[wires.stop])), tuple(neighbours))
+
+
+def weft_range(rods: Rods, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[wire] least and largest of the places along the weft [node] [m] of a wire."""
+    return np.minimum.reduceat(x, rods.wire_first), np.maximum.reduceat(x, rods.wire_first)
+
+
+def within(low: np.ndarray, high: np.ndarray, begin: float, end: float, period: float) -> np.ndarray:
+    """[wire] whether a range from `low` to `high` [m], or a periodic image of it, overlaps that from `begin` to `end`."""
+    images = (-period, 0.0, period) if period > 0.0 else (0.0,)
+    return np.logical_or.reduce([(low + shift <= end) & (high + shift >= begin) for shift in images])
+
+
+def _with_border(begin: int, end: int, low: np.ndarray, high: np.ndarray, reach: float, period: float) -> np.ndarray:
+    """Wires of the mesh that a rank holds, whose own ones are those from `begin` to `end`."""
+    is_near = within(low, high, low[begin:end].min() - reach, high[begin:end].max() + reach, period)
+    is_near[begin:end] = True
+    return np.flatnonzero(is_near)

@@ -1,0 +1,177 @@
+"""Steps of a strip of rods: the ranks tell each other of their borders between the parts of a step.
+
+    frames, contact, forces and motion of the own wires, clamps -> border and sums to the other ranks -> control
+
+Copies of the wires of others take over all that contact reads, and every rank adds the rows of sums of all wires in the same
+order, so states are those of a run on one rank, bit by bit. Sums of convergence checks are exact (wire_sums.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import warp as wp
+
+from ..errors import ModelError
+from ..host import Mirror, fetch, is_in_place
+from ..kernels import control as c
+from ..kernels.control import PARTIAL_COUNT, update_control
+from ..kernels.rod_border import BORDER_VALUES, collect_nodes, collect_travel, distribute_nodes, distribute_travel
+from ..launch import Launch, bind, replay
+from ..precision import DOUBLE, Precision
+from ..row_sums import fewer_rows
+from .model import SpatialModel
+from .rod_arrays import RodArrays, RodState
+from .rod_step import RodStepper
+from .rods import Rods
+from .strip import BorderWires, RodStrip, weft_range, within
+
+
+class Border:
+    """Buffers for what the ranks tell each other of their wires, neighbour after neighbour."""
+
+    def __init__(self, strip: RodStrip, rods: Rods, arrays: RodArrays, state: RodState) -> None:
+        self._device: str = str(state.control.device)
+        self._by_block = is_in_place(self._device)  # on a GPU travel is that of the fastest node
+        self._block_wire = fetch(arrays.block_wire)
+        self._rods = rods
+        (sent, collect), (received, distribute) = (
+            self._part([wires(one) for one in strip.neighbours]) for wires in (_sent, _received)
+        )
+        self._sent, self._received = (Mirror((part[-1],), wp.float64, self._device) for part in (sent, received))
+        peers = [(one.rank, slice(*sent[k : k + 2]), slice(*received[k : k + 2])) for k, one in enumerate(strip.neighbours)]
+        self._swap = strip.ranks.channel(self._sent.host, self._received.host, peers)
+        self.collect = self._launches(collect, collect_nodes, collect_travel, self._sent.array, state)
+        self.distribute = self._launches(distribute, distribute_nodes, distribute_travel, self._received.array, state)
+
+    def _part(self, wires: list[np.ndarray]) -> tuple[list[int], dict[str, np.ndarray]]:
+        """Where the values for each neighbour begin and end, and the nodes and blocks of all with their places."""
+        begins, nodes, blocks, node_place, block_place = [0], [], [], [], []
+        for own in wires:
+            node = self._rods.nodes_of(own)
+            block = np.flatnonzero(np.isin(self._block_wire, own)) if self._by_block else np.zeros(0, dtype=np.int64)
+            begin, behind = begins[-1], begins[-1] + BORDER_VALUES * len(node)
+            nodes.append(node)
+            blocks.append(block)
+            node_place.append(begin + BORDER_VALUES * np.arange(len(node)))
+            block_place.append(behind + np.arange(len(block)))
+            begins.append(behind + len(block))
+        lists = {"border_node": nodes, "border_place": node_place, "border_block": blocks, "block_place": block_place}
+        return begins, {name: np.concatenate([np.zeros(0, dtype=np.int64), *parts]) for name, parts in lists.items()}
+
+    def _launches(
+        self, lists: dict[str, np.ndarray], of_nodes: wp.Kernel, of_blocks: wp.Kernel, values: wp.array, state: RodState
+    ) -> list[Launch]:
+        places: dict[str, wp.array] = {
+            name: wp.array(numbers, dtype=wp.int32, device=self._device) for name, numbers in lists.items()
+        }
+        node = {name: places[name] for name in ("border_node", "border_place")}
+        block = {name: places[name] for name in ("border_block", "block_place")}
+        return [
+            bind(of_nodes, len(lists["border_node"]), state, values=values, **node),
+            bind(of_blocks, len(lists["border_block"]), state, values=values, **block),
+        ]
+
+    def exchange(self) -> None:
+        """Swap what was collected with the neighbours."""
+        self._sent.copy_to_host()
+        self._swap()
+        self._received.copy_to_device()
+
+
+def _sent(one: BorderWires) -> np.ndarray:
+    return one.sent
+
+
+def _received(one: BorderWires) -> np.ndarray:
+    return one.received
+
+
+class StripRodStepper(RodStepper):
+    """Takes steps of the own wires of a strip, together with the other ranks."""
+
+    def __init__(
+        self,
+        rods: Rods,
+        device: str = "cpu",
+        state: RodState | None = None,
+        precision: Precision = DOUBLE,
+        strip: RodStrip | None = None,
+    ) -> None:
+        super().__init__(rods, device, state, precision, strip)
+        ranks = self.strip.ranks
+        self._border = Border(self.strip, rods, self.arrays, self.state)
+        # rows of sums of all wires, as many of each rank: the last ones of some are zero
+        own = slice(self.strip.wires.start, self.strip.wires.stop)
+        most = int(ranks.largest(np.array([len(self.strip.wires)]))[0])
+        self._row, self._rows = (Mirror((count * most, int(PARTIAL_COUNT)), wp.float64, device) for count in (1, ranks.count))
+        self._own_rows = self._row.array[: len(self.strip.wires)], self.state.partial[own]
+        self._collect_rows = ranks.table(self._row.host, self._rows.host)
+        sums, rows = fewer_rows(self._rows.array)
+        control = bind(update_control, 1, control=self.state.control, wire_partial=rows, body_partial=self.state.no_bodies)
+        self._control = replay([*sums, control], device)
+        self._collect = replay(self._border.collect, device)
+        self._distribute = replay(self._border.distribute, device)
+        self._move_clamps: Callable[[], None] | None = None
+
+    def sync(self) -> None:
+        self._collect()
+        self._border.exchange()
+        self._distribute()
+
+    def update_frames(self) -> None:
+        self.sync()
+        super().update_frames()
+
+    def _replay(self, steps: int, times: int) -> None:
+        self.sync()
+        if steps == 0:
+            super()._replay(steps, times)
+            return
+        if self._move_clamps is None:
+            self._move_clamps = replay([] if self.clamps is None else [*self.clamps.launches()], self.device)
+        for _ in range(times):
+            for k in range(steps):
+                self._share_step(is_first=k == 0, is_last=k == steps - 1)
+            if self.state.read_control()[int(c.STATUS)] != float(c.STATUS_RUNNING):
+                return
+
+    def _share_step(self, *, is_first: bool, is_last: bool) -> None:
+        """A step of all ranks; nothing moves where the state is frozen."""
+        assert self._move_clamps is not None
+
+        def launches_of(part: int) -> list[list[Launch]]:
+            return [self._motion_launches(part, is_first=is_first, is_last=is_last)]
+
+        graphs = self._graphs_of((is_first, is_last), launches_of)
+        self.team.together([partial(wp.capture_launch, graph) for graph in graphs])
+        self._move_clamps()
+        wp.copy(*self._own_rows)
+        self._row.copy_to_host()
+        self._collect_rows()
+        self._rows.copy_to_device()
+        self.sync()
+        self._control()
+
+    def watch_border(self, reach: float) -> None:
+        """Raises `ModelError` where wires that are not held here have come within `reach` [m] of own ones, along the weft."""
+        rods, strip, state = self.rods, self.strip, self.state
+        place = np.linalg.solve(state.gradient, fetch(state.position)[:, :2].T)[0]
+        own = slice(strip.wires.start, strip.wires.stop)
+        low, high = (np.concatenate(strip.ranks.everyone(side[own])) for side in weft_range(rods, place))
+        here = strip.wire[own]
+        is_near = within(low, high, low[here].min() - reach, high[here].max() + reach, float(rods.tile[0]))
+        is_near[strip.wire] = False
+        if strip.ranks.any(bool(is_near.any())):
+            raise ModelError(
+                f"{strip.ranks.count} ranks: wires of one strip have moved past the border of another, given too many ranks for"
+                " this load, allowed: fewer, or one (without mpirun)"
+            )
+
+
+def stepper_of(model: SpatialModel, state: RodState) -> RodStepper:
+    """The stepper of a model: of the mesh, or of a strip with the other ranks."""
+    kind = RodStepper if model.strip is None else StripRodStepper
+    return kind(model.rods, model.device, state, model.precision, model.strip)
