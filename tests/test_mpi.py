@@ -25,6 +25,7 @@ needs_mpi = pytest.mark.skipif(
 )
 SMALL = ("--set", "knit.repeats=[2, 2]", "--set", "model.nodes_per_loop=12")
 PATCH = (str(SCENES / "atlas_patch.toml"), "--preset=draft", "--device=cpu", *SMALL)
+KINDS = {"planar": (), "spatial": ("--set", "model.kind=spatial", "--set", "model.nodes_per_loop=20")}
 QUIET = ("--set", "output.usd=false", "--set", "output.figures=false")
 FEW = ("--set", "output.frames=2")
 PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failure, not the end of the suite
@@ -77,26 +78,26 @@ def one_line(text: str) -> str:
     return lines[0]
 
 
-@pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What one process leaves."""
-    out = tmp_path_factory.mktemp("alone") / "r"
-    assert run("run", *PATCH, *FEW, "--out", out, ranks=1).returncode == 0
-    return out
+@pytest.fixture(scope="module", params=KINDS)
+def alone(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[str, ...]]:
+    """What one process leaves, and the settings of its model."""
+    out, kind = tmp_path_factory.mktemp("alone") / "r", KINDS[request.param]
+    assert run("run", *PATCH, *FEW, *kind, "--out", out, ranks=1).returncode == 0
+    return out, kind
 
 
 @needs_mpi
-def test_two_ranks_leave_what_one_leaves(tmp_path: Path, alone: Path) -> None:
+def test_two_ranks_leave_what_one_leaves(tmp_path: Path, alone: tuple[Path, tuple[str, ...]]) -> None:
     """The same files; states and layout to the bit, the summary but for sums over the mesh, which are added in another order."""
-    out = tmp_path / "r"
-    done = run("run", *PATCH, *FEW, "--out", out)
+    out, (expected, kind) = tmp_path / "r", alone
+    done = run("run", *PATCH, *FEW, *kind, "--out", out)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("active contacts") == 1
-    names = [{str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} for folder in (out, alone)]
+    names = [{str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} for folder in (out, expected)]
     assert names[0] == names[1]
-    assert_same_states(out, alone)
-    assert (out / "layout.npz").read_bytes() == (alone / "layout.npz").read_bytes()
-    summaries = [json.loads((folder / "summary.json").read_text()) for folder in (out, alone)]
+    assert_same_states(out, expected)
+    assert (out / "layout.npz").read_bytes() == (expected / "layout.npz").read_bytes()
+    summaries = [json.loads((folder / "summary.json").read_text()) for folder in (out, expected)]
     assert [summary["solver"].pop("ranks") for summary in summaries] == [2, 1]
     for summary in summaries:
         for measured in ("wall_s", "compile_s", "node_steps_per_s"):
@@ -121,11 +122,11 @@ def assert_near(found: object, expected: object) -> None:
 
 
 @needs_mpi
-def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: Path) -> None:
+def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: tuple[Path, tuple[str, ...]]) -> None:
     """SIGKILL to the launcher, which takes its ranks along, at several moments: every file is whole, the run goes on with as many
     ranks, is refused with another number, and ends like one that nothing happened to."""
-    out = tmp_path / "r"
-    arguments = ("run", *PATCH, *FEW, *QUIET, "--set", "output.checkpoint_interval=0.02", "--out", out)
+    out, (expected, kind) = tmp_path / "r", alone
+    arguments = ("run", *PATCH, *FEW, *QUIET, *kind, "--set", "output.checkpoint_interval=0.02", "--out", out)
     for attempt in range(2):
         process = subprocess.Popen(
             command(*arguments, *(["--resume"] if attempt else [])), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
@@ -148,7 +149,7 @@ def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: Path) -> Non
     assert "given 1 ranks, allowed: the 2" in one_line(refused.stderr)
     done = run(*arguments, "--resume")
     assert done.returncode == 0, done.stderr
-    assert_same_states(out, alone)
+    assert_same_states(out, expected)
 
 
 def stamp(out: Path) -> int | None:

@@ -21,8 +21,7 @@ from reference import emulated_gpu
 TESTS = Path(__file__).parents[1]
 KERNELS = TESTS.parent / "kernels"
 ON_THE_CPU = {
-    "collect_travel", "distribute_travel", "find_contact_forces_by_batch", "find_followed_contacts", "step_replicas",
-    "wait_for_all",
+    "find_contact_forces_by_batch", "find_followed_contacts", "step_replicas", "wait_for_all",
 }  # fmt: skip
 TABLE = Path(__file__).parent / "cuda_resources.json"  # at sm_90, of each kernel and its overloads, as `Resources`
 Resources = tuple[int, int, int]  # registers and stack [B] a thread, shared memory [B] a block

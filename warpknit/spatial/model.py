@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -63,6 +63,7 @@ class SpatialModel:
     loop_length: float  # [m]
     device: str
     precision: Precision
+    ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
     mesh: SpatialModel | None = None  # the model of all ranks; None: this one
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
@@ -103,11 +104,6 @@ class SpatialModel:
     def curve_error(self) -> float:
         """[m] error of the rest curve between the nodes."""
         return self.curve.fit_error
-
-    @property
-    def ranks(self) -> Ranks:
-        """The ranks that share the mesh."""
-        return One() if self.strip is None else self.strip.ranks
 
     @property
     def global_model(self) -> SpatialModel:
@@ -215,8 +211,9 @@ def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
             panel_begin=None if wires.panel_begin is None else wires.panel_begin[wire],
             panel_step=None if wires.panel_step is None else wires.panel_step[wire],
         ),
+        ranks=ranks,
         strip=strip,
-        mesh=model,
+        mesh=replace(model, ranks=ranks),
     )
 
 
