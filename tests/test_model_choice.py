@@ -88,7 +88,7 @@ def test_a_kind_that_is_given_stays(kind: str) -> None:
     [
         ({"solver": {"multipliers": False}}, {}, "no multipliers"),
         ({}, {"command": "trade"}, "`warpknit trade`"),
-        ({}, {"ranks": 2}, "`mpirun`"),
+        ({"solver": {"drive": "ramp"}}, {"ranks": 2}, '`solver.drive = "ramp"` and `mpirun`'),
         ({"model": {"boundary": "gripped"}, "panel": {"focal_length": "1 m"}}, {}, "held on a paraboloid"),
     ],
 )
