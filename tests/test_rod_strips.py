@@ -13,7 +13,7 @@ import pytest
 
 from reference.thread_ranks import run_ranks
 from warpknit import measure
-from warpknit.errors import ModelError
+from warpknit.errors import Diverged, ModelError, SceneError
 from warpknit.host import fetch, store
 from warpknit.mechanics import advance
 from warpknit.mesh.load_point import LoadPoint
@@ -22,9 +22,11 @@ from warpknit.ranks.ranks import One, Ranks
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
 from warpknit.solve.membrane import Correction
+from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import BORDER
 from warpknit.spatial.observables import SpatialObservables
+from warpknit.spatial.search_cells import search_cells
 from warpknit.spatial.strip import cut_rods
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -91,7 +93,8 @@ class Rank(One):
 def test_strips_are_the_mesh(boundary: str, ranks: int) -> None:
     """Every wire is stepped by one rank; what one sends another receives; all wires that touch own ones are there."""
     model = build_model(scene("single atlas", [16, 1], boundary))
-    rods, reach = model.rods, BORDER * model.scene.knit.wale_spacing
+    rods = model.rods
+    reach = search_cells(rods, model.curve).radius + BORDER * model.scene.knit.wale_spacing
     strips = [cut_rods(model.panel, rods, Rank(rank, ranks), reach) for rank in range(ranks)]
     own = [s.wire[s.wires.start : s.wires.stop] for s in strips]
     assert np.array_equal(np.concatenate(own), np.arange(len(rods.wire_first)))
@@ -133,7 +136,25 @@ def test_wires_that_come_past_the_border_are_noticed() -> None:
         return ""
 
     for said in run_ranks(2, search):
-        assert "moved past the border" in said
+        assert "wires have moved by more than" in said
+
+
+@pytest.mark.parametrize("nodes", [8, 20])
+@pytest.mark.parametrize("knit", KNITS)
+def test_wide_meshes_have_wires_that_are_no_copies(knit: str, nodes: int) -> None:
+    """However far the search of pairs reaches, as knitted no wire is missed."""
+
+    def held(ranks: Ranks) -> tuple[int, int]:
+        model = build_model(scene(knit, [24, 1], "gripped", model={"nodes_per_loop": nodes}), "cpu", ranks)
+        Simulation(model).mechanics.contact.search()
+        return len(model.rods.wire_first), len(model.global_model.rods.wire_first)
+
+    assert all(here < whole for here, whole in run_ranks(2, held))
+
+
+def test_a_ramp_in_space_is_refused_on_ranks() -> None:
+    with pytest.raises(SceneError, match="'relax' with model.kind = 'spatial' on several ranks"):
+        build_model(scene("tricot", [4, 2], "gripped", solver={"drive": "ramp"}), "cpu", Rank(0, 2))
 
 
 # --- how it moves
@@ -234,3 +255,54 @@ def test_large_strips_start_from_a_smaller_mesh_and_move_as_a_membrane(least: in
     assert taken == steps
     assert_same_bits(shared, alone)
     assert measure.mesh_tension(shared) == measure.mesh_tension(alone)
+
+
+def test_all_ranks_say_which_wires_overlap() -> None:
+    """The first finds them in the mesh of all."""
+
+    def text(ranks: Ranks) -> str:
+        model = build_model(scene("tricot", [6, 2], "gripped"), "cpu", ranks)
+        mechanics = Simulation(model).mechanics
+        mechanics.search()
+        moved = fetch(mechanics.state.displacement).copy()
+        moved[:, 2] = -0.6 * model.rods.position[:, 2]  # flattened
+        store(mechanics.state.displacement, moved)
+        mechanics.contact.search()
+        return mechanics.deepest_overlap()
+
+    alone = text(One())
+    assert "deepest now between wires" in alone
+    assert run_ranks(2, text) == [alone, alone]
+
+
+def test_a_level_that_fails_is_reached_in_smaller_increments_by_all_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on one rank, to the bit: 4 % fail, then 2 % do not."""
+    corrected = Relaxation.corrected
+
+    def refused(self: Relaxation, ratio: float) -> float:
+        moved = 0.0 if self._last_gradient is None else float(np.abs(self.state.gradient.ravel() - self._last_gradient).max())
+        if moved > 0.03:
+            raise Diverged("too far at once")
+        return corrected(self, ratio)
+
+    monkeypatch.setattr(Relaxation, "corrected", refused)
+    here = scene("tricot", [4, 2], "gripped")
+    alone, steps, *_ = last_reading(here, One())
+    (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
+    assert taken == steps
+    assert_same_bits(shared, alone)
+
+
+def test_forces_on_the_nodes_of_the_mesh() -> None:
+    """Given for the mesh of all ranks, on each of them: the middle is lifted."""
+
+    def lifted(ranks: Ranks) -> SpatialObservables:
+        model = build_model(scene("tricot", [4, 2], "gripped"), "cpu", ranks)
+        simulation = Simulation(model)
+        node = model.global_model.rods.position
+        simulation.set_force(np.where(np.abs(node[:, :1]) < 0.2 * np.ptp(node[:, 0]), [0.0, 0.0, 1e-8], 0.0))
+        *_, last = simulation.run()
+        return last.observables
+
+    alone = lifted(One())
+    assert_same_bits(run_ranks(2, lifted)[0], alone)

@@ -78,7 +78,7 @@ def run_command(
         percent = percentage(error)
         from ..trade.error_estimate import settings_for_error
 
-        refuse(scene, "error")
+        refuse(scene, "error", ranks=ranks.count)
         bound = ranks.from_first(lambda: settings_for_error(scene, percent))
         estimator = bound.error_estimator(scene)
         scene = load_scene(scene, bound.overrides, command="error", ranks=ranks.count)

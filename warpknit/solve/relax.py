@@ -72,8 +72,8 @@ class Relaxation(Drive):
     ) -> None:
         """`equilibrium`: the solver of many meshes, of which this is number `row`; default: its own."""
         super().__init__(mechanics, progress or Progress(), watch)
-        # one of many meshes, or a strip of one, does not return to its last equilibrium
-        self._may_cut = equilibrium is None and self.model.ranks.count == 1 and self.model.node_count <= MOST_KEPT
+        # one of many meshes does not return to its last equilibrium
+        self._may_cut = equilibrium is None and self.model.global_model.node_count <= MOST_KEPT
         self.equilibrium = equilibrium or Equilibrium(SingleMesh(mechanics), [self])
         self.row = row
         self._last_gradient: np.ndarray | None = None  # of the previous level

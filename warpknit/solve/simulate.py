@@ -89,7 +89,7 @@ class Simulation:
         """Put dead loads on the nodes, (node, 3) [N], from the next load level on; none to begin with. In space only.
 
             simulation = Simulation(build_model(scene))
-            node = simulation.model.rods.position                  # (node, 3) [m] as knitted
+            node = simulation.model.global_model.rods.position     # (node, 3) [m] as knitted, of all ranks
             simulation.set_force(np.where(node[:, 2:] > 0.0, [0.0, 0.0, 1e-6], 0.0))
             for record in simulation.run(): ...
 
@@ -99,13 +99,14 @@ class Simulation:
         set_load = getattr(self.state, "set_load", None)
         if set_load is None:
             raise ModelError("forces on nodes: given for the planar model, allowed: model.kind = 'spatial'")
-        wanted = (self.model.node_count, 3)
+        model: Any = self.model
+        wanted = (model.global_model.node_count, 3)
         values = np.asarray(force)
         if values.dtype.kind not in "fiu":
             raise ModelError(f"forces on nodes: given an array of {values.dtype}, allowed: finite numbers, {wanted}")
         if values.shape != wanted or not np.all(np.isfinite(values)):
             raise ModelError(f"forces on nodes: given an array of {values.shape}, allowed: finite numbers, {wanted}")
-        set_load(values)
+        set_load(values if model.strip is None else values[model.strip.nodes_of_mesh])
 
     # --- drives
 
@@ -128,7 +129,7 @@ class Simulation:
         """The ranks that share a smaller mesh: all of them, or each has a copy where strips would be too small."""
         assert model.cloth is not None
         share = estimated_nodes(smaller, model.cloth) // model.ranks.count
-        return model.ranks if share >= NODES_A_STRIP else One()
+        return model.ranks if share >= NODES_A_STRIP and smaller.knit.repeats[0] >= model.ranks.count else One()
 
     @staticmethod
     def _device_of(model: Model, smaller: Scene) -> str:

@@ -18,7 +18,6 @@ from .pair_list import PairList
 from .rest_curve import RestCurve
 from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
-from .wire_sums import WireSums
 
 STICK_SHARE = 0.5  # tangential over normal stiffness
 
@@ -46,7 +45,7 @@ class ContactChecks:
             "lever": wp.float64(curve.lever),
         }
         self._launches = SharedLaunches(stepper.team, stepper.device)
-        self._sums, blocks, device = WireSums(stepper), len(stepper.arrays.block_first), stepper.device
+        blocks, device = len(stepper.arrays.block_first), stepper.device
         self._segment_stress, self._contact_stress = (wp.zeros(blocks, dtype=wp.vec4d, device=device) for _ in range(2))
         self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=device)
         self._lists: tuple[PairList, TouchArrays] | None = None
@@ -79,19 +78,19 @@ class ContactChecks:
 
         def total() -> np.ndarray:
             self._of_blocks(k.sum_contacts, contact_partial=self._partial)
-            return self._sums.total(fetch(self._partial))
+            return self._stepper.sums.total(fetch(self._partial))
 
         pushing, force = total()[[int(k.PUSHING), int(k.PUSH_SUM)]].tolist()
         mean = force / pushing if pushing > 0.0 else 0.0
         state.write_control({c.MEAN_PUSH: max(mean, 1e-300)})
         square = float(total()[int(k.ERROR_SQUARE)])
-        return ContactSums(mean, int(pushing), float(self._sums.largest(fetch(self._partial))[int(k.ERROR_MAX)]), square)
+        return ContactSums(mean, int(pushing), float(self._stepper.sums.largest(fetch(self._partial))[int(k.ERROR_MAX)]), square)
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
         self._of_blocks(sum_segment_stress, segment_stress=self._segment_stress)
         self._of_blocks(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self._has_friction))
-        segments, contacts = (self._sums.total(fetch(stress)) for stress in (self._segment_stress, self._contact_stress))
+        segments, contacts = (self._stepper.sums.total(fetch(stress)) for stress in (self._segment_stress, self._contact_stress))
         return np.asarray(segments + contacts).reshape(2, 2)
 
     def bound_stiffness(self) -> None:

@@ -43,7 +43,7 @@ class BandedMasses:
 
     def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool) -> None:
         """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes."""
-        self._checks, rods = checks, checks.stepper.strip.mesh
+        self._checks, rods = checks, checks.stepper.strip.whole
         section, wave = rods.section, 2.0 * math.pi / wave_length
         spacing = float(rods.natural_length[rods.following >= 0].mean())
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))

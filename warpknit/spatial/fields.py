@@ -68,7 +68,7 @@ class Fields:
     def _of_all_ranks(self, values: np.ndarray) -> np.ndarray:
         """[panel node] of the mesh of all ranks, from values of the panel here."""
         strip, panel = self.stepper.strip, self.model.panel
-        if strip.is_whole:
+        if strip.is_alone:
             return values
         wires = slice(strip.wires.start, strip.wires.stop)
         begin = int(panel.wire_first[strip.wires.start])

@@ -64,7 +64,8 @@ class SpatialMechanics:
         self.model, scene = model, model.scene
         self.notes: list[str] = []
         mesh = model.global_model
-        self.sites = Sites(mesh.wires, mesh.rods)
+        measured = mesh if model.ranks.is_first else model
+        self.sites = Sites(measured.wires, measured.rods)
         self.stepper = stepper_of(model, state)
         self.strip = self.stepper.strip
         self.contact = WireContact(
@@ -223,7 +224,7 @@ class SpatialMechanics:
         displacement = fetch(self.state.displacement).copy()
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
-            largest = self.strip.largest(np.linalg.norm(move, axis=1))
+            largest = self.strip.largest_of_nodes(np.linalg.norm(move, axis=1))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
             store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
         self._last = self.state.gradient, displacement
@@ -249,7 +250,12 @@ class SpatialMechanics:
         return self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
 
     def deepest_overlap(self) -> str:
-        observed, state = self.observe(), self.state
+        observed, strip, state = self.observe(), self.strip, self.state
+        penalty, stretch = (strip.gathered(fetch(array)) for array in (state.contact_penalty, state.stretch_stiffness))
+        return strip.ranks.from_first(lambda: self._overlap_text(observed, penalty, stretch))
+
+    def _overlap_text(self, observed: SpatialObservables, penalty: np.ndarray, stretch: np.ndarray) -> str:
+        """penalty [node] [N/m] of contacts, stretch [node] [N] softened axial stiffness: those now."""
         rods, contacts = observed.model.rods, observed.touching
         if not len(contacts.overlap):
             return "apart by now"
@@ -257,16 +263,12 @@ class SpatialMechanics:
         nodes = contacts.first[worst], contacts.second[worst]
         first, second = (int(rods.wire_of[node]) for node in nodes)
         x, y = 1e3 * measure.positions(observed)[0][nodes[0], :2]
-        stiffnesses = []
-        if self.strip.is_whole:  # those of other ranks are not known here
-            penalty, stretch = fetch(state.contact_penalty)[list(nodes)].mean(), fetch(state.stretch_stiffness)[nodes[0]]
-            stiffnesses = [
-                ("contact penalty", "N/m", penalty, self.model.contact_stiffness),
-                ("axial stiffness", "N", stretch, rods.section.axial_stiffness),
-            ]
         return f"deepest now between wires {first} and {second} near x = {x:.4g} mm, y = {y:.4g} mm from the corner" + "".join(
             f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
-            for name, unit, now, of_scene in stiffnesses
+            for name, unit, now, of_scene in (
+                ("contact penalty", "N/m", penalty[list(nodes)].mean(), self.model.contact_stiffness),
+                ("axial stiffness", "N", stretch[nodes[0]], rods.section.axial_stiffness),
+            )
             if not math.isclose(now, of_scene, rel_tol=LEAST_DIFFERENCE)
         )
 
@@ -339,7 +341,8 @@ class SpatialMechanics:
         return total / self.model.panel.area
 
     def causes(self) -> str:
-        return strength_exceeded(measure.stress_extremes(self.observe())[0], self.model.scene.wire.tensile_strength)
+        observed, strength = self.observe(), self.model.scene.wire.tensile_strength
+        return self.strip.ranks.from_first(lambda: strength_exceeded(measure.stress_extremes(observed)[0], strength))
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """Whether the mesh is as knitted, stress-free and without overlaps; overlaps are added to `notes`."""

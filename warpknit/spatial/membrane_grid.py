@@ -73,7 +73,7 @@ class MembraneGrid:
         stepper, rods = self.fields.stepper, self.model.rods
         lift, *slope = self._surface(displacement)
         along_x, along_y = self._on_mesh(*slope)
-        height = rods.position[:, 2] - stepper.strip.mesh.position[:, 2].mean()
+        height = rods.position[:, 2] - stepper.strip.whole.position[:, 2].mean()
         tangent = fetch(stepper.state.tangent)
         turn = along_y * tangent[:, 0] - along_x * tangent[:, 1]
         self.fields.move({"x": -along_x * height, "y": -along_y * height, "z": lift, "turn": turn})

@@ -20,6 +20,7 @@ from ..mesh.strip import panel_of
 from ..precision import Precision, precision_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
+from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
 from ..text import at_least, exact, short_repr
@@ -31,13 +32,14 @@ from .ramp_masses import RampNumerics, ramp_numerics
 from .rest_curve import RestCurve, along_centre_line, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
+from .search_cells import search_cells
 from .strip import RodStrip, cut_rods
 
 LEAST_SPACING = 0.5  # smallest node spacing of wires from a file, in thicknesses of the wire
 # dynamics of a relaxation, whose multipliers correct them: about as stiff as the loops, of length L
 SOFT_STRETCH = 430.0  # axial stiffness over EI/L^2
 SOFT_PENALTY = 1000.0  # contact penalty over EI/L^3
-BORDER = 1.0  # wale spacings from the wires of a strip, within which it holds those of others
+BORDER = 0.5  # wale spacings that wires of different strips may come nearer to each other along the weft
 CONTACT_TO_BENDING = 1.0  # default contact penalty over the larger of 4 EI/h^3 and softened EA/h
 
 
@@ -65,7 +67,7 @@ class SpatialModel:
     precision: Precision
     ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
-    mesh: SpatialModel | None = None  # the model of all ranks; None: this one
+    whole: SpatialModel | None = None  # the model of all ranks; None: this one
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
 
     has_replicas: ClassVar[bool] = False
@@ -108,7 +110,7 @@ class SpatialModel:
     @property
     def global_model(self) -> SpatialModel:
         """The model of the mesh of all ranks."""
-        return self.mesh or self
+        return self.whole or self
 
     @property
     def bodies(self) -> np.ndarray:
@@ -190,7 +192,8 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
 def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
     """The model of this rank's strip. Its places where wires hook each other are those of the mesh, and known there only."""
-    reach = BORDER * model.scene.knit.wale_spacing
+    refuse(model.scene, "run", ranks=ranks.count)
+    reach = search_cells(model.rods, model.curve).radius + BORDER * model.scene.knit.wale_spacing
     strip = cut_rods(model.panel, model.rods, ranks, reach)
     rods, wires, wire = model.rods.copied(strip.wire, np.zeros((len(strip.wire), 3))), model.wires, strip.wire
     begin, last = strip.nodes_of_mesh[[strip.nodes.start, strip.nodes.stop - 1]]
@@ -204,6 +207,7 @@ def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
             wires,
             held_node=np.searchsorted(strip.nodes_of_mesh, wires.held_node[own]),
             held_lever=wires.held_lever[own],
+            held_section=wires.held_section[:0],  # nothing reads them any more
             site_wire=wires.site_wire[:0],
             site_seed=wires.site_seed[:0],
             site_low=wires.site_low[:0],
@@ -213,7 +217,7 @@ def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
         ),
         ranks=ranks,
         strip=strip,
-        mesh=replace(model, ranks=ranks),
+        whole=replace(model, ranks=ranks),
     )
 
 

@@ -34,6 +34,6 @@ class Residual:
         bent = self.model.bending_stiffness / scene.knit.wale_spacing
         scale = max(contacts.mean_push, FORCE_FLOOR * bent / scene.knit.wale_spacing)
         rms = math.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
-        loops = relaxation.stepper.strip.mesh.node_count / scene.model.nodes_per_loop
+        loops = relaxation.stepper.strip.whole.node_count / scene.model.nodes_per_loop
         motion = math.sqrt(relaxation.kinetic_energy() / max(state.energy, ENERGY_FLOOR * bent * loops))
         return max(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale, motion)

@@ -18,7 +18,6 @@ from ..numerics import AXIAL_ERROR, error_ratio
 from ..team import SharedLaunches
 from .check_arrays import check_arrays
 from .rod_step import RodStepper
-from .wire_sums import WireSums
 
 
 @dataclass(frozen=True)
@@ -47,11 +46,10 @@ class RodChecks:
         """sliding: nodes of clamps that move; keeps_arc_length: whether strains are those of arcs; bow_at_rest [node]."""
         self.stepper, rods, device = stepper, stepper.rods, stepper.device
         self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
-        mesh = stepper.strip.mesh
+        mesh = stepper.strip.whole
         free = (mesh.held & int(HELD_NODE)) == 0
         self._free = int(np.count_nonzero(free))
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following])))
-        self._sums = WireSums(stepper)
         self._own: dict[str, Any] = {
             "axial_stiffness": wp.float64(rods.section.axial_stiffness), "keeps_arc_length": wp.int32(keeps_arc_length)
         }  # fmt: skip
@@ -64,7 +62,7 @@ class RodChecks:
         sources = (stepper.arrays, state, arrays)
         self.launches.run(name, k.sum_states, "first_block", stepper.blocks, *sources, unbalanced=unbalanced, **self._own)
         rows = fetch(arrays.state_partial)
-        total, largest = self._sums.total(rows).tolist(), self._sums.largest(rows).tolist()
+        total, largest = self.stepper.sums.total(rows).tolist(), self.stepper.sums.largest(rows).tolist()
         return StateSums(
             unbalanced_square=total[int(k.UNBALANCED_SQUARE)],
             unbalanced_max=float(np.sqrt(largest[int(k.UNBALANCED_MAX)])),
@@ -73,7 +71,7 @@ class RodChecks:
             excess_max=largest[int(k.EXCESS_MAX)],
             excess_square=total[int(k.EXCESS_SQUARE)],
             stretching=self._stretching,
-            mean_excess=self._sums.of_wires(rows[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length,
+            mean_excess=self.stepper.sums.of_wires(rows[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length,
         )
 
     def renew_tension_offsets(self, rate: float, stiffening: np.ndarray) -> None:
@@ -94,7 +92,7 @@ class RodChecks:
 
     def _total(self) -> float:
         """The sum of `partial` over the mesh."""
-        return float(self._sums.total(fetch(self.arrays.partial)[:, None])[0])
+        return float(self.stepper.sums.total(fetch(self.arrays.partial)[:, None])[0])
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `motion`."""

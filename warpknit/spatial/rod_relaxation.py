@@ -92,7 +92,7 @@ class RodRelaxation:
             rods.section.axial_stiffness if multipliers else self.softened_stiffness
         )  # [N] that stretch is stored with
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arc_length else 0.0})
-        mesh = stepper.strip.mesh
+        mesh = stepper.strip.whole
         spacing = float(mesh.natural_length[mesh.following >= 0].min())
         self._largest_move = SPEED_SHARE * spacing  # [m] a step
         if stepper.contact is not None:
@@ -228,8 +228,7 @@ class RodRelaxation:
                 unbalanced_max=sums.unbalanced_max / CHECK_STEPS,
             )
         if yielding.yields:
-            plastic = np.array([yielding.potential() - yielding.elastic_energy])
-            sums = replace(sums, energy=sums.energy + float(self.stepper.strip.ranks.sum(plastic)[0]))
+            sums = replace(sums, energy=sums.energy + yielding.plastic_potential())
         if self.clamps is not None and len(self.clamps.sliding):
             force = np.abs(self.clamps.force[:, 1])
             sums = replace(

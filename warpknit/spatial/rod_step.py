@@ -48,6 +48,7 @@ from .rod_arrays import (
 from .rods import Rods
 from .strip import RodStrip
 from .wire_groups import shared_forces, wire_groups
+from .wire_sums import WireSums
 from .yielding import Yielding
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
@@ -103,13 +104,12 @@ class RodStepper:
     ) -> None:
         """state: of the rods, in this precision; default: at rest. strip: which of them are stepped here; default: all."""
         self.rods = rods
-        self.strip = strip or RodStrip.whole(rods)
+        self.strip = strip or RodStrip.alone(rods)
         self.device = device
         self.precision = precision
         declare_overloads(precision)
         self.arrays: RodArrays = upload_rods(rods, device, precision)
         self.state: RodState = rest_state(rods, device, precision) if state is None else state
-        self.yielding = Yielding(rods, self.arrays, self.state, self.strip)
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
         self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
@@ -117,6 +117,8 @@ class RodStepper:
         self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
         block_wire, wires = fetch(self.arrays.block_wire), self.strip.wires
         self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
+        self.sums = WireSums(self.strip, rods, block_wire, self.blocks)
+        self.yielding = Yielding(rods, self.arrays, self.state, self.sums.of_nodes)
         self._groups = wire_groups(rods, wires, block_wire, self.team.threads, on_cpu=device == "cpu")
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
         shares = [self.team.share_of(wires, part) for part in range(self.team.threads)]
@@ -190,7 +192,7 @@ class RodStepper:
         """Have the copies of wires of other ranks take over the state of those wires; a collective call."""
 
     def watch_border(self, reach: float) -> None:
-        """Check that no other wires are within `reach` [m] of own ones; a collective call."""
+        """Check that no other wires are within `reach` [m at rest] of own ones; a collective call."""
 
     def update_frames(self) -> None:
         """Compute positions and frames of the current state, without forces."""
@@ -280,7 +282,7 @@ class RodStepper:
         affine = self.rods.position.copy()
         affine[:, :2] = affine[:, :2] @ self.state.gradient.T
         displacement = np.asarray(position) - affine
-        moved = self.strip.largest(np.linalg.norm(displacement - fetch(self.state.displacement), axis=1))
+        moved = self.strip.largest_of_nodes(np.linalg.norm(displacement - fetch(self.state.displacement), axis=1))
         store(self.state.displacement, displacement)
         if turn is not None:
             store(self.state.pending_turn, turn)
@@ -305,4 +307,8 @@ class RodStepper:
         natural = rods.natural_length * factor
         strain = fetch(state.length) / natural - 1.0
         stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
-        return float(stretch[has_segment].sum()) + self.yielding.potential()
+        return (
+            self.sums.of_nodes(np.where(has_segment, stretch, 0.0))
+            + self.yielding.elastic_energy
+            + self.yielding.plastic_potential()
+        )

@@ -76,8 +76,8 @@ class Stability:
 
     def _disturb(self) -> None:
         strip, state = self.relaxation.stepper.strip, self.relaxation.stepper.state
-        size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.mesh.section.thickness
-        shift = size * np.random.default_rng(SEED).standard_normal((strip.mesh.node_count, 3))[strip.nodes_of_mesh]
+        size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.whole.section.thickness
+        shift = size * np.random.default_rng(SEED).standard_normal((strip.whole.node_count, 3))[strip.nodes_of_mesh]
         store(state.displacement, fetch(state.displacement) + np.where(self.relaxation.free[:, None], shift, 0.0))
         self.contact.search()
         self.relaxation.reset_damping_estimate()

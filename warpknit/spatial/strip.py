@@ -33,20 +33,20 @@ class RodStrip:
     """The wires of a rank among the rods that it holds; numbers are those of these rods unless noted."""
 
     ranks: Ranks
-    mesh: Rods  # of all ranks
+    whole: Rods  # of all ranks
     wire: np.ndarray  # [wire] its number in the mesh, rising
     wires: range  # own
     nodes: range
     neighbours: tuple[BorderWires, ...] = ()
 
     @staticmethod
-    def whole(rods: Rods) -> RodStrip:
+    def alone(rods: Rods) -> RodStrip:
         """All wires on one rank."""
         wires = len(rods.wire_first)
         return RodStrip(One(), rods, np.arange(wires), range(wires), range(rods.node_count))
 
     @property
-    def is_whole(self) -> bool:
+    def is_alone(self) -> bool:
         return self.ranks.count == 1
 
     @property
@@ -57,20 +57,20 @@ class RodStrip:
     @cached_property
     def nodes_of_mesh(self) -> np.ndarray:
         """[node] its number in the mesh."""
-        return self.mesh.nodes_of(self.wire)
+        return self.whole.nodes_of(self.wire)
 
-    def largest(self, values: np.ndarray) -> float:
+    def largest_of_nodes(self, values: np.ndarray) -> float:
         """The largest of values [node] over the mesh, none below 0."""
         return float(self.ranks.largest(np.array([np.max(values[self.own], initial=0.0)]))[0])
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
         """[node of the mesh, ...] copied to the first rank, from values [node, ...]; on the others a copy of them."""
-        parts = [] if self.is_whole else self.ranks.gather(np.ascontiguousarray(values[self.own]))
+        parts = [] if self.is_alone else self.ranks.gather(np.ascontiguousarray(values[self.own]))
         return np.concatenate(parts) if parts else values.copy()
 
     def gathered_contacts(self, contacts: Contacts) -> Contacts:
         """Those of all ranks on the first one; on the others those of the strip."""
-        if self.is_whole:
+        if self.is_alone:
             return contacts
         number = self.nodes_of_mesh
         own = vars(contacts) | {"first": number[contacts.first], "second": number[contacts.second]}

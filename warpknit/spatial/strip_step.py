@@ -22,7 +22,7 @@ from ..kernels.rod_border import BORDER_VALUES, collect_nodes, collect_travel, d
 from ..launch import Launch, bind, replay
 from ..precision import DOUBLE, Precision
 from ..row_sums import fewer_rows
-from .model import SpatialModel
+from .model import BORDER, SpatialModel
 from .rod_arrays import RodArrays, RodState
 from .rod_step import RodStepper
 from .rods import Rods
@@ -103,12 +103,17 @@ class StripRodStepper(RodStepper):
         super().__init__(rods, device, state, precision, strip)
         ranks = self.strip.ranks
         self._border = Border(self.strip, rods, self.arrays, self.state)
-        # rows of sums of all wires, as many of each rank: the last ones of some are zero
+        if len({is_in_place(place) for place in ranks.everyone(str(device))}) > 1:
+            raise ModelError("--device: given CPUs for some ranks and GPUs for others, allowed: one of them for all")
+        # rows of sums, for the wires of all ranks in their order; as many of each rank come over, the last ones of some empty
         own = slice(self.strip.wires.start, self.strip.wires.stop)
-        most = int(ranks.largest(np.array([len(self.strip.wires)]))[0])
-        self._row, self._rows = (Mirror((count * most, int(PARTIAL_COUNT)), wp.float64, device) for count in (1, ranks.count))
+        wires = ranks.everyone(len(self.strip.wires))
+        columns = int(PARTIAL_COUNT)
+        self._row, self._rows = (Mirror((count, columns), wp.float64, device) for count in (max(wires), sum(wires)))
         self._own_rows = self._row.array[: len(self.strip.wires)], self.state.partial[own]
-        self._collect_rows = ranks.table(self._row.host, self._rows.host)
+        self._received = np.zeros((len(wires) * max(wires), columns))
+        self._collect_rows = ranks.table(self._row.host, self._received)
+        self._is_of_wire = (np.arange(max(wires)) < np.array(wires)[:, None]).ravel()
         sums, rows = fewer_rows(self._rows.array)
         control = bind(update_control, 1, control=self.state.control, wire_partial=rows, body_partial=self.state.no_bodies)
         self._control = replay([*sums, control], device)
@@ -151,12 +156,13 @@ class StripRodStepper(RodStepper):
         wp.copy(*self._own_rows)
         self._row.copy_to_host()
         self._collect_rows()
+        self._rows.host[:] = self._received[self._is_of_wire]
         self._rows.copy_to_device()
         self.sync()
         self._control()
 
     def watch_border(self, reach: float) -> None:
-        """Raises `ModelError` where wires that are not held here have come within `reach` [m] of own ones, along the weft."""
+        """Raises `ModelError` where wires that are not here have come within `reach` [m at rest] of own ones along the weft."""
         rods, strip, state = self.rods, self.strip, self.state
         place = np.linalg.solve(state.gradient, fetch(state.position)[:, :2].T)[0]
         own = slice(strip.wires.start, strip.wires.stop)
@@ -166,8 +172,8 @@ class StripRodStepper(RodStepper):
         is_near[strip.wire] = False
         if strip.ranks.any(bool(is_near.any())):
             raise ModelError(
-                f"{strip.ranks.count} ranks: wires of one strip have moved past the border of another, given too many ranks for"
-                " this load, allowed: fewer, or one (without mpirun)"
+                f"mpirun: given {strip.ranks.count} ranks, between whose strips wires have moved by more than {BORDER:g} of"
+                " knit.wale_spacing, allowed: one (without mpirun)"
             )
 
 

@@ -175,6 +175,11 @@ class WireContact:
             bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
         ]
 
+    @property
+    def _rest_scale(self) -> float:
+        """Bound on distances at rest over those of now."""
+        return 1.0 / min(float(np.linalg.svd(self.stepper.state.gradient, compute_uv=False).min()), 1.0)
+
     def _new_list(self, capacity: int, number: int) -> PairList:
         stepper = self.stepper
         return PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
@@ -189,7 +194,7 @@ class WireContact:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
         stepper.update_frames()
-        stepper.watch_border(self._radius)
+        stepper.watch_border(self._radius * self._rest_scale)
         self._longest_reach.zero_()
         self._place_in_hash.launch()
         store(self._longest_reach, stepper.strip.ranks.largest(fetch(self._longest_reach)))
@@ -349,10 +354,9 @@ class WireContact:
                 pairs.find.append(one.record(stepper.device))
         longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
         largest = longer * 2.0 * float(rods.wire_radius.max()) + self.margin
-        scale = 1.0 / min(float(np.linalg.svd(state.gradient, compute_uv=False).min()), 1.0)
         for find in pairs.find:
             find.set_param_by_name("largest_distance", largest)
-            find.set_param_by_name("rest_scale", scale)
+            find.set_param_by_name("rest_scale", self._rest_scale)
             find.set_param_by_name("is_filling", int(filling))
         stepper.team.together([find.launch for find in pairs.find])
 

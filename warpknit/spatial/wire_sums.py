@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..host import fetch
-from .rod_step import RodStepper
+from .rods import Rods
+from .strip import RodStrip
 
 
 class WireSums:
-    """Adds up rows [block, ...] of the own blocks of a stepper, over all ranks."""
+    """Adds up rows [block, ...] of the own blocks of a strip over all ranks: collective calls."""
 
-    def __init__(self, stepper: RodStepper) -> None:
-        self._ranks, self._wires, self._blocks = stepper.strip.ranks, stepper.strip.wires, stepper.blocks
-        self._begin = np.searchsorted(fetch(stepper.arrays.block_wire)[self._own], np.arange(self._wires.start, self._wires.stop))
-        self._count = len(stepper.rods.wire_first)
+    def __init__(self, strip: RodStrip, rods: Rods, block_wire: np.ndarray, blocks: range) -> None:
+        """block_wire: wire of each block of nodes; blocks: those of the own wires."""
+        self._ranks, self._wires, self._blocks = strip.ranks, strip.wires, blocks
+        self._begin = np.searchsorted(block_wire[self._own], np.arange(strip.wires.start, strip.wires.stop))
+        self._count, self._first_node = len(rods.wire_first), rods.wire_first
 
     @property
     def _own(self) -> slice:
@@ -29,6 +30,11 @@ class WireSums:
     def total(self, rows: np.ndarray) -> np.ndarray:
         """(n,) sum of rows (block, n) over the mesh."""
         return self._ranks.exact_sum(self.of_wires(rows)[self._wires.start : self._wires.stop])
+
+    def of_nodes(self, values: np.ndarray) -> float:
+        """The sum of values [node] over the mesh."""
+        own = slice(self._wires.start, self._wires.stop)
+        return float(self._ranks.exact_sum(np.add.reduceat(values, self._first_node)[own, None])[0])
 
     def largest(self, rows: np.ndarray) -> np.ndarray:
         """(n,) the largest of each column (block, n) over the mesh."""

@@ -5,13 +5,14 @@ Backward Euler of the flow rule of kernels/rod_forces.py. Twist and tension stay
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..host import fetch, store
 from ..kernels import control as c
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
-from .strip import RodStrip
 
 
 class Yielding:
@@ -20,11 +21,10 @@ class Yielding:
     Arrays run over the nodes; turns [rad] are along the section directors, and 0 at the ends of wires.
     """
 
-    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState, strip: RodStrip) -> None:
-        """strip: whose own nodes count."""
-        self.rods, self.arrays, self.state, self._strip = rods, arrays, state, strip
-        self._inside = np.zeros(rods.node_count, dtype=bool)
-        self._inside[strip.own] = ((rods.following >= 0) & (rods.previous >= 0))[strip.own]
+    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState, sum_up: Callable[[np.ndarray], float]) -> None:
+        """sum_up: values [node] over the mesh, a collective call (`WireSums.of_nodes`)."""
+        self.rods, self.arrays, self.state, self._sum_up = rods, arrays, state, sum_up
+        self._inside = (rods.following >= 0) & (rods.previous >= 0)
         section = rods.section
         self._kept = section.hardening
         self.yields = section.yields
@@ -66,26 +66,26 @@ class Yielding:
         """[J] stored by hardening: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else 0.0
 
-    def potential(self) -> float:
-        """[J] incremental potential of bending and twist, whose gradient are the moments: stored plus dissipated energy."""
+    def plastic_potential(self) -> float:
+        """[J] incremental potential of bending and twist, whose gradient are the moments, beyond the elastic energy."""
         if not self.yields:
-            return self.elastic_energy
+            return 0.0
         over, size = self._beyond()
         passed = np.linalg.norm(over, axis=1)
         limit = size - passed
         bent = 0.5 * limit**2 + limit * passed + 0.5 * self._kept * passed**2
         bent += np.sum(self.back * (self._trial() - self.back), axis=1)
-        return self._energy(bent - 0.5 * np.sum(self.elastic**2, axis=1)) + self.elastic_energy
+        return self._energy(bent - 0.5 * np.sum(self.elastic**2, axis=1))
 
     @property
     def elastic_energy(self) -> float:
         """[J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
-        return float(fetch(self.state.bend_energy)[self._strip.own].sum())
+        return self._sum_up(fetch(self.state.bend_energy))
 
     def _energy(self, square: np.ndarray) -> float:
-        """EI/l times squares of turns [rad^2], summed."""
-        inside = self._inside
-        return float(np.sum(self.rods.section.bending_stiffness / self.length[inside] * square[inside]))
+        """EI/l times squares of turns [rad^2] over the mesh, summed."""
+        stiffness = np.divide(self.rods.section.bending_stiffness, self.length, out=np.zeros(len(square)), where=self._inside)
+        return self._sum_up(stiffness * square)
 
     def advance(self) -> None:
         """Accept the equilibrium as a step of the load history: update the plastic turns."""
@@ -93,8 +93,7 @@ class Yielding:
             return
         change = (1.0 - self._kept) * self._beyond()[0]
         section = self.rods.section
-        passed = self._strip.ranks.sum(np.array([np.linalg.norm(change, axis=1).sum()]))
-        self.dissipated += section.bending_stiffness * section.yield_curvature * float(passed[0])
+        self.dissipated += section.bending_stiffness * section.yield_curvature * self._sum_up(np.linalg.norm(change, axis=1))
         store(self.state.plastic_turn, self.plastic + change)
 
     def state_dict(self) -> dict[str, np.ndarray]:
