@@ -9,8 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from warpknit.scene import SceneError, load_scene, make_scene
 from warpknit.scene.keys import keys_of
+from warpknit.scene.knit import Loop
 from warpknit.scene.materials import MATERIALS
-from warpknit.scene.objects import Loop
 from warpknit.scene.presets import PRESETS
 
 SCENES = Path(__file__).parent.parent / "scenes"

@@ -49,7 +49,7 @@ assert "| `output.probe_spacing` | 2 mm | a length above 0 m, such as `15 um` | 
 def test_a_key_is_one_line(tmp_path):
     """A copy of the program with one more line in [output] reads, checks, writes back, suggests and documents the key."""
     shutil.copytree(ROOT / "warpknit", tmp_path / "warpknit", ignore=shutil.ignore_patterns("__pycache__"))
-    path = tmp_path / "warpknit" / "scene" / "objects.py"
+    path = tmp_path / "warpknit" / "scene" / "options.py"
     text = path.read_text(encoding="utf-8")
     place = "    vtk: Flag = key("
     assert text.count(place) == 1

@@ -10,7 +10,7 @@ import pytest
 from warpknit.knit.clasp_classes import clasp_classes
 from warpknit.knit.cloth import Cloth, same_cloth
 from warpknit.knit.loop_parts import part_of_loop
-from warpknit.scene.objects import Knit
+from warpknit.scene.knit import Knit
 from warpknit.scene.scene_loader import make_scene
 
 DIAMETER = 15e-6  # [m]

@@ -23,7 +23,7 @@ from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
 from ..runner.progress_display import Progress
 from ..scene import Knit, Scene
-from ..scene.objects import Override
+from ..scene.scene import Override
 from ..sweep.states import mesh_of
 from ..text import at_most, exact, percent
 from .fine_states import states_at

@@ -17,7 +17,7 @@ from ..knit.lapping import lapping_table
 from ..knit.loops import RANGES, SIZES, LoopProportions, loop_shape
 from ..mesh.layout import knit_scene
 from ..scene import Scene
-from ..scene.objects import Bar
+from ..scene.knit import Bar
 from ..text import at_least, at_most, exact
 
 FIT_TOLERANCE = 2e-3  # of the factor

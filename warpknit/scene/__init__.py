@@ -7,21 +7,12 @@ A scene file is TOML; `warpknit.scene.file` lists its keys. Whatever is wrong wi
 
 from warpknit.errors import SceneError
 from warpknit.scene.hook import Hook
-from warpknit.scene.objects import (
-    Bar,
-    Contact,
-    Knit,
-    Loop,
-    ModelOptions,
-    Output,
-    Pull,
-    Scene,
-    Solver,
-    Stage,
-    Sweep,
-)
+from warpknit.scene.knit import Bar, Knit, Loop
+from warpknit.scene.loads import Pull, Stage, Sweep
+from warpknit.scene.options import Contact, ModelOptions, Output, Solver
 from warpknit.scene.panel_options import Cord, PanelOptions
 from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.scene import Scene
 from warpknit.scene.scene_loader import load_scene, make_scene
 from warpknit.scene.wire import Plating, Wire
 

@@ -20,7 +20,7 @@ from warpknit.scene.traits import AT_COMMAND, GROUPS, TRAITS, Case, Location, Pl
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
-    from warpknit.scene.objects import Scene
+    from warpknit.scene.scene import Scene
     from warpknit.scene.source import Source
 
 

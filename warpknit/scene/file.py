@@ -12,7 +12,9 @@ from pydantic import TypeAdapter, model_validator
 
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import Table, given_values, key
-from warpknit.scene.objects import Contact, KnitTable, ModelOptions, Output, Solver, Stage, Sweep
+from warpknit.scene.knit import KnitTable
+from warpknit.scene.loads import Stage, Sweep
+from warpknit.scene.options import Contact, ModelOptions, Output, Solver
 from warpknit.scene.panel_options import PanelTable
 from warpknit.scene.values import Name, exclusive
 from warpknit.scene.wire import Wire

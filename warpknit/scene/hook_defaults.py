@@ -10,7 +10,7 @@ from typing import Any
 from warpknit.scene.file import SceneFile
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import given_values
-from warpknit.scene.objects import Stage
+from warpknit.scene.loads import Stage
 from warpknit.scene.source import Source
 from warpknit.scene.wire import Wire
 from warpknit.text import at_least, at_most

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from warpknit.scene.capabilities import lacking
-from warpknit.scene.objects import Knit
+from warpknit.scene.knit import Knit
 from warpknit.scene.presets import PRESETS
 from warpknit.scene.traits import Case
 from warpknit.scene.wire import Wire
@@ -22,7 +22,7 @@ from ..text import percent, rounded
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
-    from warpknit.scene.objects import Scene
+    from warpknit.scene.scene import Scene
 
 AUTO, GIVEN = "auto", "as given"
 PLANE_IS_GOOD = 0.8  # of the planar approach, at the first touch in space: the double atlas cell has 0.88

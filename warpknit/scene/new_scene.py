@@ -19,8 +19,10 @@ from warpknit.knit.chain import KnitError
 from warpknit.knit.named import NamedKnit, named_knit
 from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import Table, keys_of
+from warpknit.scene.knit import KnitTable
+from warpknit.scene.loads import Stage
 from warpknit.scene.materials import MATERIALS
-from warpknit.scene.objects import KnitTable, ModelOptions, Stage
+from warpknit.scene.options import ModelOptions
 from warpknit.scene.units import QuantityError, has_unit, shown, si
 from warpknit.scene.wire import Plating, Wire
 from warpknit.text import exact

@@ -14,7 +14,7 @@ else:
     import tomli as tomllib
 
 from warpknit.scene.messages import dotted, scene_error
-from warpknit.scene.objects import Override, Overrides
+from warpknit.scene.scene import Override, Overrides
 from warpknit.scene.units import shown
 
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from warpknit.scene.keys import Table, keys_of
-from warpknit.scene.objects import Scene
+from warpknit.scene.scene import Scene
 from warpknit.scene.units import si_text
 
 RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene

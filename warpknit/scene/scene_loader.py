@@ -17,14 +17,16 @@ from warpknit.scene.capabilities import refuse
 from warpknit.scene.file import SceneFile, checked_file
 from warpknit.scene.hook_defaults import hook_of
 from warpknit.scene.keys import as_object
+from warpknit.scene.knit import Knit, KnitTable
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
 from warpknit.scene.model_choice import GIVEN, choose_model
-from warpknit.scene.objects import TREATMENT_KEYS, Contact, Knit, KnitTable, ModelOptions, Overrides, Scene, Solver
+from warpknit.scene.options import TREATMENT_KEYS, Contact, ModelOptions, Solver
 from warpknit.scene.overrides import as_list, with_overrides
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.scene import Overrides, Scene
 from warpknit.scene.source import Source
 from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import has_unit, shown

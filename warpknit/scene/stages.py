@@ -13,7 +13,8 @@ from warpknit.scene.file import SceneFile
 from warpknit.scene.hook import Hook
 from warpknit.scene.hook_defaults import hook_loads
 from warpknit.scene.keys import given_values
-from warpknit.scene.objects import Knit, Pull, Stage
+from warpknit.scene.knit import Knit
+from warpknit.scene.loads import Pull, Stage
 from warpknit.scene.outline import Outline
 from warpknit.scene.panel_options import PanelOptions
 from warpknit.scene.source import Source

@@ -13,7 +13,8 @@ from warpknit.scene.wire import Wire
 
 if TYPE_CHECKING:
     from warpknit.scene.file import SceneFile
-    from warpknit.scene.objects import Scene, Stage
+    from warpknit.scene.loads import Stage
+    from warpknit.scene.scene import Scene
 
 Location = tuple[int | str, ...]
 Place = tuple[Location, Any]  # a key, and its value

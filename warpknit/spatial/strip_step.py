@@ -18,15 +18,14 @@ from ..errors import ModelError
 from ..host import Mirror, fetch, is_in_place
 from ..kernels import control as c
 from ..kernels.control import PARTIAL_COUNT, update_control
-from ..kernels.rod_border import BORDER_VALUES, collect_nodes, collect_travel, distribute_nodes, distribute_travel
+from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
 from ..launch import Launch, bind, replay
-from ..precision import DOUBLE, Precision
 from ..row_sums import fewer_rows
 from .model import BORDER, SpatialModel
 from .rod_arrays import RodArrays, RodState
 from .rod_step import RodStepper
 from .rods import Rods
-from .strip import BorderWires, RodStrip, weft_range, within
+from .strip import RodStrip, weft_range, within
 
 
 class Border:
@@ -37,14 +36,13 @@ class Border:
         self._by_block = is_in_place(self._device)  # on a GPU travel is that of the fastest node
         self._block_wire = fetch(arrays.block_wire)
         self._rods = rods
-        (sent, collect), (received, distribute) = (
-            self._part([wires(one) for one in strip.neighbours]) for wires in (_sent, _received)
-        )
+        sent, collect = self._part([one.sent for one in strip.neighbours])
+        received, distribute = self._part([one.received for one in strip.neighbours])
         self._sent, self._received = (Mirror((part[-1],), wp.float64, self._device) for part in (sent, received))
         peers = [(one.rank, slice(*sent[k : k + 2]), slice(*received[k : k + 2])) for k, one in enumerate(strip.neighbours)]
         self._swap = strip.ranks.channel(self._sent.host, self._received.host, peers)
-        self.collect = self._launches(collect, collect_nodes, collect_travel, self._sent.array, state)
-        self.distribute = self._launches(distribute, distribute_nodes, distribute_travel, self._received.array, state)
+        self.collect = self._launches(collect, state, collects=1, values=self._sent.array)
+        self.distribute = self._launches(distribute, state, collects=0, values=self._received.array)
 
     def _part(self, wires: list[np.ndarray]) -> tuple[list[int], dict[str, np.ndarray]]:
         """Where the values for each neighbour begin and end, and the nodes and blocks of all with their places."""
@@ -61,17 +59,16 @@ class Border:
         lists = {"border_node": nodes, "border_place": node_place, "border_block": blocks, "block_place": block_place}
         return begins, {name: np.concatenate([np.zeros(0, dtype=np.int64), *parts]) for name, parts in lists.items()}
 
-    def _launches(
-        self, lists: dict[str, np.ndarray], of_nodes: wp.Kernel, of_blocks: wp.Kernel, values: wp.array, state: RodState
-    ) -> list[Launch]:
-        places: dict[str, wp.array] = {
-            name: wp.array(numbers, dtype=wp.int32, device=self._device) for name, numbers in lists.items()
-        }
+    def _launches(self, lists: dict[str, np.ndarray], state: RodState, **named: object) -> list[Launch]:
+        """Launches that copy the values of the nodes and blocks of `lists` (see `_part`)."""
+        places: dict[str, wp.array] = {}
+        for name, numbers in lists.items():
+            places[name] = wp.array(numbers, dtype=wp.int32, device=self._device)
         node = {name: places[name] for name in ("border_node", "border_place")}
         block = {name: places[name] for name in ("border_block", "block_place")}
         return [
-            bind(of_nodes, len(lists["border_node"]), state, values=values, **node),
-            bind(of_blocks, len(lists["border_block"]), state, values=values, **block),
+            bind(copy_nodes, len(lists["border_node"]), state, **named, **node),
+            bind(copy_travel, len(lists["border_block"]), state, **named, **block),
         ]
 
     def exchange(self) -> None:
@@ -81,26 +78,12 @@ class Border:
         self._received.copy_to_device()
 
 
-def _sent(one: BorderWires) -> np.ndarray:
-    return one.sent
-
-
-def _received(one: BorderWires) -> np.ndarray:
-    return one.received
-
-
 class StripRodStepper(RodStepper):
     """Takes steps of the own wires of a strip, together with the other ranks."""
 
-    def __init__(
-        self,
-        rods: Rods,
-        device: str = "cpu",
-        state: RodState | None = None,
-        precision: Precision = DOUBLE,
-        strip: RodStrip | None = None,
-    ) -> None:
-        super().__init__(rods, device, state, precision, strip)
+    def __init__(self, model: SpatialModel, state: RodState) -> None:
+        rods, device = model.rods, model.device
+        super().__init__(rods, device, state, model.precision, model.strip)
         ranks = self.strip.ranks
         self._border = Border(self.strip, rods, self.arrays, self.state)
         if len({is_in_place(place) for place in ranks.everyone(str(device))}) > 1:
@@ -179,5 +162,6 @@ class StripRodStepper(RodStepper):
 
 def stepper_of(model: SpatialModel, state: RodState) -> RodStepper:
     """The stepper of a model: of the mesh, or of a strip with the other ranks."""
-    kind = RodStepper if model.strip is None else StripRodStepper
-    return kind(model.rods, model.device, state, model.precision, model.strip)
+    if model.strip is not None:
+        return StripRodStepper(model, state)
+    return RodStepper(model.rods, model.device, state, model.precision)

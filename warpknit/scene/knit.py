@@ -1,0 +1,141 @@
+"""The table [knit] with its bars and loops, as frozen objects in plain SI."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from warpknit.knit.loops import RANGES, LoopProportions
+from warpknit.scene.keys import Table, key
+from warpknit.scene.values import (
+    Chain,
+    LoopLength,
+    LoopScale,
+    LoopShape,
+    PerLength,
+    Repeats,
+    Scatter,
+    Seed,
+    Shift,
+    Threading,
+    exclusive,
+    proportion,
+)
+
+MEAN = LoopProportions()  # what the loops are where a scene does not say
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar(Table):
+    """One guide bar of [knit] bars: its chain of links a-b, its threading of '|' and '.', its shift in needles."""
+
+    chain: Chain = key(
+        "Links a-b of a guide bar, course by course: the overlap runs from gap a to gap b. a = b is an inlay without a loop."
+    )
+    threading: Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
+    shift: Shift = key("Offset of the bar to the right, in needles.", 0)
+    loop_scale: LoopScale = key(
+        "Factor on the proportions of `[knit.loop]` that make a loop large, for the loops of this bar: bars of different run-in.",
+        1.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop(Table):
+    """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure and their ranges."""
+
+    shape: LoopShape = key(
+        "`auto`: `circular-oval` for two bars in opposition with one loop per needle and course and alternating closed and open"
+        " courses, else `general`.",
+        MEAN.shape,
+    )
+    closed_radius: Annotated[float, proportion(*RANGES["closed_radius"])] = key(
+        "Circular-oval: radius of a closed (circular) loop [C].", MEAN.closed_radius
+    )
+    closed_head: Annotated[float, proportion(*RANGES["closed_head"])] = key(
+        "Circular-oval: top of a closed loop above the next course line [C].", MEAN.closed_head
+    )
+    open_head: Annotated[float, proportion(*RANGES["open_head"])] = key(
+        "Circular-oval: top of an open (oval) loop above the next course line [C].", MEAN.open_head
+    )
+    open_half_width: Annotated[float, proportion(*RANGES["open_half_width"])] = key(
+        "Circular-oval: half width of an open loop [C].", MEAN.open_half_width
+    )
+    closed_foot: Annotated[float, proportion(*RANGES["closed_foot"])] = key(
+        "Circular-oval: half distance of the feet of a closed loop [C].", MEAN.closed_foot
+    )
+    open_foot: Annotated[float, proportion(*RANGES["open_foot"])] = key(
+        "Circular-oval: half distance of the feet of an open loop [C].", MEAN.open_foot
+    )
+    foot_radius: Annotated[float, proportion(*RANGES["foot_radius"])] = key(
+        "Circular-oval: radius of the bend at the exit foot [C].", MEAN.foot_radius
+    )
+    tilt: Annotated[float, proportion(*RANGES["tilt"])] = key(
+        "Circular-oval: lean of an open loop towards its overlap.", MEAN.tilt
+    )
+    lateral_shift: Annotated[float, proportion(*RANGES["lateral_shift"])] = key(
+        "Circular-oval: shift of a closed loop towards its underlaps [W].", MEAN.lateral_shift
+    )
+    foot_half_width: Annotated[float, proportion(*RANGES["foot_half_width"])] = key(
+        "General: half distance of the feet [W].", MEAN.foot_half_width
+    )
+    leg_half_width: Annotated[float, proportion(*RANGES["leg_half_width"])] = key(
+        "General: half distance of the legs [W].", MEAN.leg_half_width
+    )
+    head_height: Annotated[float, proportion(*RANGES["head_height"])] = key(
+        "General: top of the head above the next course line [C].", MEAN.head_height
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knit(Table):
+    """[knit]: the pattern, its spacings, and how often it repeats; the double atlas net of the paper where a key is left out."""
+
+    bars: Annotated[tuple[Bar, ...], Field(min_length=1)] = key(
+        "The guide bars. Default: the two of the double atlas.",
+        (
+            Bar(chain="1-0/1-2/2-3/2-1", threading="|.", shift=0),
+            Bar(chain="2-3/2-1/1-0/1-2", threading="|.", shift=1),
+        ),
+    )
+    wale_spacing: LoopLength = key("Distance between wales (along weft, x).", 1.7e-3)
+    course_spacing: LoopLength = key("Distance between courses (along warp, y).", 1.0e-3)
+    repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
+    scatter: Scatter = key(
+        "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each loop of the mesh.", 0.0
+    )
+    seed: Seed = key("Random seed of the scatter.", 0)
+    loop: Loop = key("The shape of the loops.", Loop())
+
+    @property
+    def repeat(self) -> tuple[float, float]:
+        """Width and height of one repeat [m]: it spans the common period of the threadings and of the chains."""
+        wales = math.lcm(*(len(bar.threading) for bar in self.bars))
+        courses = math.lcm(*(bar.chain.count("/") + 1 for bar in self.bars))
+        return (wales * self.wale_spacing, courses * self.course_spacing)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of all repeats [m]."""
+        return (self.repeats[0] * self.repeat[0], self.repeats[1] * self.repeat[1])
+
+    @property
+    def even(self) -> Knit:
+        """One repeat of the knit, without scatter."""
+        return replace(self, scatter=0.0, seed=0, repeats=(1, 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnitTable(Knit):
+    """[knit] as it stands in a file, with what says the same in another way."""
+
+    wales: PerLength | None = key("Instead of `wale_spacing`: wales per length.", None)
+    courses: PerLength | None = key("Instead of `course_spacing`: courses per length.", None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_spacing(cls, data: Any) -> Any:
+        return exclusive(data, ("wale_spacing", "wales"), ("course_spacing", "courses"))
