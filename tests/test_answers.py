@@ -17,6 +17,7 @@ from warpknit.runner.summary_table import summary_rows
 from warpknit.scene import load_scene
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
+EXPANSION = 4.5e-6  # [1/K]
 QUICK = ("solver.preset=draft", "output.figures=false", "output.usd=false")
 
 
@@ -112,9 +113,18 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         one.tension_weft_N_per_m = one.tension_warp_N_per_m = 0.3
         one.strain_weft += 1e-4 * k
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
-    text = dict(answer_rows(answers | {"heat": heat_of([row(0.3), *cold], by_tension)}, LIMIT))
+    (held,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
+    text = dict(answer_rows(answers | {"heat": [held]}, LIMIT))
+    assert not held["jump"] and "on the way" not in text["heat, 20 to -190 degC"]
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
     assert "tension 300 mN/m, strain 6.0 % / 3.0 %, changed by +0.04 / +0.00 %" in text["heat, 20 to -190 degC"]
+    for one in cold[2:]:
+        one.strain_weft += 0.05  # 42 K strain free wire by 0.02 %
+    cold[3].stress_max_Pa = 500e6
+    (jumped,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
+    assert jumped["jump"] and jumped["peak"] == {"stress_max_Pa": 500e6, "temperature_K": pytest.approx(293.15 - 4 * 42.0)}
+    text = dict(answer_rows(answers | {"heat": [jumped]}, LIMIT))["heat, 20 to -190 degC"]
+    assert "500 MPa at -148 degC on the way, the mesh jumps to another equilibrium on the way" in text
 
 
 def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:

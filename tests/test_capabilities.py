@@ -79,9 +79,9 @@ def refusal(folder: Path, table: dict[str, Any], traits: set[str]) -> str:
     path.write_text(tomli_w.dumps(table), encoding="utf-8")
     command = next((name for name in ("report", "map", "trade", "error") if name in traits), "")
     try:
-        if command == "map" and {"cuda", "ranks"} & traits:
+        if command in ("map", "trade") and {"cuda", "ranks"} & traits:
             loaded = load_scene(path)
-            sweep.refuse(loaded, "map", device="cuda:0" if "cuda" in traits else None, ranks=2 if "ranks" in traits else 1)
+            sweep.refuse(loaded, command, device="cuda:0" if "cuda" in traits else None, ranks=2 if "ranks" in traits else 1)
         elif "ranks" in traits:
             run_scene(load_scene(path), out=out, ranks=Two())
         elif command:

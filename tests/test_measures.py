@@ -72,12 +72,15 @@ def test_shares_of_the_wire_are_by_length() -> None:
     1 % of the wire exceeds the stress of the node behind which 1 % of the length is left, 1.9 Pa, and half of it 0.1 Pa."""
     model = SimpleNamespace(scene=SimpleNamespace(wire=SimpleNamespace(yield_stress=1.0, plastic=True)))
     stress = np.append(1.1 + 0.1 * np.arange(9), 0.1)
-    of_wire = SimpleNamespace(node=stress, contact=np.zeros(0))
+    of_wire = SimpleNamespace(node=stress, contact=np.zeros(0), contact_node=np.zeros(0, dtype=int))
     reading = SimpleNamespace(
         model=model, wire_stress=of_wire, node_length=np.append(np.full(9, 0.1 / 9), 0.9), plastic_strain=stress - 1.0
     )
     assert measure.stress_extremes(reading) == pytest.approx((1.9, 1.9, 0.1))
     assert measure.plastic_extremes(reading)[0] == pytest.approx(0.1)
+    of_wire.contact, of_wire.contact_node = np.array([3.0]), np.array([9])  # behind the last node, which stands for the rest
+    assert measure.stress_extremes(reading) == pytest.approx((3.0, 1.9, 1.0))
+    of_wire.contact, of_wire.contact_node = np.zeros(0), np.zeros(0, dtype=int)
     reading.node_length = np.append(np.full(9, 0.009 / 9), 0.991)
     assert measure.stress_extremes(reading)[1] == 0.1
 

@@ -185,7 +185,9 @@ def contact_map(
 @scene_options
 @result_options
 @click.option("--against", type=click.Choice(["planar", "spatial"]), help="Model of the reference.  [default: the scene's]")
+@click.pass_obj
 def trade(
+    ranks: Ranks,
     scene: str,
     overrides: tuple[str, ...],
     preset: str | None,
@@ -198,7 +200,10 @@ def trade(
 ) -> int:
     """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
     _refuse_both(resume, force)
-    loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet)
+    loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet, ranks=ranks.count)
+    from warpknit.scene.capabilities import refuse
+
+    refuse(loaded, "trade", ranks=ranks.count)
 
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.runner.progress_display import progress_for
@@ -231,7 +236,9 @@ def trade(
 @click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed.")
 @click.option("--force", is_flag=True, help="Replace finished results in DIR.")
 @click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
+@click.pass_obj
 def report(
+    ranks: Ranks,
     scene: str,
     overrides: tuple[str, ...],
     preset: str | None,
@@ -262,7 +269,10 @@ def report(
         positive_quantity("--areal-mass", areal_mass, "areal_mass"),
     )
     asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
-    loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet)
+    loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet, ranks=ranks.count)
+    from warpknit.scene.capabilities import refuse
+
+    refuse(loaded, "report", ranks=ranks.count)
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
     if done.page is None:

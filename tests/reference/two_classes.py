@@ -38,7 +38,7 @@ def found(
 ) -> dict[str, Any]:
     """The answers from rows of such a mesh. asked [N/m]: tension that its stages give; error [%]: of its tensions."""
     scene = SimpleNamespace(
-        hook=None, wire=SimpleNamespace(yield_stress=LIMIT), output=SimpleNamespace(service_tension=service),
+        hook=None, wire=SimpleNamespace(yield_stress=LIMIT, expansion=4.5e-6), output=SimpleNamespace(service_tension=service),
         solver=SimpleNamespace(residual_tolerance=1e-3),
         stages=[SimpleNamespace(name=name, by_tension=(asked is not None,) * 2, tension_weft=asked, tension_warp=asked)
                 for name in ("load", "cold")],

@@ -27,12 +27,13 @@ class HeatedMesh:
 
     rows: Sequence[Row]
     stages: Sequence[Stage]
+    expansion: float  # [1/K] of the wire
     ended: str = ""  # why, where it did not reach the last temperature
 
     @property
     def answers(self) -> list[Answer]:
         """What heat does, as in the answers of a run."""
-        return heat_of(self.rows, self.stages)
+        return heat_of(self.rows, self.stages, self.expansion)
 
 
 def heat(
@@ -71,5 +72,5 @@ def heat(
                     rows.append(row_of(record))
         except Diverged:
             ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
-        found.append(HeatedMesh(rows, stages, ended))
+        found.append(HeatedMesh(rows, stages, scene.wire.expansion, ended))
     return found

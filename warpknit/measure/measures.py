@@ -189,14 +189,17 @@ def contact_stress(r: Observables) -> np.ndarray:
 def stress_extremes(r: Observables) -> tuple[float, float, float]:
     """Largest stress [Pa], the stress [Pa] that 1 % of the wire exceeds, and the share of the wire above the yield stress.
 
-    Shares are of the length of wire that nodes stand for, as nodes in space are close together where the wire turns.
+    Shares are of the length of wire that nodes stand for, as nodes in space are close together where the wire turns. A node is
+    above the yield stress where a place behind it is.
     """
     stress, peak = r.wire_stress.node, r.wire_stress.contact
     largest = max(float(stress.max()), float(peak.max(initial=0.0)))
     order = np.argsort(stress)
     below = np.cumsum(r.node_length[order])
     exceeded = stress[order[np.searchsorted(below, 0.99 * below[-1])]]
-    return largest, float(exceeded), _wire_share(r, stress > r.model.scene.wire.yield_stress)
+    highest = stress.copy()
+    np.maximum.at(highest, r.wire_stress.contact_node, peak)
+    return largest, float(exceeded), _wire_share(r, highest > r.model.scene.wire.yield_stress)
 
 
 def _wire_share(r: Observables, nodes: np.ndarray) -> float:

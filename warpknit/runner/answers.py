@@ -41,6 +41,9 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
                                       of ten loads; else that of the double atlas mesh; null where it is not known
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
+    heat[].peak                       largest stress of its records, and the temperature there
+    heat[].jump                       true where the mesh jumps to another equilibrium: where a tension is held, it is strained by
+                                      far more than free wire between two records
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
                                       shows does not count. Stages that go on loading at one temperature count as one
@@ -64,6 +67,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from .. import measure
 from ..measure import MeshModel
@@ -78,6 +82,7 @@ from .history import Row, mean_tension, stages_of
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
+HEAT_JUMP = 20.0  # strain of a mesh over that of free wire, beyond which another equilibrium was found
 HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
 ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the residual tolerance of this (solve/tension.py)
 
@@ -126,7 +131,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "asked_tension_N_per_m": asked,
         "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
         "tension_error_percent": tension_error(model.scene),
-        "heat": heat_of(rows, model.scene.stages),
+        "heat": heat_of(rows, model.scene.stages, model.scene.wire.expansion),
         "best": best_tension(known, limit, classes, until, inner_jumps),
     }
 
@@ -173,15 +178,30 @@ def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -
     return state_between(before, after, share) | found | {"stress_max_Pa": limit}
 
 
-def heat_of(rows: Sequence[Row], stages: Sequence[Stage]) -> list[Answer]:
-    """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end."""
+def heat_of(rows: Sequence[Row], stages: Sequence[Stage], expansion: float) -> list[Answer]:
+    """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end.
+
+    expansion [1/K] of the wire."""
     by_tension = {stage.name: stage.by_tension for stage in stages}
     return [
         {"stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension[part[-1].stage]]}
         | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
+        | {
+            "peak": {
+                name: vars(max(part, key=lambda row: row.stress_max_Pa))[name] for name in ("stress_max_Pa", "temperature_K")
+            }
+        }
+        | {"jump": any(_jumps_in_heat(one, other, expansion) for one, other in pairwise(part))}
         for part in stages_of(rows)
         if part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
     ]
+
+
+def _jumps_in_heat(before: Row, after: Row, expansion: float) -> bool:
+    """Whether a mesh is strained by far more than free wire between two records of a change of temperature."""
+    free = abs(expansion * (after.temperature_K - before.temperature_K))
+    strain = max(abs(after.strain_weft - before.strain_weft), abs(after.strain_warp - before.strain_warp))
+    return strain > max(HEAT_JUMP * free, HELD_STRAIN)
 
 
 def _is_held(part: Sequence[Row], side: str) -> bool:

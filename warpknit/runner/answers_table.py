@@ -13,6 +13,7 @@ State = Mapping[str, Any]
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain
 SAME = 1e-9  # of a tension: round-off of a state found twice
+PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -198,7 +199,9 @@ def _place(peak: Mapping[str, Any]) -> str:
 
 
 def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    begin, end = ({name: values[k] for name, values in stage.items() if name not in ("stage", "held")} for k in (0, 1))
+    begin, end = (
+        {name: values[k] for name, values in stage.items() if isinstance(values, list) and name != "held"} for k in (0, 1)
+    )
     by_tension = {one == "tension" for one in stage["held"]}
     held = "" if len(by_tension) > 1 else "tension held: " if True in by_tension else "frame held: "
     parts = [f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])}"]
@@ -209,6 +212,11 @@ def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     change = " / ".join(f"{change:+.{digits}f}" for change in changes)
     parts.append(f"{_strain(begin)}" + (f", changed by {change} %" if moves else ""))
     parts.append(f"stress {' to '.join(alike([one['stress_max_Pa'] for one in (begin, end)], 'Pa'))}")
+    peak = stage["peak"]
+    if peak["stress_max_Pa"] > PEAK_ON_THE_WAY * max(begin["stress_max_Pa"], end["stress_max_Pa"]):
+        parts.append(f"{engineering(peak['stress_max_Pa'], 'Pa')} at {celsius(peak['temperature_K'])} on the way")
+    if stage["jump"]:
+        parts.append("the mesh jumps to another equilibrium on the way: not what heat alone does")
     yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}", held + ", ".join(parts)
 
 

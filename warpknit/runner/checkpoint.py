@@ -83,7 +83,8 @@ class Checkpoint:
             raise RunDirectoryError(f"{path}: not a checkpoint of this version ({error}): start over with --force") from error
         if scene != scene_hash:
             raise RunDirectoryError(
-                f"{path}: the checkpoint is of another scene or other settings: run those, or start over with --force"
+                f"{path}: the checkpoint is of another scene, or of this one with other --set, --preset or --error: run those, or"
+                " start over with --force"
             )
         if count != ranks.count:
             raise RunDirectoryError(

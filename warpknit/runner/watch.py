@@ -67,7 +67,9 @@ class Watch:
                     del record  # its fields are as large as the state
             except Interrupted:
                 self._checkpoint()
-                return LoopResult("interrupted", 130, f"interrupted; continue with --resume --out {self.out}")
+                return LoopResult(
+                    "interrupted", 130, f"interrupted; continue with the same command and --resume --out {self.out}"
+                )
             except Diverged as error:
                 return LoopResult("diverged", error.exit_code, str(error))
         return LoopResult("steady")

@@ -161,5 +161,6 @@ RULES = (
         "cpu for maps and reports (its small meshes fit the caches of a CPU)",
         "small meshes fit the caches of a CPU",
     ),
+    Rule("ranks", ("trade",), "one rank for a trade: run it without mpirun", "its meshes are small"),
     Rule("ranks", ("map",), "one rank for maps and reports: run it without mpirun", "its meshes are small"),
 )

@@ -72,7 +72,9 @@ class Stability:
 
     def _note(self) -> None:
         strains = strain_text(self.relaxation.stepper.state.gradient)
-        self.notes.append(f"at strains of {strains} an equilibrium was not stable: the mesh left it for another")
+        note = f"at strains of {strains} an equilibrium was not stable: the mesh left it for another"
+        if note not in self.notes:
+            self.notes.append(note)
 
     def _disturb(self) -> None:
         strip, state = self.relaxation.stepper.strip, self.relaxation.stepper.state

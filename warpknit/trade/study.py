@@ -99,7 +99,11 @@ class _Study:
                     self.display.stage(point.name, number=number, of=len(points))
                     self._run(point)
             except Interrupted:
-                reason, code, message = "interrupted", 130, f"interrupted; continue with --resume --out {self.out}"
+                reason, code, message = (
+                    "interrupted",
+                    130,
+                    f"interrupted; continue with the same command and --resume --out {self.out}",
+                )
         summary = self._summary(reason)
         with write_aside(self.out / "trade.json") as file:
             json.dump(summary, file, indent=2, allow_nan=False)
