@@ -16,7 +16,7 @@ from warpknit.runner.cautions import cautions, scene_cautions, sweep_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
-from warpknit.runner.warnings_of import _overstressed
+from warpknit.runner.warnings_of import _overstressed, _taut_between_grips
 from warpknit.scene import load_scene
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back
@@ -221,3 +221,21 @@ def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> 
     mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3}
     rows = summary_rows({"mesh": mesh, "answers": {"tension_tolerance_N_per_m": 0.01}}, tmp_path)
     assert next(text for name, text in rows if name == "tension, weft / warp") == "9.22 N/m / 0 N/m"
+
+
+def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut() -> None:
+    """The edge of a patch cuts pieces of less than a loop; a long wire, a stress like that of the others, or a tile say nothing."""
+    model = build_model(load_scene(SCENE.with_name("atlas_patch.toml"), ["knit.repeats=[4, 3]"]))
+    length = model.panel.wire_length
+    short, long = int(np.argmin(length)), int(np.argmax(length))
+    assert length[short] < model.cloth.stitch_length < length[long]
+
+    def said(wire: int, largest: float, of: object = model) -> list[str]:
+        stress = {"stress_max_wire": wire, "stress_max_Pa": largest, "stress_interior_max_Pa": 1e8}
+        return list(_taut_between_grips(of, [{"wire": stress}]))
+
+    (line,) = said(short, 2e9)
+    assert line.startswith(f"{np.count_nonzero(length < model.cloth.stitch_length)} of {len(length)} wires have less than a loop")
+    assert "one is taut with 2 GPa (100 MPa away from the grips)" in line
+    tile = build_model(load_scene(SCENE.with_name("atlas_cell.toml")))
+    assert not said(long, 2e9) and not said(short, 2e8) and not said(0, 2e9, tile)

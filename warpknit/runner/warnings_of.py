@@ -23,6 +23,7 @@ LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to dete
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
 PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direction that is held counts as compressed
 PRESTRESS = 0.01  # of the largest tension: less at zero load is not told
+TAUT = 3.0  # largest stress over that away from the grips, of wires that are taut between two grips
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
 Stages = Sequence[dict[str, Any]]
@@ -33,6 +34,7 @@ def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[s
     return [
         *model.panel.notes,
         *_overstressed(model, rows, stages),
+        *_taut_between_grips(model, stages),
         *_compressed(model, rows),
         *cautions(model, list(rows)),
         *model.warnings(stages),
@@ -57,6 +59,21 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iter
         yield f"{stressed} {strength_text(model.scene)}: the wire would break; {law}"
     elif largest > wire.yield_stress:
         yield f"{stressed} {limit_text(model.scene)}: {_yielding(model, stages)}"
+
+
+def _taut_between_grips(model: MeshModel, stages: Stages) -> Iterator[str]:
+    """Whether a wire of less than a loop, which two grips pull apart, carries the largest stress."""
+    if not stages or model.cloth is None or model.panel.boundary == "periodic":
+        return
+    wire, length = stages[-1]["wire"], model.panel.wire_length
+    largest, interior = wire["stress_max_Pa"], wire["stress_interior_max_Pa"]
+    is_short = length < model.cloth.stitch_length
+    if is_short[wire["stress_max_wire"]] and largest > TAUT * interior:
+        yield (
+            f"{np.count_nonzero(is_short)} of {len(length)} wires have less than a loop between two grips, which strains pull"
+            f" apart: one is taut with {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips); the"
+            " tension of the mesh includes them, the larger the mesh the less: compare with model.boundary = 'periodic'"
+        )
 
 
 def _yielding(model: MeshModel, stages: Stages) -> str:
