@@ -224,7 +224,7 @@ def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> 
 
 
 def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut() -> None:
-    """The edge of a patch cuts pieces of less than a loop; a long wire, a stress like that of the others, or a tile say nothing."""
+    """The edge of a patch cuts pieces of less than a loop. A long wire, a stress like that of others, or a tile say nothing."""
     model = build_model(load_scene(SCENE.with_name("atlas_patch.toml"), ["knit.repeats=[4, 3]"]))
     length = model.panel.wire_length
     short, long = int(np.argmin(length)), int(np.argmax(length))
