@@ -238,22 +238,24 @@ def test_with_a_knit_nothing_is_asked(terminal: None) -> None:
 
 
 def test_return_takes_what_is_in_brackets(terminal: None) -> None:
-    done = new(answers="\n" * 9)
+    done = new(answers="\n" * 10)
     assert done.exit_code == 0, done.stderr
     as_asked = Path("double-atlas.toml").read_text()
     assert as_asked == scene_text(SceneRequest(), "double-atlas.toml")
 
 
 def test_answers_are_those_of_the_options(terminal: None) -> None:
-    done = new(answers="tricot\ntungsten\n17 um\n4\n24\n28 /inch\n1 N/m\nspatial\nmine\n")
+    done = new(answers="tricot\ntungsten\ngold, 0.2 um\n17 um\n4\n24\n28 /inch\n1 N/m\nspatial\nmine\n")
     assert done.exit_code == 0, done.stderr
-    options = ("--knit", "tricot", "--material", "tungsten", "--diameter", "17 um", "--ends", "4", "--wales", "24")
-    assert new(*options, "--courses", "28 /inch", "--load", "1 N/m", "--model", "spatial", "other").exit_code == 0
+    options = ("--knit", "tricot", "--material", "tungsten", "--plating", "gold, 0.2 um", "--diameter", "17 um", "--ends", "4")
+    assert (
+        new(*options, "--wales", "24", "--courses", "28 /inch", "--load", "1 N/m", "--model", "spatial", "other").exit_code == 0
+    )
     assert Path("mine.toml").read_text() == Path("other.toml").read_text().replace("other.toml", "mine.toml")
 
 
 def test_what_options_give_is_not_asked(terminal: None) -> None:
-    done = new("--diameter", "25 um", "--load", "1 %", "mesh", answers="tricot\n" + "\n" * 5)
+    done = new("--diameter", "25 um", "--load", "1 %", "mesh", answers="tricot\n" + "\n" * 6)
     assert done.exit_code == 0, done.stderr
     assert "diameter" not in done.stdout and "Load" not in done.stdout and "File" not in done.stdout
     assert load_scene("mesh.toml").wire.diameter == pytest.approx(25e-6, rel=ROUND_OFF, abs=0.0)
@@ -261,16 +263,17 @@ def test_what_options_give_is_not_asked(terminal: None) -> None:
 
 def test_a_bad_answer_is_asked_for_again(terminal: None) -> None:
     Path("tricot.toml").write_text("# mine\n")
-    done = new(answers="tricott\ntricot\n\n25\n25 um\n\n\n\n6\n6 %\n\ntricot\nmesh\n")
+    done = new(answers="tricott\ntricot\n\ngold\nnone\n25\n25 um\n\n\n\n6\n6 %\n\ntricot\nmesh\n")
     assert done.exit_code == 0, done.stderr
     assert "the nearest is tricot" in done.stdout and "a length with its unit" in done.stdout
+    assert "a metal and the thickness of its coating" in done.stdout
     assert "a strain such as '6 %'" in done.stdout and "tricot.toml: given a file that exists" in done.stdout
     assert Path("tricot.toml").read_text() == "# mine\n" and load_scene("mesh.toml").name == "mesh"
 
 
 def test_loops_without_room_are_asked_for_again(terminal: None) -> None:
     """Wire and spacings, with the last answers in brackets."""
-    done = new(answers="tricot\n\n0.1 mm\n3\n\n\n" + "30 um\n1\n\n\n" + "\n\n\n")
+    done = new(answers="tricot\n\n\n0.1 mm\n3\n\n\n" + "30 um\n1\n\n\n" + "\n\n\n")
     assert done.exit_code == 0, done.stderr
     assert "thinner wire: a thickness of at most" in done.stdout and "Wires in a yarn [3]: 1" in done.stdout
     assert load_scene("tricot.toml").wire.ends == 1

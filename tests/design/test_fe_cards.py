@@ -14,6 +14,7 @@ from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import write_card
 from warpknit.design.fe import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
 from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
+from warpknit.design.fe.yarn_curves import _rising
 from warpknit.runner.history import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
 from warpknit.scene import load_scene
@@ -411,3 +412,11 @@ def test_a_card_tells_wire_knit_preset_and_what_the_preset_is_worth(tmp_path):
     for name in files.values():
         comments = " ".join(re.sub(r"^\W+", "", line) for line in (tmp_path / name).read_text().splitlines())
         assert "Wire: molybdenum, 30 um" in comments and "of the reference preset at nine of ten loads" in comments
+
+
+def test_a_curve_of_a_direction_that_contracts_first_begins_no_steeper_than_it_goes_on() -> None:
+    """A tension at next to no strain, of a mesh that was shorter before, is left out: a line from the mesh as knitted."""
+    stretch = np.array([1.08, 0.999, 1.0 + 4e-5, 1.02, 1.05])
+    nominal = np.array([5.0, 0.02, 0.1, 1.2, 3.0])  # of the card, then of the states on the way
+    curve = _rising("warp", stretch, nominal)
+    assert curve.stretch.tolist() == [1.0, 1.02, 1.05, 1.08] and curve.slope < 70.0

@@ -17,6 +17,7 @@ from ..scene.new_scene import SceneRequest, check_value
 from .new import checked_request, file_of, planned_scene
 
 T = TypeVar("T")
+NO_PLATING = "none"
 MESH = ("diameter", "ends", "wales", "courses")  # asked again where they do not go together
 
 
@@ -38,7 +39,7 @@ def ask(given: Mapping[str, str], path: Path | None, *, force: bool) -> tuple[Sc
             request = replace(request, **{name: _answer(name, request)})
         return request
 
-    request = answered(request, "knit", "material", *MESH)
+    request = answered(request, "knit", "material", "plating", *MESH)
     while (fault := _fault(request)) is not None:
         if set(MESH) <= given.keys():
             raise fault
@@ -57,7 +58,8 @@ def _answer(name: str, request: SceneRequest) -> str:
     question, default = {
         "knit": ("Knit", request.knit),
         "material": (f"Wire material ({', '.join(MATERIALS)})", request.material),
-        "diameter": ("Wire diameter", request.diameter),
+        "plating": ("Plating (none, or such as gold, 0.2 um)", request.plating or NO_PLATING),
+        "diameter": ("Wire diameter, without plating", request.diameter),
         "ends": ("Wires in a yarn", request.ends),
         "wales": ("Wales per inch, or with a unit", wales),
         "courses": ("Courses per inch, or with a unit", courses),
@@ -66,6 +68,8 @@ def _answer(name: str, request: SceneRequest) -> str:
     }[name]
 
     def checked(answer: str) -> str:
+        if (name, answer) == ("plating", NO_PLATING):
+            return ""
         check_value(name, answer)
         return answer
 

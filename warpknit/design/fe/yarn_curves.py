@@ -16,6 +16,7 @@ from ..card import MaterialCard
 from .tangent import NoConstants
 
 APART = 0.02  # of a tension: nearer states are that of the card, less exact
+FIRST = 0.05  # of the strain of the card: points nearer to the mesh as knitted, of one that contracted before, are left out
 MISFIT = 0.1  # of the tension of the card: largest difference of a curve from a state on the way to the card
 
 
@@ -61,9 +62,9 @@ def _rising(side: str, stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
     Raises `NoConstants` where the others of less tension than the first are far off the curve.
     """
     points = [(stretch[0], nominal[0])]
-    order = np.argsort(stretch)
+    order, least = np.argsort(stretch), 1.0 + FIRST * (stretch[0] - 1.0)
     for i in order[::-1]:
-        if 1.0 < stretch[i] < points[0][0] and 0.0 < nominal[i] < points[0][1]:
+        if least < stretch[i] < points[0][0] and 0.0 < nominal[i] < points[0][1]:
             points.insert(0, (stretch[i], nominal[i]))
     for i in order:
         if stretch[i] > points[-1][0] and nominal[i] > points[-1][1]:
