@@ -50,6 +50,22 @@ def test_the_elastic_limit_is_drawn_where_it_runs_through_the_map(tmp_path):
     assert share_of(LIMIT, draw(tmp_path / "b.png", RISING, limit=1e9)) == 0.0
 
 
+def test_a_cell_above_the_elastic_limit_is_hatched_beside_a_jump_too(tmp_path, monkeypatch):
+    """The middle cell alone is above the limit, and jumps to a neighbour: no line, but hatched, and named so."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    stress, (low, middle) = np.full((3, 3), 1e8), STRAINS[:2]
+    stress[1, 1] = 7e8
+    marks = Marks(stress=stress, yield_stress=6e8, optimum=None, jumps=[((middle, middle), (low, middle))])
+    map_figure(tmp_path / "a.png", STRAINS, STRAINS, RISING, title="", label="share", unit="% of pairs", marks=marks)
+    hatched = [patch for patch in drawn[0].axes[0].patches if patch.get_hatch()]
+    assert len(hatched) == 1 and hatched[0].get_window_extent().contains(
+        *drawn[0].axes[0].transData.transform([100 * middle] * 2)
+    )
+    texts = [text.get_text() for legend in drawn[0].legends + [drawn[0].axes[0].get_legend()] if legend for text in legend.texts]
+    assert "above the elastic limit, 600 MPa" in texts
+
+
 def test_cells_without_a_value_stay_blank(tmp_path):
     """The middle cell of nine, those at the edges being shown by half: a quarter of the map, about 0.55 of the picture."""
     holed = RISING.copy()

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
 from matplotlib.contour import ContourSet
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -236,22 +236,27 @@ def _draw_marks(
     colour_of: Callable[[Any], Any],
     of_load: tuple[float, str],
 ) -> list[Any]:
-    """Draw the elastic limit, the optimum and other places in the colour of their value; their legend entries.
+    """Draw the elastic limit and cells above it, the optimum and other places in the colour of their value; their legend entries.
 
     of_load: factor of the loads to the axes, and unit there.
     """
     handles: list[Any] = []
     style: dict[str, Any]
-    stress = _smooth(np.ma.masked_invalid(marks.stress), x, y, marks, of_load[0])
+    known = np.ma.masked_invalid(marks.stress)
+    stress, above = _smooth(known, x, y, marks, of_load[0]), np.argwhere((known > marks.yield_stress).filled(fill_value=False))
     scale, unit = scale_of("Pa", np.array([marks.yield_stress]))
-    limit = f"{scale * marks.yield_stress:.3g} {unit}"
+    limit = f"the elastic limit, {scale * marks.yield_stress:.3g} {unit}"
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
         axes.contour(x, y, stress, levels=[marks.yield_stress], colors=LIMIT_COLOUR, linewidths=2.4)
-        label = f"elastic limit, {limit}"
-        handles.append(Line2D([], [], color=LIMIT_COLOUR, linewidth=2.4, label=label))
-    elif stress.count() and float(stress.max()) <= marks.yield_stress:
-        label = f"all below the elastic limit, {limit}"
-        handles.append(Line2D([], [], linestyle="none", label=label))
+    if len(above):
+        style = {"facecolor": "none", "edgecolor": LIMIT_COLOUR, "hatch": "///", "linewidth": 0.0}
+        across, up = _edges(x), _edges(y)
+        for row, column in above:
+            corner, size = (across[column], up[row]), (np.diff(across)[column], np.diff(up)[row])
+            axes.add_patch(Rectangle(corner, *size, zorder=1.5, **style))
+        handles.append(Patch(label=f"above {limit}", **style))
+    elif known.count():
+        handles.append(Line2D([], [], linestyle="none", label=f"all below {limit}"))
     if marks.jumps:
         style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": "black", "linestyle": "none"}
         style["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
