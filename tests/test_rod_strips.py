@@ -166,6 +166,7 @@ def test_a_ramp_in_space_is_refused_on_ranks() -> None:
         ("double atlas", [3, 2], "gripped", 3),
         ("double atlas", [4, 1], "periodic", 2),
         ("tricot", [6, 2], "periodic", 2),
+        ("tricot", [1, 1], "periodic", 2),  # both wires on both ranks
         ("single atlas", [6, 2], "gripped", 2),
         ("reverse locknit", [5, 2], "periodic", 3),
     ],
