@@ -31,6 +31,7 @@ from .watch import Watch
 
 _log = logging.getLogger(__name__)
 
+LEAST_SHARED = 10_000  # nodes of a mesh from which on two ranks are as fast as two threads (docs/studies/performance.md)
 LOCK_TIMEOUT = 30.0  # [s] for a killed run to finish its last frame
 
 
@@ -67,6 +68,9 @@ def run_scene(
     elif resume:
         _log.warning("warning: --resume: %s has no checkpoint to continue: a new run begins", out)
     model = build_model(scene, name, ranks)
+    if ranks.count > 1 and ranks.is_first and model.global_model.node_count < LEAST_SHARED:
+        _log.warning("warning: a mesh of %s nodes runs slower on %d ranks than without mpirun",
+                     f"{model.global_model.node_count:,}", ranks.count)  # fmt: skip
     simulation, compile_time = _compiled_simulation(model, checkpoint)
     with contextlib.ExitStack() as stack:
         hold = ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
