@@ -85,12 +85,14 @@ def result_options(command: Any) -> Any:
 def open_scene(
     scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, command: str, *, quiet: bool, ranks: int = 1
 ) -> tuple[Scene, Path]:
-    """Load the scene for a command (scene/capabilities.py), choose the output directory, set up the log."""
+    """Load the scene, refuse what does not go with the command (scene/capabilities.py), choose the directory, set up the log."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.commands.carried_out import default_directory
     from warpknit.scene import load_scene
+    from warpknit.scene.capabilities import refuse
 
     loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
+    refuse(loaded, command, ranks=ranks)
     return loaded, Path(out) if out else default_directory(loaded)
 
 
@@ -167,17 +169,18 @@ def contact_map(
 ) -> int:
     """Run the strains of SCENE's [sweep] and write the contact map to DIR."""
     _refuse_both(resume, force)
-    loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet)
+    loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet, ranks=ranks.count)
 
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.commands.map import map_command
+    from warpknit.runner.interrupts import to_continue
     from warpknit.runner.progress_display import progress_for
     from warpknit.sweep.map_table import map_lines
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device, ranks=ranks.count)
+        result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device)
     if result.exit_code != FINISHED:
-        return unfinished(result, f"; continue with --resume --out {directory}")
+        return unfinished(result, f"; {to_continue(directory)}")
     return finished(map_lines(result.summary), directory)
 
 
@@ -201,9 +204,6 @@ def trade(
     """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
     _refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet, ranks=ranks.count)
-    from warpknit.scene.capabilities import refuse
-
-    refuse(loaded, "trade", ranks=ranks.count)
 
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.runner.progress_display import progress_for
@@ -270,9 +270,6 @@ def report(
     )
     asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
     loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet, ranks=ranks.count)
-    from warpknit.scene.capabilities import refuse
-
-    refuse(loaded, "report", ranks=ranks.count)
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
     if done.page is None:

@@ -37,8 +37,8 @@ def run_map(
 
 
 def map_command(
-    scene: Scene, out: Path, *, resume: bool, force: bool, progress: Progress, device: str | None = None, ranks: int = 1
+    scene: Scene, out: Path, *, resume: bool, force: bool, progress: Progress, device: str | None = None
 ) -> CommandResult:
     """`warpknit map`. Raises as `sweep_scene` does."""
-    refuse(scene, "map", ranks=ranks)
+    refuse(scene, "map")
     return sweep_scene(scene, out=out, device=device, resume=resume, force=force, progress=progress)

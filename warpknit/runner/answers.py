@@ -181,20 +181,25 @@ def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -
 def heat_of(rows: Sequence[Row], stages: Sequence[Stage], expansion: float) -> list[Answer]:
     """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end.
 
-    expansion [1/K] of the wire."""
+    expansion [1/K] of the wire.
+    """
     by_tension = {stage.name: stage.by_tension for stage in stages}
     return [
-        {"stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension[part[-1].stage]]}
-        | {name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED}
-        | {
-            "peak": {
-                name: vars(max(part, key=lambda row: row.stress_max_Pa))[name] for name in ("stress_max_Pa", "temperature_K")
-            }
-        }
-        | {"jump": any(_jumps_in_heat(one, other, expansion) for one, other in pairwise(part))}
+        _heated(part, by_tension[part[-1].stage], expansion)
         for part in stages_of(rows)
         if part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
     ]
+
+
+def _heated(part: Sequence[Row], by_tension: Sequence[bool], expansion: float) -> Answer:
+    """The answer of one stage, from the record before it on."""
+    peak = max(part, key=lambda row: row.stress_max_Pa)
+    return {
+        "stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension],
+        **{name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED},
+        "peak": {"stress_max_Pa": peak.stress_max_Pa, "temperature_K": peak.temperature_K},
+        "jump": any(_jumps_in_heat(one, other, expansion) for one, other in pairwise(part)),
+    }  # fmt: skip
 
 
 def _jumps_in_heat(before: Row, after: Row, expansion: float) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..solve.tension import TOLERANCE
 from ..text import alike, celsius, engineering, exact, percent
+from .answers import HEATED
 
 State = Mapping[str, Any]
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
@@ -199,9 +200,7 @@ def _place(peak: Mapping[str, Any]) -> str:
 
 
 def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    begin, end = (
-        {name: values[k] for name, values in stage.items() if isinstance(values, list) and name != "held"} for k in (0, 1)
-    )
+    begin, end = ({name: stage[name][k] for name in HEATED} for k in (0, 1))
     by_tension = {one == "tension" for one in stage["held"]}
     held = "" if len(by_tension) > 1 else "tension held: " if True in by_tension else "frame held: "
     parts = [f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])}"]

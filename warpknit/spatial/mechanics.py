@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from .. import measure
-from ..errors import ModelError
 from ..host import Entries, fetch, store
 from ..kernels import control as c
 from ..mechanics import Check, Drift, strength_exceeded
@@ -18,7 +17,6 @@ from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
 from ..numerics import FOLLOWED_INCREMENT, SLOWEST_WAVE
-from ..text import engineering
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
@@ -29,6 +27,7 @@ from .masses import Masses
 from .membrane_grid import MembraneGrid
 from .model import SpatialModel
 from .observables import SpatialObservables, read
+from .overlap_text import CLOSEST, overlap_text, refuse_intersecting_centre_lines
 from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState, set_natural_shape
@@ -41,13 +40,11 @@ from .strip_step import stepper_of
 from .thermal import segment_thermal_strain
 from .wire_contact import WireContact
 
-CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
 LOAD_STEPS, LOAD_STRAIN = 200, 0.03  # steps over which the load of a level is applied, up to this strain; in proportion beyond it
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
-LEAST_DIFFERENCE = 0.005  # of a stiffness that differs from that of the scene: three digits
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
@@ -130,29 +127,13 @@ class SpatialMechanics:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
         self.contact.search()
         self.stepper.evaluate()
-        self._refuse_intersecting_centre_lines()
+        refuse_intersecting_centre_lines(self.contact.read_contacts(0.0), self.model.rods, self.strip)
         self.step(2)
         if self.model.ramp is None:
             self.check(1, loading=False)
             self.stress()
         else:
             self.residual_now()
-
-    def _refuse_intersecting_centre_lines(self) -> None:
-        """Intersecting centre lines do not tell which wire lies above the other."""
-        near, rods = self.contact.read_contacts(0.0), self.model.rods
-        contact_distance = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
-        distance = 1.0 - near.overlap / contact_distance
-        wires, places = self.strip.wire[rods.wire_of[np.stack([near.first, near.second])]], rods.position[near.first]
-        worst = int(distance.argmin()) if len(distance) else None
-        here = (np.inf, 0, 0, np.zeros(3)) if worst is None else (distance[worst], *wires[:, worst].tolist(), places[worst])
-        least, first, second, (x, y, _) = min(self.strip.ranks.everyone(here), key=lambda there: float(there[0]))
-        if least >= CLOSEST:
-            return
-        raise ModelError(
-            f"wires {first + 1} and {second + 1} pass through each other near x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm: their"
-            " centre lines intersect, so neither lies above the other; allowed: any distance between them, however small"
-        )
 
     # --- loads
 
@@ -252,25 +233,7 @@ class SpatialMechanics:
     def deepest_overlap(self) -> str:
         observed, strip, state = self.observe(), self.strip, self.state
         penalty, stretch = (strip.gathered(fetch(array)) for array in (state.contact_penalty, state.stretch_stiffness))
-        return strip.ranks.from_first(lambda: self._overlap_text(observed, penalty, stretch))
-
-    def _overlap_text(self, observed: SpatialObservables, penalty: np.ndarray, stretch: np.ndarray) -> str:
-        """penalty [node] [N/m] of contacts, stretch [node] [N] softened axial stiffness: those now."""
-        rods, contacts = observed.model.rods, observed.touching
-        if not len(contacts.overlap):
-            return "apart by now"
-        worst = int(np.argmax(contacts.overlap))
-        nodes = contacts.first[worst], contacts.second[worst]
-        first, second = (int(rods.wire_of[node]) for node in nodes)
-        x, y = 1e3 * measure.positions(observed)[0][nodes[0], :2]
-        return f"deepest now between wires {first} and {second} near x = {x:.4g} mm, y = {y:.4g} mm from the corner" + "".join(
-            f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
-            for name, unit, now, of_scene in (
-                ("contact penalty", "N/m", penalty[list(nodes)].mean(), self.model.contact_stiffness),
-                ("axial stiffness", "N", stretch[nodes[0]], rods.section.axial_stiffness),
-            )
-            if not math.isclose(now, of_scene, rel_tol=LEAST_DIFFERENCE)
-        )
+        return strip.ranks.from_first(lambda: overlap_text(observed, penalty, stretch))
 
     def fastest(self) -> tuple[int, int]:
         rods, strip = self.model.rods, self.strip

@@ -354,9 +354,10 @@ class WireContact:
                 pairs.find.append(one.record(stepper.device))
         longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
         largest = longer * 2.0 * float(rods.wire_radius.max()) + self.margin
+        scale = self._rest_scale
         for find in pairs.find:
             find.set_param_by_name("largest_distance", largest)
-            find.set_param_by_name("rest_scale", self._rest_scale)
+            find.set_param_by_name("rest_scale", scale)
             find.set_param_by_name("is_filling", int(filling))
         stepper.team.together([find.launch for find in pairs.find])
 
