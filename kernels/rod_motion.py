@@ -14,17 +14,19 @@ from .control import STATUS, STATUS_RUNNING
 from .native import SHARING, STEERING, SUM_OF_LANES, constants
 from .rod_blocks import ROD_BLOCK
 
-MOTION_LANES = 256  # four numbers of 64 parts of a wire
+MOTION_LANES = 256  # four numbers of 64 parts of a stretch of wire
+PART = 8  # nodes of a part
 
-# Four numbers a node: x, y, z and spin, each swept by itself. On a GPU a thread sweeps one of them over a part of the wire: first
-# from zero, with the response to either node before the part, then from what the part before hands on. Full rows are zero between
-# `quiet` and the last four nodes.
+# Four numbers a node: x, y, z and spin, each swept by itself. On a GPU the threads of a wire take one stretch of it after the
+# other. Each reads one number of a part of the stretch, sweeps it from zero and finds the responses to either node before the
+# part. Then it sweeps from what the part before hands on. Full rows are zero between `quiet` and the last four nodes.
 _MOVE = (
     "typedef decltype(torque.data[0] + torque.data[0]) real;\n"
     + STEERING
     + SHARING
     + constants(
         MOTION_LANES=MOTION_LANES,
+        PART=PART,
         ROD_BLOCK=ROD_BLOCK,
         PIVOT=m.PIVOT,
         NEXT=m.NEXT,
@@ -40,94 +42,106 @@ _MOVE = (
     const int own = lane % 4, part = lane / 4, parts = blockDim.x / 4;
     #else
     enum { NUMBERS = 4 };
-    const int own = 0, part = 0, parts = 1;
+    const int own = 0;
     #endif
-    const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire];
-    const long long inside = count - 2;
-    const int begin = (int)(inside * part / parts), end = (int)(inside * (part + 1) / parts);
+    const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire], inside = count - 2;
     const real* __restrict factors = (const real*)(mass_factor.data + FACTORS * first) + own;
     const real* __restrict borders = (const real*)(mass_border.data + BORDERS * wire_border.data[wire]) + own;
     const real* __restrict push = (const real*)(force.data + first - stored_from);
     const real* __restrict couple = torque.data + first - stored_from;
     real* __restrict swept = (real*)(sweep.data + first - stored_from) + own;
     const auto given = [&](int j, int c) -> real { return own + c < 3 ? push[3 * j + own + c] : couple[j]; };
-    // two nodes of a sweep, the nearest first, for a source; the last two are responses to either node before
+    const auto is_full = [&](int j) { return j < quiet || j >= count - 4; };
+    // what a sweep takes at a node: its source, and the factors of the two nodes before; these two, the nearest first
+    struct Row { real source[NUMBERS], next[NUMBERS], second[NUMBERS]; };
     struct Pair { real near[NUMBERS], far[NUMBERS]; };
-    const auto forward = [&](int j, Pair& z, bool from_rest) {
-        const real* __restrict l = factors + 4 * FACTORS * j;
+    const auto go_on = [](const Row& row, Pair& z, bool from_rest) {
         real now[NUMBERS];
-        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? real(0) : given(j, c);
-        for (int c = 0; c < NUMBERS; ++c) now[c] -= l[4 * SECOND + c] * z.far[c];
-        for (int c = 0; c < NUMBERS; ++c) now[c] -= l[4 * NEXT + c] * z.near[c];
+        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? real(0) : row.source[c];
+        for (int c = 0; c < NUMBERS; ++c) now[c] -= row.second[c] * z.far[c];
+        for (int c = 0; c < NUMBERS; ++c) now[c] -= row.next[c] * z.near[c];
         for (int c = 0; c < NUMBERS; ++c) z.far[c] = z.near[c];
         for (int c = 0; c < NUMBERS; ++c) z.near[c] = now[c];
     };
-    real other[NUMBERS] = {}, last[NUMBERS] = {};
-    const auto backward = [&](int j, Pair& z, bool from_rest) {
-        const real* __restrict l = factors + 4 * FACTORS * j;
-        real now[NUMBERS];
-        for (int c = 0; c < NUMBERS; ++c) now[c] = from_rest ? real(0) : l[4 * PIVOT + c] * swept[4 * j + c];
-        // the last two rows are full: L to them is not zero only there
-        for (int c = 0; c < NUMBERS; ++c) now[c] -= (l + 8 * FACTORS)[4 * SECOND + c] * z.far[c];
-        for (int c = 0; c < NUMBERS; ++c) now[c] -= (l + 4 * FACTORS)[4 * NEXT + c] * z.near[c];
-        if (!from_rest && (j < quiet || j >= count - 4)) {
-            for (int c = 0; c < NUMBERS; ++c) now[c] -= (borders + 4 * BORDERS * j)[4 * OTHER + c] * other[c];
-            for (int c = 0; c < NUMBERS; ++c) now[c] -= (borders + 4 * BORDERS * j)[4 * LAST + c] * last[c];
-        }
-        for (int c = 0; c < NUMBERS; ++c) z.far[c] = z.near[c];
-        for (int c = 0; c < NUMBERS; ++c) z.near[c] = now[c];
-    };
+    // Sweep over all nodes but the last two: `read` the row of a node, and `use` what is found there
     #ifdef __CUDA_ARCH__
-    // what the part before hands on: ends from zero, and the responses, joined in the order of the parts
     __shared__ real near_end[MOTION_LANES], far_end[MOTION_LANES], near_near[MOTION_LANES], near_far[MOTION_LANES];
     __shared__ real far_near[MOTION_LANES], far_far[MOTION_LANES];
-    const auto handed_on = [&](const auto& sweep, int from, int to, int step) {
-        Pair z = {}, by_near = {{1.0}, {0.0}}, by_far = {{0.0}, {1.0}};
-        for (int j = from; j != to; j += step) {
-            sweep(j, z, false);
-            sweep(j, by_near, true);
-            sweep(j, by_far, true);
-        }
-        TOGETHER
-        near_end[lane] = z.near[0];
-        far_end[lane] = z.far[0];
-        near_near[lane] = by_near.near[0];
-        far_near[lane] = by_near.far[0];
-        near_far[lane] = by_far.near[0];
-        far_far[lane] = by_far.far[0];
-        TOGETHER
-        const int first_lane = step > 0 ? own : own + 4 * (parts - 1);
-        if (lane == first_lane) {
-            real near = 0, far = 0;
-            for (int p = 0, k = first_lane; p < parts; ++p, k += 4 * step) {
-                const real next_near = near_end[k] + near_near[k] * near + near_far[k] * far;
-                const real next_far = far_end[k] + far_near[k] * near + far_far[k] * far;
-                near_end[k] = near;
-                far_end[k] = far;
-                near = next_near;
-                far = next_far;
+    const auto along = [&](bool is_back, const auto& read, const auto& use) {
+        real near_before = 0, far_before = 0; // of the stretch, which its first part takes up
+        for (int from = 0; from < inside; from += PART * parts) {
+            const int begin = from + PART * part, left = inside - begin;
+            const int start = is_back ? inside - 1 - begin : begin, step = is_back ? -1 : 1;
+            Row rows[PART];
+            #pragma unroll
+            for (int k = 0; k < PART; ++k)
+                if (k < left) read(start + step * k, rows[k]);
+            Pair z = {}, by_near = {{1.0}, {0.0}}, by_far = {{0.0}, {1.0}};
+            #pragma unroll
+            for (int k = 0; k < PART; ++k) {
+                if (k >= left) continue;
+                go_on(rows[k], z, false);
+                go_on(rows[k], by_near, true);
+                go_on(rows[k], by_far, true);
+            }
+            TOGETHER
+            near_end[lane] = z.near[0];
+            far_end[lane] = z.far[0];
+            near_near[lane] = by_near.near[0];
+            far_near[lane] = by_near.far[0];
+            near_far[lane] = by_far.near[0];
+            far_far[lane] = by_far.far[0];
+            TOGETHER
+            if (part == 0) {
+                #pragma unroll 8
+                for (int k = own; k < 4 * parts; k += 4) {
+                    const real near = near_end[k] + near_near[k] * near_before + near_far[k] * far_before;
+                    const real far = far_end[k] + far_near[k] * near_before + far_far[k] * far_before;
+                    near_end[k] = near_before;
+                    far_end[k] = far_before;
+                    near_before = near;
+                    far_before = far;
+                }
+            }
+            TOGETHER
+            z.near[0] = near_end[lane];
+            z.far[0] = far_end[lane];
+            #pragma unroll
+            for (int k = 0; k < PART; ++k) {
+                if (k >= left) continue;
+                go_on(rows[k], z, false);
+                use(start + step * k, z.near);
             }
         }
-        TOGETHER
-        z.near[0] = near_end[lane];
-        z.far[0] = far_end[lane];
-        return z;
+    };
+    #else
+    const auto along = [&](bool is_back, const auto& read, const auto& use) {
+        Pair z = {};
+        for (int k = 0; k < inside; ++k) {
+            const int j = is_back ? inside - 1 - k : k;
+            Row row;
+            read(j, row);
+            go_on(row, z, false);
+            use(j, z.near);
+        }
     };
     #endif
-    {
-    Pair z = {};
-    #ifdef __CUDA_ARCH__
-    z = handed_on(forward, begin, end, 1);
-    #endif
-    for (int j = begin; j < end; ++j) {
-        forward(j, z, false);
-        if (j < quiet || j >= count - 4) {
-            for (int c = 0; c < NUMBERS; ++c) other[c] += (borders + 4 * BORDERS * j)[4 * OTHER + c] * z.near[c];
-            for (int c = 0; c < NUMBERS; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z.near[c];
+    real other[NUMBERS] = {}, last[NUMBERS] = {};
+    along(
+        false,
+        [&](int j, Row& row) {
+            const real* __restrict l = factors + 4 * FACTORS * j;
+            for (int c = 0; c < NUMBERS; ++c) row.source[c] = given(j, c);
+            for (int c = 0; c < NUMBERS; ++c) row.next[c] = l[4 * NEXT + c];
+            for (int c = 0; c < NUMBERS; ++c) row.second[c] = l[4 * SECOND + c];
+        },
+        [&](int j, const real* z) {
+            for (int c = 0; c < NUMBERS; ++c) swept[4 * j + c] = z[c];
+            if (!is_full(j)) return;
+            for (int c = 0; c < NUMBERS; ++c) other[c] += (borders + 4 * BORDERS * j)[4 * OTHER + c] * z[c];
+            for (int c = 0; c < NUMBERS; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z[c];
         }
-        for (int c = 0; c < NUMBERS; ++c) swept[4 * j + c] = z.near[c];
-    }
-    }
+    );
     #ifdef __CUDA_ARCH__
     TOGETHER
     near_end[lane] = other[0];
@@ -210,18 +224,24 @@ _MOVE = (
             strongest = f2 > strongest ? f2 : strongest;
         }
     };
-    if (part == parts - 1) {
+    if (lane < 4) {
         move(count - 1, last);
         move(count - 2, other);
     }
-    Pair z = {};
-    #ifdef __CUDA_ARCH__
-    z = handed_on(backward, end - 1, begin - 1, -1);
-    #endif
-    for (int j = end - 1; j >= begin; --j) {
-        backward(j, z, false);
-        move(j, z.near);
-    }
+    along(
+        true,
+        [&](int j, Row& row) {
+            // the last two rows are full: L to them is not zero only there
+            const real* __restrict l = factors + 4 * FACTORS * j;
+            for (int c = 0; c < NUMBERS; ++c) row.source[c] = l[4 * PIVOT + c] * swept[4 * j + c];
+            for (int c = 0; c < NUMBERS; ++c) row.next[c] = (l + 4 * FACTORS)[4 * NEXT + c];
+            for (int c = 0; c < NUMBERS; ++c) row.second[c] = (l + 8 * FACTORS)[4 * SECOND + c];
+            if (!is_full(j)) return;
+            for (int c = 0; c < NUMBERS; ++c) row.source[c] -= (borders + 4 * BORDERS * j)[4 * OTHER + c] * other[c];
+            for (int c = 0; c < NUMBERS; ++c) row.source[c] -= (borders + 4 * BORDERS * j)[4 * LAST + c] * last[c];
+        },
+        move
+    );
     #ifndef __CUDA_ARCH__
     // the nodes of a segment lie in its block and those beside it
     const int blocks = (count + ROD_BLOCK - 1) / ROD_BLOCK, closed = wire_closed.data[wire];

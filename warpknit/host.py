@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from .pinned import copied
+
 _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
 
@@ -29,7 +31,7 @@ def fetch(array: wp.array) -> np.ndarray:
     view: np.ndarray | None = array.__dict__.get(_VIEW)
     if view is not None:
         return view
-    host: np.ndarray = array.numpy()
+    host = take(array)
     if not is_in_place(array.device) or not array.is_contiguous or not host.nbytes:
         return host
     # a view that refers to its array, which keeps it, would never be freed: NumPy's arrays are no part of garbage collection
@@ -37,6 +39,11 @@ def fetch(array: wp.array) -> np.ndarray:
     view = np.frombuffer(memoryview(memory), dtype=host.dtype).reshape(host.shape)
     array.__dict__[_VIEW] = view
     return view
+
+
+def take(array: wp.array) -> np.ndarray:
+    """The values of an array that nothing else writes any more, on the host; they keep its memory."""
+    return np.asarray(array.numpy()) if is_in_place(array.device) else copied(array)
 
 
 class Entries:
@@ -92,7 +99,12 @@ def zeros(shape: int | tuple[int, ...], kind: type, device: str) -> wp.array:
 
 def store(array: wp.array, values: Any) -> None:
     """Set all entries of the array to values that have its shape on the host, or broadcast to it."""
-    store_at(array, ..., values)
+    if is_in_place(array.device):
+        fetch(array)[...] = values
+        return
+    number = wp.dtype_to_numpy(getattr(array.dtype, "_wp_scalar_type_", array.dtype))
+    shape = (*array.shape, *getattr(array.dtype, "_shape_", ()))
+    array.assign(np.ascontiguousarray(np.broadcast_to(values, shape), dtype=number))
 
 
 def store_at(array: wp.array, key: Any, values: Any) -> None:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
-from ..host import lanes
+from ..host import lanes, take
 from ..kernels import clamp
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
@@ -132,41 +132,41 @@ def read_strip(model: Model, state: State) -> HostState:
     unit = model.precision.unit
 
     def double(values: wp.array) -> np.ndarray:
-        return values.numpy().astype(np.float64)
+        return take(values).astype(np.float64)
 
     def columns(ax: wp.array, ay: wp.array) -> np.ndarray:
-        return np.stack([ax.numpy(), ay.numpy()], axis=1).astype(np.float64)
+        return np.stack([take(ax), take(ay)], axis=1).astype(np.float64)
 
     def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
         return columns(ax, ay) * unit
 
-    force = state.pair_force.numpy().astype(np.float64)
-    nodal = np.stack([state.pair_nodal_x.numpy(), state.pair_nodal_y.numpy()], axis=1).astype(np.float64)
+    force = take(state.pair_force).astype(np.float64)
+    nodal = np.stack([take(state.pair_nodal_x), take(state.pair_nodal_y)], axis=1).astype(np.float64)
     return HostState(
         model=model,
         control=state.read_control().copy(),
         u=metres(state.node_ux[now], state.node_uy[now]),
         body_u=metres(state.body_ux, state.body_uy),
         clamp_shift=state.clamp_shift,
-        thermal_strain=state.wire_thermal_strain.numpy().copy(),
+        thermal_strain=take(state.wire_thermal_strain).copy(),
         edge=columns(out["edge_x"], out["edge_y"]),
         tension=double(out["tension"]),
         segment_force=columns(out["force_x"], out["force_y"]),
         moment=double(out["moment"]),
         bow_moment=double(out["bow_moment"]),
-        wire_axial=state.wire_axial.numpy().astype(np.float64),
+        wire_axial=take(state.wire_axial).astype(np.float64),
         turning=double(out["turning"]),
         elastic=double(out["elastic"]) if model.yield_moment else np.zeros(0),
-        plastic_turn=state.plastic_turn.numpy().astype(np.float64),
-        back_turn=state.back_turn.numpy().astype(np.float64),
+        plastic_turn=take(state.plastic_turn).astype(np.float64),
+        back_turn=take(state.back_turn).astype(np.float64),
         pair_force=force,
-        pair_offset=state.pair_offset.numpy().astype(np.float64),
-        pair_stuck=state.pair_stuck.numpy().copy(),
-        pair_gap=state.pair_gap.numpy().astype(np.float64),
-        pair_node=state.pair_node.numpy().copy(),
-        pair_wake=state.pair_wake.numpy().astype(np.float64),
-        pair_slide=state.pair_slide.numpy().copy(),
-        pair_u=state.pair_u.numpy().astype(np.float64),
+        pair_offset=take(state.pair_offset).astype(np.float64),
+        pair_stuck=take(state.pair_stuck).copy(),
+        pair_gap=take(state.pair_gap).astype(np.float64),
+        pair_node=take(state.pair_node).copy(),
+        pair_wake=take(state.pair_wake).astype(np.float64),
+        pair_slide=take(state.pair_slide).copy(),
+        pair_u=take(state.pair_u).astype(np.float64),
         pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
     )
 
@@ -195,7 +195,7 @@ def strains(model: Model, state: State) -> np.ndarray:
     names = ("tension", "turning", "force_x", "force_y", "strain")
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
     evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
-    return out["strain"].numpy().astype(np.float64)
+    return take(out["strain"]).astype(np.float64)
 
 
 def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> wp.Launch:

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from scipy.interpolate import RectBivariateSpline
 
-from ..host import fetch, store
+from ..host import fetch, store, take
 from ..kernels.membrane_transfer import Grid, gather_forces, respond_to_strain, spread_surface
 from ..launch import bind
 from ..transfer.grid import CountedForces
@@ -107,7 +107,7 @@ class MembraneGrid:
             spread_surface, nodes, self.fields.stepper.arrays, grid=self._grid, surface=surface, value=value, slope_x=slope_x,
             slope_y=slope_y,
         ).run(device)  # fmt: skip
-        return value.numpy(), slope_x.numpy(), slope_y.numpy()
+        return take(value), take(slope_x), take(slope_y)
 
     def _on_mesh(self, slope_x: np.ndarray, slope_y: np.ndarray) -> np.ndarray:
         """(2, node) slopes on the deformed mesh, of those at rest."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..host import take
 from ..kernels.resample import resample_along_wires
 from ..launch import bind
 from .model import SpatialModel
@@ -56,4 +57,4 @@ class PanelNodes:
         other: wp.array = wp.array(values, dtype=wp.float64, device=self._device)
         value: wp.array = wp.zeros(len(arrays["node_wire"]), dtype=wp.float64, device=self._device)
         bind(resample_along_wires, len(value), of_segments=int(of_segments), other=other, value=value, **arrays).run(self._device)
-        return value.numpy()
+        return take(value)

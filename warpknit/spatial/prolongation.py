@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..host import take
 from ..transfer.prolongation import RepeatProlongation
 from ..transfer.repeat_mesh import RepeatArrays
 from ..transfer.response import Response
@@ -58,4 +59,4 @@ class Prolongation:
         """[panel node] of the large mesh, from values of the small one."""
         value = wp.zeros(self._nodes, dtype=wp.float64, device=self.large.model.device)
         self._repeats.add_to_nodes(value, name, change, response, self._one)
-        return np.asarray(value.numpy())
+        return take(value)
