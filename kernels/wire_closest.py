@@ -149,9 +149,11 @@ def evaluated_gap(control: wp.array(dtype=wp.float64)) -> wp.float64:
 def empty_pair_lists(
     # out
     touch_awake_count: wp.array(dtype=wp.int32),
+    touch_left_count: wp.array(dtype=wp.int32),
     touch_found_count: wp.array(dtype=wp.int32),
 ):
     touch_awake_count[0] = 0
+    touch_left_count[0] = 0
     touch_found_count[0] = 0
 
 
@@ -199,8 +201,8 @@ def find_closest_places(
     # in: the pairs that may touch, those of them to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
-    touch_awake: wp.array(dtype=wp.int32),
-    touch_awake_count: wp.array(dtype=wp.int32),
+    touch_left: wp.array(dtype=wp.int32),
+    touch_left_count: wp.array(dtype=wp.int32),
     part: int,
     parts: int,
     threads: int,
@@ -244,9 +246,9 @@ def find_closest_places(
     """
     if is_halted(control):
         return
-    first = first_of_part(touch_awake_count, part, parts)
-    for k in range(first + wp.tid(), first_of_part(touch_awake_count, part + 1, parts), threads):
-        touch = touch_awake[k]
+    first = first_of_part(touch_left_count, part, parts)
+    for k in range(first + wp.tid(), first_of_part(touch_left_count, part + 1, parts), threads):
+        touch = touch_left[k]
         if touch_followed[touch] != 0:
             continue
         touch_loaded[touch] = 0

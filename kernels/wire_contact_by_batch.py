@@ -1,9 +1,9 @@
-"""Contacts that go on from the step before, on a CPU: LANES pairs at a time.
+"""Contacts that go on from the step before: LANES pairs at a time on a CPU, a pair by QUAD threads on a GPU (lanes.py).
 
 In most steps most pairs that may touch have one closest point, or two with a saddle between them, near those of the step before.
-Newton's method follows them, and their forces are found (wire_closest.py, wire_contact_forces.py, for the equations) with numbers
-of LANES pairs in a vector of the processor. What needs more is left to these kernels: friction, a pair without a known place, one
-whose search is due, whose place is ill-conditioned or moves far, or that may have another place beyond a saddle.
+Newton's method follows them, and their forces are found (wire_closest.py, wire_contact_forces.py, for the equations). What needs
+more is left to these kernels: friction, a pair without a known place, one whose search is due, whose place is ill-conditioned or
+moves far, or that may have another place beyond a saddle.
 
 The result of a pair does not depend on the others of its batch.
 """
@@ -13,7 +13,7 @@ from typing import Any
 import warp as wp
 
 from .control import EVALUATED_GAP, STATUS, STATUS_RUNNING, is_halted
-from .lanes import LANES, NUMBERS
+from .lanes import NUMBERS, QUAD, QUADS_A_BLOCK
 from .native import STEERING, constants
 from .wire_closest import (
     FOLLOWED_FORCE,
@@ -56,17 +56,21 @@ _STEP = r"""
     typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) stored;
     const stored* tangents = (const stored*)tangent.data;
     const stored* directors = (const stored*)director.data;
+    // what is left to other kernels, where they have lists
+    auto list = [&](const auto& numbers, const auto& count, int touch) {
+        if (touch_is_listed && lane == 0) numbers.data[atomic_add(count, 0, 1)] = touch;
+    };
 """
 
 # the weight of a contact that is bounded by the end of a segment (line_weight of wire_weights.py)
 _LINE_WEIGHT = r"""
     auto line_weight = [&](const real* p, const real* q, real x, real y, vec r, vec dp, vec dq, real contact_distance) {
         real curved[2], spacing[2];
+        UNROLLED
         for (int side = 0; side < 2; ++side) {
             const real* v = side ? q : p;
             const real place = side ? y : x;
-            const vec before = {v[BEFORE], v[BEFORE + 1], v[BEFORE + 2]}, after = {v[AFTER], v[AFTER + 1], v[AFTER + 2]};
-            const vec edge = {v[EDGE], v[EDGE + 1], v[EDGE + 2]};
+            const vec before = vector(v, BEFORE), after = vector(v, AFTER), edge = vector(v, EDGE);
             const real l_before = size(dot(before, before)), l = size(dot(edge, edge)), l_after = size(dot(after, after));
             const vec own = times(one / l, edge);
             const vec first = times(real(2.0) / (l + l_before), minus(own, times(one / l_before, before)));
@@ -84,16 +88,32 @@ _LINE_WEIGHT = r"""
 
 # the numbers of pairs, until a batch is full
 _GATHER = r"""
-    // pairs with one place, and those with two and the saddle between them
+    // pairs with one place, and those with two and the saddle between them; the places of a single pair do not matter
+    enum { KINDS = LANES > 1 ? 2 : 1 };
+    #ifdef __CUDA_ARCH__
+    __shared__ real rows[QUADS_A_BLOCK][2][ROWS];
+    #endif
     struct batch {
-        real number[2][ROWS], separation, renewal, offset, travel, s[PLACES], t[PLACES];
-        int touch[LANES], filled;
+        #ifdef __CUDA_ARCH__
+        real (*number)[ROWS];
+        #else
+        real number[2][ROWS];
+        #endif
+        real separation, renewal, offset, travel, s[PLACES], t[PLACES];
+        int touch[LANES], places, filled;
     };
-    batch batches[2];
-    batches[0].filled = batches[1].filled = 0;
-    for (int touch = begin; touch < end || batches[0].filled > 0 || batches[1].filled > 0;) {
-        if (touch < end) {
+    batch batches[KINDS];
+    for (int kind = 0; kind < KINDS; ++kind) batches[kind].filled = 0;
+    #ifdef __CUDA_ARCH__
+    batches[0].number = rows[threadIdx.x / 4];
+    #endif
+    for (int next = begin; next < end || batches[0].filled > 0 || batches[KINDS - 1].filled > 0;) {
+        if (next < end) {
+            const int touch = touch_awake.data[next];
+            next += stride;
+            #ifndef __CUDA_ARCH__
             { PREFETCH_A_PAIR }
+            #endif
             const int pair = touch_pair.data[touch], found = pair_found.data[pair];
             const int sides[2] = {pair_first.data[pair], pair_second.data[pair]};
             double ends[2][2], radii = 0, reach = 0;
@@ -106,18 +126,20 @@ _GATHER = r"""
             }
             const int i = sides[0], j = sides[1];
             TRAVEL_OF_A_PAIR
-            const int now = touch++;
-            touch_followed.data[now] = 0;
+            touch_followed.data[touch] = 0;
             if (CLOSING_RATE * (pair_wake_travel.data[pair] - travel) > reach + gap) {  // it cannot touch yet
                 pair_found.data[pair] = found > 0 ? -found : found;
-                touch_loaded.data[now] = 0;
-                touch_followed.data[now] = FORCE;
+                touch_loaded.data[touch] = 0;
+                touch_followed.data[touch] = FORCE;
             } else if (found != 0 && pair_renewal_travel.data[pair] != SPLIT_PAIR
                        && travel <= pair_renewal_travel.data[pair] + more_travel * (radii + reach)) {
                 const int places = found == ONE_PLACE || found == -ONE_PLACE ? 1 : PLACES;
-                batch& own_batch = batches[places > 1];
-                const int l = own_batch.filled++;
-                own_batch.touch[l] = now;
+                batch& own_batch = batches[places > 1 ? KINDS - 1 : 0];
+                const int l = own_batch.filled++ % LANES;
+                own_batch.touch[l] = touch;
+                own_batch.places = places;
+                together();
+                UNROLLED
                 for (int side = 0; side < 2; ++side) {
                     const int i = sides[side], before = previous.data[i], after = following.data[i];
                     const bool back = before >= 0, on = following.data[after] >= 0;
@@ -126,18 +148,16 @@ _GATHER = r"""
                     const double own = length.data[i], length_before = back ? length.data[before] : own;
                     const double length_after = on ? length.data[after] : own;
                     const int b = back ? before : i, a = on ? after : i;
-                    for (int k = 0; k < 3; ++k) {
-                        v[(X + k) * LANES] = nodes[3 * i + k];
-                        v[(EDGE + k) * LANES] = own * tangents[3 * i + k];
-                        v[(BEFORE + k) * LANES] = length_before * tangents[3 * b + k];
-                        v[(AFTER + k) * LANES] = length_after * tangents[3 * a + k];
-                        v[(T + k) * LANES] = tangents[3 * i + k];
-                        v[(D + k) * LANES] = directors[3 * i + k];
-                        v[(T_BEFORE + k) * LANES] = tangents[3 * b + k];
-                        v[(D_BEFORE + k) * LANES] = directors[3 * b + k];
-                        v[(T_AFTER + k) * LANES] = tangents[3 * a + k];
-                        v[(D_AFTER + k) * LANES] = directors[3 * a + k];
-                    }
+                    keep(v, X, 1.0, nodes + 3 * i);
+                    keep(v, EDGE, own, tangents + 3 * i);
+                    keep(v, BEFORE, length_before, tangents + 3 * b);
+                    keep(v, AFTER, length_after, tangents + 3 * a);
+                    keep(v, T, 1.0, tangents + 3 * i);
+                    keep(v, D, 1.0, directors + 3 * i);
+                    keep(v, T_BEFORE, 1.0, tangents + 3 * b);
+                    keep(v, D_BEFORE, 1.0, directors + 3 * b);
+                    keep(v, T_AFTER, 1.0, tangents + 3 * a);
+                    keep(v, D_AFTER, 1.0, directors + 3 * a);
                     const double* m = (const double*)(slope_weight.data + row);
                     const double* bump = (const double*)(rest_bump.data + row);
                     const double* own_slope = (const double*)(rest_slope.data + row);
@@ -159,33 +179,36 @@ _GATHER = r"""
                 }
                 const double* shift = (const double*)(pair_shift.data + pair);
                 double* q = (double*)own_batch.number[1] + l;
-                q[X * LANES] += fxx * shift[0] + fxy * shift[1];
-                q[(X + 1) * LANES] += fyx * shift[0] + fyy * shift[1];
-                q[(X + 2) * LANES] += shift[2];
-                for (int a = 0; a < places; ++a) {
+                add(q, X, fxx * shift[0] + fxy * shift[1], fyx * shift[0] + fyy * shift[1], shift[2]);
+                UNROLLED
+                for (int a = 0; a < PLACES; ++a) {
+                    if (a >= places) continue;
                     const double* place = (const double*)(pair_place.data + 3 * pair + a);
-                    own_batch.s[a][l] = place[0];
-                    own_batch.t[a][l] = place[1];
+                    set(own_batch.s[a], l, place[0]);
+                    set(own_batch.t[a], l, place[1]);
                 }
-                own_batch.separation[l] = pair_arc_separation.data[pair];
-                own_batch.renewal[l] = pair_renewal_travel.data[pair];
-                own_batch.offset[l] = reach;
-                own_batch.travel[l] = travel;
+                set(own_batch.separation, l, pair_arc_separation.data[pair]);
+                set(own_batch.renewal, l, pair_renewal_travel.data[pair]);
+                set(own_batch.offset, l, reach);
+                set(own_batch.travel, l, travel);
+            } else {
+                list(touch_left, touch_left_count, touch);
             }
         }
 """
 
 # the batches that are full, and at the end the others
 _BATCHES = r"""
-        for (int kind = 0; kind < 2; ++kind) {
-            const int places = kind ? PLACES : 1, filled = batches[kind].filled;
-            if (filled == 0 || (filled < LANES && touch < end)) continue;
+        for (int kind = 0; kind < KINDS; ++kind) {
+            const int places = batches[kind].places, filled = batches[kind].filled;
+            if (filled == 0 || (filled < LANES && next < end)) continue;
             batches[kind].filled = 0;
             // lanes that are not filled repeat the first
             double* numbers = (double*)(batches + kind);
-            for (int l = filled; l < LANES; ++l)
+            for (int l = filled; l < LANES && LANES > 1; ++l)
                 for (int k = 0; k < 2 * ROWS + 4 + 2 * PLACES; ++k) numbers[k * LANES + l] = numbers[k * LANES];
             const batch& here = batches[kind];
+            together();
             const real* of_p = here.number[0];
             const real* of_q = here.number[1];
 """
@@ -197,11 +220,13 @@ _FOLLOW = r"""
             real s[PLACES], t[PLACES], distance[PLACES];
             vec apart[PLACES], along_p[PLACES], along_q[PLACES];
             mask failed = nowhere;
-            for (int a = 0; a < places; ++a) {
+            UNROLLED
+            for (int a = 0; a < PLACES; ++a) {
+                if (a >= places) continue;
                 const bool is_saddle = a == 2;
                 real x = here.s[a], y = here.t[a], nearest = 1e300, step_size = zero;
-                mask searching = ~failed;
-                for (int step = 0; step < STEPS && any(searching & ~failed); ++step) {
+                mask searching = no(failed);
+                for (int step = 0; step < STEPS && any(searching & no(failed)); ++step) {
                     const vec r = minus(at(curve[0], x), at(curve[1], y));
                     const vec dp = slope(curve[0], x), dq = slope(curve[1], y);
                     const real square = dot(r, r);
@@ -218,17 +243,17 @@ _FOLLOW = r"""
                     if (is_saddle) {
                         x += searching ? ds : zero;
                         y += searching ? dt : zero;
-                        failed |= searching & (~curved | (least(x, y) <= zero) | (most(x, y) >= one));
+                        failed |= searching & (no(curved) | (least(x, y) <= zero) | (most(x, y) >= one));
                         last = most(ds, -ds) + most(dt, -dt) < ACCURACY;
                     } else {
                         mask x_stays = ((x <= zero) & (gs > zero)) | ((x >= one) & (gs < zero));
                         mask y_stays = ((y <= zero) & (gt > zero)) | ((y >= one) & (gt < zero));
-                        searching &= ~(x_stays & y_stays);
-                        const mask inside = ~x_stays & ~y_stays;
-                        failed |= searching & inside & ~curved;
+                        searching &= no(x_stays & y_stays);
+                        const mask inside = no(x_stays) & no(y_stays);
+                        failed |= searching & inside & no(curved);
                         const mask x_leaves = inside & (((x <= zero) & (ds < zero)) | ((x >= one) & (ds > zero)));
                         x_stays |= x_leaves;
-                        y_stays |= inside & ~x_leaves & (((y <= zero) & (dt < zero)) | ((y >= one) & (dt > zero)));
+                        y_stays |= inside & no(x_leaves) & (((y <= zero) & (dt < zero)) | ((y >= one) & (dt > zero)));
                         failed |= searching & ((x_stays & (tt <= MIN_CURVATURE * pp)) | (y_stays & (ss <= MIN_CURVATURE * qq)));
                         ds = x_stays ? zero : (y_stays ? -gs / (y_stays ? ss : one) : ds);
                         dt = x_stays ? -gt / (x_stays ? tt : one) : (y_stays ? zero : dt);
@@ -243,7 +268,7 @@ _FOLLOW = r"""
                         y = searching ? next_y : y;
                         last = (room >= one) & ((step_size < ACCURACY) | ((step_size < SINGLE_STEP) & curved));
                     }
-                    searching &= ~last;
+                    searching &= no(last);
                 }
                 failed |= searching;
                 s[a] = x;
@@ -254,7 +279,7 @@ _FOLLOW = r"""
                 distance[a] = size(dot(apart[a], apart[a]));
             }
             real nearest = distance[0], farther = nearest, nearest_s = s[0], nearest_t = t[0], other_s = s[0], other_t = t[0];
-            mask is_alone = ~nowhere;
+            mask is_alone = no(nowhere);
             if (places == 1) {
                 // it has not gone over into another
                 failed |= most(s[0] - here.s[0], here.s[0] - s[0]) + most(t[0] - here.t[0], here.t[0] - t[0]) > SPLIT;
@@ -275,7 +300,9 @@ _FOLLOW = r"""
 
 # a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
 _BEYOND = r"""
-            for (int side = 0; side < 2 && any(touches & is_alone & ~failed); ++side) {
+            UNROLLED
+            for (int side = 0; side < 2; ++side) {
+                if (!any(touches & is_alone & no(failed))) continue;
                 const powers& p = curve[side];
                 const powers& q = curve[1 - side];
                 const real own = side ? nearest_t : nearest_s;
@@ -284,7 +311,7 @@ _BEYOND = r"""
                 const vec there = at(p, to), along = slope(p, to);
                 const real outwards = real(2.0) * to - one, rise_of = size(dot(along, along));
                 real place = side ? nearest_s : nearest_t;
-                mask open = touches & is_alone & ~failed & (to != (side ? other_t : other_s));
+                mask open = touches & is_alone & no(failed) & (to != (side ? other_t : other_s));
                 for (int step = 0; step < END_STEPS && any(open); ++step) {
                     const vec gap = minus(there, at(q, place));
                     const vec d = slope(q, place);
@@ -293,12 +320,12 @@ _BEYOND = r"""
                     const real next = least(most(place + dot(gap, d) / curvature, zero), one);
                     const real moved = most(next - place, place - next);
                     const real rise = outwards * dot(gap, along);
-                    open &= ~(rise > real(2.0) * moved * rise_of * size(square));
+                    open &= no(rise > real(2.0) * moved * rise_of * size(square));
                     place = open ? next : place;
                     const mask ends = open & (moved < ACCURACY);
                     if (any(ends)) {
                         failed |= ends & (outwards * dot(minus(there, at(q, place)), along) < zero);
-                        open &= ~ends;
+                        open &= no(ends);
                     }
                 }
                 failed |= open;
@@ -311,11 +338,13 @@ _FORCES = r"""
             const mask on_p = of_p[GOES_ON] > zero, on_q = of_q[GOES_ON] > zero;
             real overlap[PLACES], normal_force[PLACES], weight[PLACES], without_saddle = one;
             vec normal[PLACES], force[8], couple[6];
-            const vec nothing = {zero, zero, zero};
+            const vec nothing = vec{};
             for (int k = 0; k < 8; ++k) force[k] = nothing;
             for (int k = 0; k < 6; ++k) couple[k] = nothing;
             mask loaded = nowhere;
-            for (int a = 0; a < places && finds_forces && any(is_near & ~failed); ++a) {
+            UNROLLED
+            for (int a = 0; a < PLACES; ++a) {
+                if (a >= places || !finds_forces || !any(is_near & no(failed))) continue;
                 const vec r = apart[a];
                 const real x = s[a], y = t[a], gs = dot(r, along_p[a]), gt = -dot(r, along_q[a]);
                 const mask x_goes_on = ((x <= zero) & (gs > zero) & back_p) | ((x >= one) & (gs < zero) & on_p);
@@ -323,11 +352,11 @@ _FORCES = r"""
                 const real arc = here.separation + y * of_q[LENGTH] - x * of_p[LENGTH];
                 const mask is_own = (here.separation != NO_COMMON_WIRE) & (most(arc, -arc) < min_arc_separation * of_p[RADIUS]);
                 const mask none = is_own | (x_goes_on & y_goes_on)
-                    | ((x >= one) & on_p & ~x_goes_on) | ((y >= one) & on_q & ~y_goes_on);
+                    | ((x >= one) & on_p & no(x_goes_on)) | ((y >= one) & on_q & no(y_goes_on));
                 weight[a] = none ? zero : one;
-                if (any(~none & (x_goes_on | y_goes_on))) {
+                if (any(no(none) & (x_goes_on | y_goes_on))) {
                     const real along = line_weight(of_p, of_q, x, y, r, along_p[a], along_q[a], cold_distance);
-                    weight[a] = ~none & (x_goes_on | y_goes_on) ? along : weight[a];
+                    weight[a] = no(none) & (x_goes_on | y_goes_on) ? along : weight[a];
                 }
                 if (places > 1 && a < 2) {
                     const real off = most(most(x - s[2], s[2] - x), most(y - t[2], t[2] - y)) / SADDLE_RANGE;
@@ -345,7 +374,9 @@ _FORCES = r"""
                 normal_force[a] = pushes ? weight[a] * (real(0.5) * (penalty_p + penalty_q)) * pushed : zero;
                 normal[a] = times(one / distance[a], r);
                 loaded |= pushes;
-                for (int side = 0; side < 2 && any(pushes & ~failed); ++side) {
+                UNROLLED
+                for (int side = 0; side < 2; ++side) {
+                    if (!any(pushes & no(failed))) continue;
                     const real* v = here.number[side];
                     const real z = side ? y : x, h10 = z * (one - z) * (one - z), h11 = z * z * (z - one);
                     const real h01 = z * z * (real(3.0) - real(2.0) * z), both = z * (one - z);
@@ -377,50 +408,50 @@ _FORCES = r"""
 # what the other kernels need of a batch
 _KEEP = r"""
             const real wake = here.travel + (nearest - contact_distance + here.offset) * real(1.0 / CLOSING_RATE);
-            for (int l = 0; l < filled; ++l) {
-                if (failed[l]) continue;
-                const int now = here.touch[l], pair = touch_pair.data[now], minima = kind ? TWO_PLACES : ONE_PLACE;
-                touch_followed.data[now] = finds_forces || !is_near[l] ? FORCE : PLACE;
-                touch_loaded.data[now] = loaded[l] ? 1 : 0;
-                pair_wake_travel.data[pair] = wake[l] < here.renewal[l] ? wake[l] : here.renewal[l];
-                pair_found.data[pair] = is_near[l] ? minima : -minima;
+            for (int l = 0; l < LANES && l < filled; ++l) {
+                const int touch = here.touch[l], pair = touch_pair.data[touch], minima = places > 1 ? TWO_PLACES : ONE_PLACE;
+                if (of_lane(failed, l)) {
+                    list(touch_left, touch_left_count, touch);
+                    continue;
+                }
+                const bool touching = of_lane(is_near, l), loads = of_lane(loaded, l);
+                const double wakes = of_lane(wake, l), renewal = of_lane(here.renewal, l);
+                touch_followed.data[touch] = finds_forces || !touching ? FORCE : PLACE;
+                touch_loaded.data[touch] = loads ? 1 : 0;
+                pair_wake_travel.data[pair] = wakes < renewal ? wakes : renewal;
+                pair_found.data[pair] = touching ? minima : -minima;
                 double* place = (double*)(pair_place.data + 3 * pair);
-                for (int a = 0; a < places; ++a) {
-                    place[2 * a] = s[a][l];
-                    place[2 * a + 1] = t[a][l];
-                }
-                if (!kind) {
-                    place[2] = s[0][l];
-                    place[3] = t[0][l];
-                }
-                if (!is_near[l] || !finds_forces) continue;
+                UNROLLED
                 for (int a = 0; a < PLACES; ++a) {
-                    const int k = 3 * now + a;
-                    const bool counts = a < places && weight[a][l] != 0;
-                    if (counts && a < 2 && normal_force[a][l] != 0 && overlap[a][l] > max_penetration.data[0])
-                        max_penetration.data[0] = overlap[a][l];
+                    if (a >= (places > 1 ? PLACES : 2)) continue;
+                    place[2 * a] = of_lane(s[places > 1 ? a : 0], l);
+                    place[2 * a + 1] = of_lane(t[places > 1 ? a : 0], l);
+                }
+                if (!touching) continue;
+                if (!finds_forces) {
+                    list(touch_found, touch_found_count, touch);
+                    continue;
+                }
+                UNROLLED
+                for (int a = 0; a < PLACES; ++a) {
+                    const int k = 3 * touch + a;
+                    const bool counts = a < places && of_lane(weight[a], l) != 0;
+                    const double force_here = counts ? of_lane(normal_force[a], l) : 0.0;
+                    const double overlap_here = counts ? of_lane(overlap[a], l) : -NO_COMMON_WIRE;
+                    if (a < 2 && force_here != 0 && overlap_here > max_penetration.data[0])
+                        atomic_max(max_penetration, 0, overlap_here);
                     if (is_running) continue; // steps need forces and couples alone
-                    touch_normal_force.data[k] = counts ? normal_force[a][l] : 0.0;
-                    touch_overlap.data[k] = counts ? overlap[a][l] : -NO_COMMON_WIRE;
-                    if (!counts) continue;
-                    double* n = (double*)(touch_normal.data + k);
-                    n[0] = normal[a].x[l];
-                    n[1] = normal[a].y[l];
-                    n[2] = normal[a].z[l];
+                    touch_normal_force.data[k] = force_here;
+                    touch_overlap.data[k] = overlap_here;
+                    if (counts) put((double*)(touch_normal.data + k), normal[a], l);
                 }
-                if (!loaded[l]) continue;
-                stored* f = (stored*)(touch_force.data + 8 * now);
-                for (int k = 0; k < 8; ++k) {
-                    f[3 * k] = force[k].x[l];
-                    f[3 * k + 1] = force[k].y[l];
-                    f[3 * k + 2] = force[k].z[l];
-                }
-                stored* c = (stored*)(touch_couple.data + 6 * now);
-                for (int k = 0; k < 6; ++k) {
-                    c[3 * k] = couple[k].x[l];
-                    c[3 * k + 1] = couple[k].y[l];
-                    c[3 * k + 2] = couple[k].z[l];
-                }
+                if (!loads) continue;
+                stored* f = (stored*)(touch_force.data + 8 * touch);
+                stored* c = (stored*)(touch_couple.data + 6 * touch);
+                UNROLLED
+                for (int k = 0; k < 8; ++k) put(f + 3 * k, force[k], l);
+                UNROLLED
+                for (int k = 0; k < 6; ++k) put(c + 3 * k, couple[k], l);
             }
         }
     }
@@ -429,8 +460,8 @@ _KEEP = r"""
 
 _LANES = (
     STEERING
+    + "    #ifndef __CUDA_ARCH__\n    if (lane > 0) return;\n    #endif\n"
     + constants(
-        LANES=LANES,
         STEPS=FOLLOWING_STEPS,
         STATUS=STATUS,
         STATUS_RUNNING=STATUS_RUNNING,
@@ -475,11 +506,14 @@ _LANES = (
 
 @wp.func_native(_LANES)
 def follow_contacts(
+    lane: wp.int32,
     begin: int,
     end: int,
-    # in: the pairs that may touch, and all pairs
+    stride: int,
+    # in: the pairs that may touch, those of them to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
+    touch_awake: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -511,6 +545,12 @@ def follow_contacts(
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
+    # out: pairs of which the places, or the forces alone, are left to other kernels, in any order, where they are listed
+    touch_is_listed: int,
+    touch_left: wp.array(dtype=wp.int32),
+    touch_left_count: wp.array(dtype=wp.int32),
+    touch_found: wp.array(dtype=wp.int32),
+    touch_found_count: wp.array(dtype=wp.int32),
     # out: what is done of a pair; the rest as in find_contact_forces
     touch_followed: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
@@ -524,13 +564,17 @@ def follow_contacts(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=(QUAD * QUADS_A_BLOCK, 4))
 def find_followed_contacts(
-    # in: the pairs that may touch, and all pairs
+    # in: the pairs that may touch, those of them to look at, and all pairs
     part: int,
     parts: int,
+    threads: int,
+    threads_a_block: int,
     touch_pair: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
+    touch_awake: wp.array(dtype=wp.int32),
+    touch_awake_count: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -562,6 +606,12 @@ def find_followed_contacts(
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
+    # out: pairs of which the places, or the forces alone, are left to other kernels, in any order, where they are listed
+    touch_is_listed: int,
+    touch_left: wp.array(dtype=wp.int32),
+    touch_left_count: wp.array(dtype=wp.int32),
+    touch_found: wp.array(dtype=wp.int32),
+    touch_found_count: wp.array(dtype=wp.int32),
     # out: what is done of a pair; the rest as in find_contact_forces
     touch_followed: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
@@ -573,13 +623,18 @@ def find_followed_contacts(
     # in and out: [m] largest overlap of a thread
     max_penetration: wp.array(dtype=wp.float64),
 ):
-    """One thread: the pairs of a part. Other kernels skip what `touch_followed` says is found, with friction the places."""
+    """The pairs of a part, a thread a pair, or QUAD of `threads_a_block` threads on a GPU. Other kernels skip what
+    `touch_followed` says is found, with friction the places."""
+    a_pair = wp.min(threads_a_block, QUAD)
     if not is_halted(control):
         follow_contacts(
-            first_of_part(touch_count, part, parts),
-            first_of_part(touch_count, part + 1, parts),
+            wp.tid() % a_pair,
+            first_of_part(touch_awake_count, part, parts) + wp.tid() / a_pair,
+            first_of_part(touch_awake_count, part + 1, parts),
+            threads / a_pair,
             touch_pair,
             touch_count,
+            touch_awake,
             pair_first,
             pair_second,
             pair_shift,
@@ -607,6 +662,11 @@ def find_followed_contacts(
             pair_wake_travel,
             pair_found,
             pair_place,
+            touch_is_listed,
+            touch_left,
+            touch_left_count,
+            touch_found,
+            touch_found_count,
             touch_followed,
             touch_overlap,
             touch_normal_force,

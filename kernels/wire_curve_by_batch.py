@@ -1,4 +1,4 @@
-"""The smooth curves of wires (wire_curve.py, for the equations), LANES segments at a time (lanes.py)."""
+"""The smooth curves of wires (wire_curve.py, for the equations), in the numbers of lanes.py."""
 
 # rows of the numbers of a segment: nodes and sections of a segment and of those beside it, and its rest data
 ROWS = """
@@ -31,13 +31,13 @@ POLYNOMIALS = r"""
 CURVES = r"""
             powers curve[2];
             vec shape_before[2], shape_one[2], shape_two[2], shape_after[2], bumps[2][4];
+            UNROLLED
             for (int side = 0; side < 2; ++side) {
                 const real* v = here.number[side];
-                auto vector = [&](int row) { return vec{v[row], v[row + 1], v[row + 2]}; };
-                const vec own = vector(D), across = cross(vector(T), own);
+                const vec own = vector(v, D), across = cross(vector(v, T), own);
                 auto turned = [&](int row) { return plus(times(v[row], own), times(v[row + 1], across)); };
-                const vec d_before = vector(D_BEFORE), across_before = cross(vector(T_BEFORE), d_before);
-                const vec d_after = vector(D_AFTER), across_after = cross(vector(T_AFTER), d_after);
+                const vec d_before = vector(v, D_BEFORE), across_before = cross(vector(v, T_BEFORE), d_before);
+                const vec d_after = vector(v, D_AFTER), across_after = cross(vector(v, T_AFTER), d_after);
                 const real f = factor;
                 shape_before[side] = times(f * v[SLOPE_BEFORE], plus(times(v[A], d_before), times(v[A + 1], across_before)));
                 shape_one[side] = times(f * v[M + 1] * v[LENGTH], turned(A));
@@ -45,14 +45,14 @@ CURVES = r"""
                 const vec turned_after = plus(times(v[NEXT_A], d_after), times(v[NEXT_A + 1], across_after));
                 shape_after[side] = times(f * v[SLOPE_AFTER], turned_after);
                 for (int k = 0; k < 4; ++k) bumps[side][k] = times(f, turned(B + 2 * k));
-                const vec edge = vector(EDGE);
-                const vec m1 = plus(plus(times(v[M], vector(BEFORE)), times(v[M + 1], edge)),
+                const vec edge = vector(v, EDGE);
+                const vec m1 = plus(plus(times(v[M], vector(v, BEFORE)), times(v[M + 1], edge)),
                                     plus(shape_before[side], shape_one[side]));
-                const vec m2 = plus(plus(times(v[M + 2], edge), times(v[M + 3], vector(AFTER))),
+                const vec m2 = plus(plus(times(v[M + 2], edge), times(v[M + 3], vector(v, AFTER))),
                                     plus(shape_two[side], shape_after[side]));
                 const vec* b = bumps[side];
                 vec* c = curve[side].c;
-                c[0] = vector(X);
+                c[0] = vector(v, X);
                 c[1] = m1;
                 c[2] = plus(minus(times(real(3.0), edge), plus(times(real(2.0), m1), m2)), b[0]);
                 c[3] = plus(minus(plus(m1, m2), times(real(2.0), plus(edge, b[0]))), b[1]);

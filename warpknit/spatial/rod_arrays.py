@@ -304,7 +304,9 @@ class TouchArrays:
     touch_count: wp.array  # [1]
     touch_awake: wp.array  # [touch] int, those to look at: all, on a GPU those that do not sleep
     touch_awake_count: wp.array  # [1]
-    touch_found: wp.array  # [touch] int, those whose forces are found: all, on a GPU those that touch
+    touch_left: wp.array  # [touch] int, of these those to search: all, on a GPU those that do not go on from the step before
+    touch_left_count: wp.array  # [1]
+    touch_found: wp.array  # [touch] int, those whose forces are left to find: all, on a GPU those of them that touch
     touch_found_count: wp.array  # [1]
     touch_first_start: wp.array  # [node + 1] int
     touch_second_start: wp.array  # [node + 1]
@@ -339,9 +341,9 @@ class TouchArrays:
             return zeros(count, wp.vec3d, device)
 
         places, count = PLACES * capacity, whole(1)
-        looked_at = 2 * (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
+        looked_at = 3 * (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
         if not is_in_place(device):
-            looked_at = (whole(capacity), whole(1), whole(capacity), whole(1))
+            looked_at = tuple(whole(size) for _ in range(3) for size in (capacity, 1))
         return TouchArrays(
             whole(capacity), count, *looked_at, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
             whole(capacity),

@@ -11,6 +11,7 @@ import warp as wp
 from ..errors import OutOfResources
 from ..host import fetch, shared, store
 from ..kernels import control as c
+from ..kernels.lanes import QUAD, QUADS_A_BLOCK
 from ..kernels.wire_closest import (
     NOT_NEAR,
     ONE_PLACE,
@@ -42,7 +43,7 @@ MIN_ARC_SEPARATION = (
 )
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
-TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 6
+TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 7
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each: about as many as run at once
@@ -147,8 +148,8 @@ class WireContact:
         return int(fetch(self._list.total)[0])
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
-        """Launches that find a part of the contact forces; on a CPU, first of the pairs that go on from the step before, on a
-        GPU by lists of the pairs that do not sleep and of those that touch."""
+        """Launches that find a part of the contact forces, first of the pairs that go on from the step before; on a GPU by lists
+        of the pairs that do not sleep, of those to search and of those whose forces are left to find."""
         pairs, touch = self._list, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
         named = pairs.named("first", "second", "shift", "found", "place") | {"part": part, "parts": parts}
@@ -162,16 +163,18 @@ class WireContact:
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         on_cpu = self.stepper.device == "cpu"
         threads = 1 if on_cpu else max(math.ceil(touch.capacity / PAIRS_A_THREAD), min(touch.capacity, LEAST_THREADS))
-        first = [bind(find_followed_contacts, 1, *sources, **named, **travels, **forces)]
+        lists, quads = {"touch_is_listed": int(not on_cpu)}, 1 if on_cpu else QUAD * threads
+        first = [bind(
+            find_followed_contacts, quads, *sources, threads=quads, threads_a_block=min(quads, QUAD * QUADS_A_BLOCK), **named,
+            **travels, **forces, **lists,
+        )]  # fmt: skip
         if not on_cpu:
             pair = pairs.named("first", "second", "wake_travel", "found")
-            first = [
-                bind(empty_pair_lists, 1, touch),
-                bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity, **pair),
-            ]
+            asleep = bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity, **pair)
+            first = [bind(empty_pair_lists, 1, touch), asleep, *first]
         return [
             *first,
-            bind(find_closest_places, threads, *sources, threads=threads, touch_is_listed=int(not on_cpu), **named, **travels),
+            bind(find_closest_places, threads, *sources, threads=threads, **named, **travels, **lists),
             bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
         ]
 
