@@ -19,7 +19,8 @@ PART = 8  # nodes of a part
 
 # Four numbers a node: x, y, z and spin, each swept by itself. On a GPU the threads of a wire take one stretch of it after the
 # other. Each reads one number of a part of the stretch, sweeps it from zero and finds the responses to either node before the
-# part. Then it sweeps from what the part before hands on. Full rows are zero between `quiet` and the last four nodes.
+# part. Then it sweeps from what the part before hands on. The nodes of a stretch are updated by neighbouring threads. Full rows
+# are zero between `quiet` and the last four nodes.
 _MOVE = (
     "typedef decltype(torque.data[0] + torque.data[0]) real;\n"
     + STEERING
@@ -42,7 +43,7 @@ _MOVE = (
     const int own = lane % 4, part = lane / 4, parts = blockDim.x / 4;
     #else
     enum { NUMBERS = 4 };
-    const int own = 0;
+    const int own = 0, part = 0, parts = 1;
     #endif
     const int first = wire_first.data[wire], count = wire_count.data[wire], quiet = wire_quiet.data[wire], inside = count - 2;
     const real* __restrict factors = (const real*)(mass_factor.data + FACTORS * first) + own;
@@ -63,11 +64,11 @@ _MOVE = (
         for (int c = 0; c < NUMBERS; ++c) z.far[c] = z.near[c];
         for (int c = 0; c < NUMBERS; ++c) z.near[c] = now[c];
     };
-    // Sweep over all nodes but the last two: `read` the row of a node, and `use` what is found there
+    // Sweep over all nodes but the last two: `read` the row of a node, and `use` what is found there; `finish` a stretch on a GPU
     #ifdef __CUDA_ARCH__
     __shared__ real near_end[MOTION_LANES], far_end[MOTION_LANES], near_near[MOTION_LANES], near_far[MOTION_LANES];
     __shared__ real far_near[MOTION_LANES], far_far[MOTION_LANES];
-    const auto along = [&](bool is_back, const auto& read, const auto& use) {
+    const auto along = [&](bool is_back, const auto& read, const auto& use, const auto& finish) {
         real near_before = 0, far_before = 0; // of the stretch, which its first part takes up
         for (int from = 0; from < inside; from += PART * parts) {
             const int begin = from + PART * part, left = inside - begin;
@@ -112,10 +113,12 @@ _MOVE = (
                 go_on(rows[k], z, false);
                 use(start + step * k, z.near);
             }
+            const int behind = from + PART * parts < inside ? from + PART * parts : inside;
+            finish(is_back ? inside - behind : from, is_back ? inside - from : behind);
         }
     };
     #else
-    const auto along = [&](bool is_back, const auto& read, const auto& use) {
+    const auto along = [&](bool is_back, const auto& read, const auto& use, const auto&) {
         Pair z = {};
         for (int k = 0; k < inside; ++k) {
             const int j = is_back ? inside - 1 - k : k;
@@ -140,7 +143,8 @@ _MOVE = (
             if (!is_full(j)) return;
             for (int c = 0; c < NUMBERS; ++c) other[c] += (borders + 4 * BORDERS * j)[4 * OTHER + c] * z[c];
             for (int c = 0; c < NUMBERS; ++c) last[c] += (borders + 4 * BORDERS * j)[4 * LAST + c] * z[c];
-        }
+        },
+        [](int, int) {}
     );
     #ifdef __CUDA_ARCH__
     TOGETHER
@@ -180,25 +184,39 @@ _MOVE = (
     double* __restrict speeds = block_speed.data + node_block.data[first];
     double* __restrict travel = block_travel.data + node_block.data[first];
     #endif
-    const auto move = [&](int j, const real* acceleration) {
-        real q2 = 0, f2 = 0, e = 0;
-        for (int c = 0; c < NUMBERS && own + c < 3; ++c) {
+    struct Node { double place[NUMBERS], mass[NUMBERS]; real speed[NUMBERS], push[NUMBERS], total[NUMBERS], pivot; };
+    const auto look = [&](int j) {
+        Node now;
+        for (int c = 0; c < NUMBERS; ++c) {
             const int k = 3 * j + own + c;
-            const real before = speed[k], after = a * before + b * real(acceleration[c]);
-            speed[k] = after;
-            moved[k] += dt * (after + ahead * (after - before));
-            total[k] += push[k];
-            q2 += after * after;
-            e += real(mass[k]) * after * after;
-            f2 += push[k] * push[k];
+            const bool spins = own + c == 3;
+            now.place[c] = spins ? turned[j] : moved[k];
+            now.mass[c] = spins ? inertia[j] : mass[k];
+            now.speed[c] = spins ? rate[j] : speed[k];
+            now.push[c] = spins ? real(0) : push[k];
+            now.total[c] = spins ? real(0) : total[k];
         }
-        if (own + NUMBERS == 4) {
-            const real before = rate[j], after = a * before + b * real(acceleration[NUMBERS - 1]);
-            const real angle = dt * (after + ahead * (after - before));
-            rate[j] = after;
-            turn[j] = angle;
-            turned[j] += angle;
-            e += real(inertia[j]) * after * after;
+        now.pivot = factors[4 * FACTORS * j + 4 * PIVOT];
+        return now;
+    };
+    const auto move = [&](int j, const Node& now, const real* acceleration) {
+        real q2 = 0, f2 = 0, e = 0;
+        for (int c = 0; c < NUMBERS; ++c) {
+            const int k = 3 * j + own + c;
+            const real before = now.speed[c], after = a * before + b * real(acceleration[c]);
+            e += real(now.mass[c]) * after * after;
+            if (own + c == 3) {
+                const real angle = dt * (after + ahead * (after - before));
+                rate[j] = after;
+                turn[j] = angle;
+                turned[j] = real(now.place[c]) + angle;
+                continue;
+            }
+            speed[k] = after;
+            moved[k] = now.place[c] + dt * (after + ahead * (after - before));
+            total[k] = now.total[c] + now.push[c];
+            q2 += after * after;
+            f2 += now.push[c] * now.push[c];
         }
         #ifdef __CUDA_ARCH__
         const unsigned quad = 0xfu << (lane % 32 - own);
@@ -219,14 +237,14 @@ _MOVE = (
         kinetic += e;
         fastest = q2 > fastest ? q2 : fastest;
         // of a quad of threads the first one counts
-        if (own == 0 && factors[4 * FACTORS * j + 4 * PIVOT] != 0) {
+        if (own == 0 && now.pivot != 0) {
             square += f2;
             strongest = f2 > strongest ? f2 : strongest;
         }
     };
     if (lane < 4) {
-        move(count - 1, last);
-        move(count - 2, other);
+        move(count - 1, look(count - 1), last);
+        move(count - 2, look(count - 2), other);
     }
     along(
         true,
@@ -240,7 +258,31 @@ _MOVE = (
             for (int c = 0; c < NUMBERS; ++c) row.source[c] -= (borders + 4 * BORDERS * j)[4 * OTHER + c] * other[c];
             for (int c = 0; c < NUMBERS; ++c) row.source[c] -= (borders + 4 * BORDERS * j)[4 * LAST + c] * last[c];
         },
-        move
+        [&](int j, const real* acceleration) {
+            #ifdef __CUDA_ARCH__
+            swept[4 * j] = acceleration[0];
+            #else
+            move(j, look(j), acceleration);
+            #endif
+        },
+        [&](int from, int to) {
+            enum { AT_ONCE = 2 };
+            TOGETHER
+            for (int j = from + part; j < to; j += AT_ONCE * parts) {
+                Node now[AT_ONCE];
+                real acceleration[AT_ONCE];
+                #pragma unroll
+                for (int k = 0; k < AT_ONCE; ++k) {
+                    const int at = j + k * parts;
+                    if (at >= to) continue;
+                    now[k] = look(at);
+                    acceleration[k] = swept[4 * at];
+                }
+                #pragma unroll
+                for (int k = 0; k < AT_ONCE; ++k)
+                    if (j + k * parts < to) move(j + k * parts, now[k], acceleration + k);
+            }
+        }
     );
     #ifndef __CUDA_ARCH__
     // the nodes of a segment lie in its block and those beside it

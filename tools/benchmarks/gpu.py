@@ -38,7 +38,8 @@ MILLIONS = ("panel_million.toml", "panel_million_spatial.toml")
 STRAIN = 0.1  # weft and warp
 STEPS = 50  # of a turn: a graph, or a check
 REPEATS = 20  # of a launch that is timed alone
-EMPTIES = ("empty_pair_lists", "list_awake_pairs")  # kernels that empty and fill the lists which the next ones fill and read
+# kernels that empty and fill the lists which the next ones fill and read
+EMPTIES = ("empty_pair_lists", "list_awake_pairs", "find_followed_contacts")
 SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
 NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and those of a model
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it
@@ -85,7 +86,7 @@ def at_load(kind: str, nodes: int, precision: str, device: str) -> Simulation:
 def step_launches(stepper: Any, *, free: bool) -> list[list[Launch]]:
     """The launches of two steps one after the other: planar nodes are stored twice, in turn."""
     turns = [stepper.launches(parity) for parity in (0, 1)] if hasattr(stepper, "by_pair") else 2 * [stepper.launches()]
-    contact = ("contact", "friction", "bodies", "wire_closest", "wire_contact_forces", "wire_friction")
+    contact = ("contact", "friction", "bodies", "wire_closest", "wire_contact_by_batch", "wire_contact_forces", "wire_friction")
     return [[one for one in turn if not free or one.kernel.module.name.rsplit(".", 1)[-1] not in contact] for turn in turns]
 
 

@@ -128,13 +128,13 @@ class Fields:
 
         The turn is that beside the rotation that a section makes with its segment.
         """
-        state, change = self.stepper.state, dict.fromkeys(FIELDS, np.zeros(self.model.node_count)) | changes
+        none = np.zeros(self.model.node_count)
+        move = np.stack([changes.get(name, none) for name in ("x", "y", "z")], axis=1)
+        move[~self._moves] = 0.0
         self.stepper.evaluate()
-        displacement = np.stack([change["x"], change["y"], change["z"]], axis=1)
-        position = fetch(state.position) + np.where(self._moves[:, None], displacement, 0.0)
-        self._pull(change)
+        self._pull(changes)
         self.multipliers.raise_to_floor()
-        self.stepper.place(position, np.where(self.relaxation.free_sections, change["turn"], 0.0))
+        self.stepper.shift(move, np.where(self.relaxation.free_sections, changes.get("turn", none), 0.0))
         self.relaxation.renew_masses(loading=True)
         self.relaxation.begin_anew()
 
@@ -146,10 +146,12 @@ class Fields:
 
     def _pull(self, change: dict[str, np.ndarray]) -> None:
         """Change the multipliers of segments and contacts with the fields [node]."""
-        state = self.stepper.state
-        pulled = change["tension"] - fetch(state.stretch_stiffness) * change["strain"]
-        store(state.tension_offset, fetch(state.tension_offset) + np.where(self.relaxation.can_stretch, pulled, 0.0))
-        self.multipliers.add_push(change["push"])
+        state, none = self.stepper.state, np.zeros(self.model.node_count)
+        if not change.keys().isdisjoint(("tension", "strain")):
+            pulled = change.get("tension", none) - fetch(state.stretch_stiffness) * change.get("strain", none)
+            store(state.tension_offset, fetch(state.tension_offset) + np.where(self.relaxation.can_stretch, pulled, 0.0))
+        if "push" in change:
+            self.multipliers.add_push(change["push"])
 
     # --- turns of the sections
 

@@ -341,7 +341,7 @@ class TouchArrays:
             return zeros(count, wp.vec3d, device)
 
         places, count = PLACES * capacity, whole(1)
-        looked_at = 3 * (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
+        looked_at: tuple[wp.array, ...] = 3 * (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
         if not is_in_place(device):
             looked_at = tuple(whole(size) for _ in range(3) for size in (capacity, 1))
         return TouchArrays(

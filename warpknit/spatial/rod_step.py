@@ -13,6 +13,7 @@ contacts and wires of a step; sums do not depend on their number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
@@ -281,9 +282,12 @@ class RodStepper:
         """Move nodes to positions (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
         affine = self.rods.position.copy()
         affine[:, :2] = affine[:, :2] @ self.state.gradient.T
-        displacement = np.asarray(position) - affine
-        moved = self.strip.largest_of_nodes(np.linalg.norm(displacement - fetch(self.state.displacement), axis=1))
-        store(self.state.displacement, displacement)
+        self.shift(np.asarray(position) - affine - fetch(self.state.displacement), turn)
+
+    def shift(self, move: np.ndarray, turn: np.ndarray | None = None) -> None:
+        """Move nodes by (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
+        moved = math.sqrt(self.strip.largest_of_nodes(np.einsum("ij,ij->i", move, move)))
+        store(self.state.displacement, fetch(self.state.displacement) + move)
         if turn is not None:
             store(self.state.pending_turn, turn)
         if self.contact is not None:
