@@ -113,6 +113,17 @@ def test_a_stiff_cord_is_solved_though_the_mesh_hardly_feels_it() -> None:
     assert left < (EDGE_TOLERANCE + 3e-2) * pulled
 
 
+def test_a_facet_converges_from_one_repeat() -> None:
+    """A start from one repeat is out of balance at the edge at first, in short waves that decay. A membrane correction for them,
+    at the first check, would ask for a third of the size of the mesh and put it far out of balance."""
+    panel = {"outline": "hexagon", "size": 0.015, "grip_pitch": 0.0075, "cord": {"tension": 0.5, "stiffness": 2000.0}}
+    load = {"strain_weft": 0.025, "strain_warp": 0.025}
+    model = build_model(make_scene({"panel": panel, "load": load, "solver": QUICK, "output": {"frames": 1}}))
+    *_, record = Simulation(model, initial_state(model)).run()
+    assert record.membrane_residual == 0.0
+    assert record.steps < 10_000
+
+
 def test_every_place_on_an_outline_that_begins_at_a_mild_corner_has_stations() -> None:
     """The first corner turns too little for a net node, so that places before the first station belong to the last stretch."""
     corners = [[0.0, -0.012], [0.012, -0.011], [0.011, 0.012], [-0.012, 0.012], [-0.012, -0.011]]

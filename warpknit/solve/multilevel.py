@@ -32,7 +32,7 @@ EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the
 CORRECTION_CHECKS = 5  # convergence checks between membrane corrections, at least
 SLOW_DECAY = 0.8  # share of the residual that is left after a check: once more is left, short waves have decayed
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
-FIRST_IMBALANCE = 4.0  # the same at the first check of a mesh that starts from a smaller one, while short waves disturb it too
+FIRST_IMBALANCE = 4.0  # the same at the first check of a start from a smaller gripped mesh, while short waves disturb it too
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
@@ -228,8 +228,10 @@ class MultilevelRelaxation(Relaxation):
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
         progress.gave_up = not progress.is_prolonged
         progress.imbalance = self._unknown_imbalance if progress.gave_up else 1e30
-        # the long waves of a smaller mesh are others: where they are far from balance, they are corrected at once
-        progress.ratio, progress.next_correction = 0.0, 1 if self.smaller is not None else CORRECTION_CHECKS
+        # the long waves of a smaller gripped mesh are others: where they are far from balance, they are corrected at once; a mesh
+        # that starts from one repeat is out of balance at its edge first, in short waves that decay
+        at_once = self.smaller is not None and self.smaller.scene.model.boundary == "gripped"
+        progress.ratio, progress.next_correction = (0.0, 1) if at_once else (1e30, CORRECTION_CHECKS)
         self._correction.begin()
         self._lift.begin()
 
