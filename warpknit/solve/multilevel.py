@@ -279,7 +279,9 @@ class MultilevelRelaxation(Relaxation):
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
-        if progress.imbalance > least and not is_in_vain:
+        # of a slack mesh, short waves alone ask for a correction at the first check that is too large for its parts
+        is_early = progress.checks == 1 and MAX_PARTS * correction.max_factor < 1.0
+        if progress.imbalance > least and not is_in_vain and not is_early:
             self._move_as_membrane(membrane, correction)
         lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
         if lift is not None:
