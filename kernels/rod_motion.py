@@ -14,7 +14,7 @@ from .control import STATUS, STATUS_RUNNING
 from .native import SHARING, STEERING, SUM_OF_LANES, constants
 from .rod_blocks import ROD_BLOCK
 
-MOTION_LANES = 256  # four numbers of 64 parts of a stretch of wire
+MOTION_LANES = 512  # four numbers of the parts of a stretch of wire
 PART = 8  # nodes of a part
 
 # Four numbers a node: x, y, z and spin, each swept by itself. On a GPU the threads of a wire take one stretch of it after the
@@ -66,8 +66,19 @@ _MOVE = (
     };
     // Sweep over all nodes but the last two: `read` the row of a node, and `use` what is found there; `finish` a stretch on a GPU
     #ifdef __CUDA_ARCH__
-    __shared__ real near_end[MOTION_LANES], far_end[MOTION_LANES], near_near[MOTION_LANES], near_far[MOTION_LANES];
-    __shared__ real far_near[MOTION_LANES], far_far[MOTION_LANES];
+    // two nodes behind some others, as a function of the two before: the ends from zero, and the responses
+    struct Ends { real near, far, near_near, near_far, far_near, far_far; };
+    const auto behind = [](const Ends& e, real near, real far) {
+        return Pair{{e.near + e.near_near * near + e.near_far * far}, {e.far + e.far_near * near + e.far_far * far}};
+    };
+    const auto of_part_before = [](const Ends& e, int lanes) {
+        const auto shifted = [&](real value) { return __shfl_up_sync(0xffffffffu, value, lanes); };
+        return Ends{shifted(e.near), shifted(e.far), shifted(e.near_near), shifted(e.near_far), shifted(e.far_near),
+                    shifted(e.far_far)};
+    };
+    __shared__ Ends of_warp[MOTION_LANES / 32][4];
+    __shared__ real other_sum[MOTION_LANES], last_sum[MOTION_LANES];
+    const int warp = lane / 32, in_warp = lane % 32;
     const auto along = [&](bool is_back, const auto& read, const auto& use, const auto& finish) {
         real near_before = 0, far_before = 0; // of the stretch, which its first part takes up
         for (int from = 0; from < inside; from += PART * parts) {
@@ -85,36 +96,43 @@ _MOVE = (
                 go_on(rows[k], by_near, true);
                 go_on(rows[k], by_far, true);
             }
-            TOGETHER
-            near_end[lane] = z.near[0];
-            far_end[lane] = z.far[0];
-            near_near[lane] = by_near.near[0];
-            far_near[lane] = by_near.far[0];
-            near_far[lane] = by_far.near[0];
-            far_far[lane] = by_far.far[0];
-            TOGETHER
-            if (part == 0) {
-                #pragma unroll 8
-                for (int k = own; k < 4 * parts; k += 4) {
-                    const real near = near_end[k] + near_near[k] * near_before + near_far[k] * far_before;
-                    const real far = far_end[k] + far_near[k] * near_before + far_far[k] * far_before;
-                    near_end[k] = near_before;
-                    far_end[k] = far_before;
-                    near_before = near;
-                    far_before = far;
-                }
+            // joined with the parts before in the warp, then warp by warp
+            Ends ends = {z.near[0], z.far[0], by_near.near[0], by_far.near[0], by_near.far[0], by_far.far[0]};
+            for (int lanes = 4; lanes < 32; lanes *= 2) {
+                const Ends before = of_part_before(ends, lanes);
+                if (in_warp < lanes) continue;
+                const Pair joined = behind(ends, before.near, before.far);
+                const Ends own_ends = ends;
+                ends.near = joined.near[0];
+                ends.far = joined.far[0];
+                ends.near_near = own_ends.near_near * before.near_near + own_ends.near_far * before.far_near;
+                ends.near_far = own_ends.near_near * before.near_far + own_ends.near_far * before.far_far;
+                ends.far_near = own_ends.far_near * before.near_near + own_ends.far_far * before.far_near;
+                ends.far_far = own_ends.far_near * before.near_far + own_ends.far_far * before.far_far;
             }
             TOGETHER
-            z.near[0] = near_end[lane];
-            z.far[0] = far_end[lane];
+            if (in_warp >= 28) of_warp[warp][own] = ends;
+            TOGETHER
+            for (int w = 0; w < blockDim.x / 32 && part == 0; ++w) {
+                Ends& here = of_warp[w][own];
+                const Pair next = behind(here, near_before, far_before);
+                here.near = near_before;
+                here.far = far_before;
+                near_before = next.near[0];
+                far_before = next.far[0];
+            }
+            TOGETHER
+            const Ends before = of_part_before(ends, 4);
+            z = {{of_warp[warp][own].near}, {of_warp[warp][own].far}};
+            if (in_warp >= 4) z = behind(before, z.near[0], z.far[0]);
             #pragma unroll
             for (int k = 0; k < PART; ++k) {
                 if (k >= left) continue;
                 go_on(rows[k], z, false);
                 use(start + step * k, z.near);
             }
-            const int behind = from + PART * parts < inside ? from + PART * parts : inside;
-            finish(is_back ? inside - behind : from, is_back ? inside - from : behind);
+            const int to = from + PART * parts < inside ? from + PART * parts : inside;
+            finish(is_back ? inside - to : from, is_back ? inside - from : to);
         }
     };
     #else
@@ -148,13 +166,13 @@ _MOVE = (
     );
     #ifdef __CUDA_ARCH__
     TOGETHER
-    near_end[lane] = other[0];
-    far_end[lane] = last[0];
+    other_sum[lane] = other[0];
+    last_sum[lane] = last[0];
     TOGETHER
     other[0] = last[0] = 0;
     for (int p = 0; p < parts; ++p) {
-        other[0] += near_end[4 * p + own];
-        last[0] += far_end[4 * p + own];
+        other[0] += other_sum[4 * p + own];
+        last[0] += last_sum[4 * p + own];
     }
     #endif
     // the last two nodes, of which every thread finds the accelerations
@@ -266,7 +284,7 @@ _MOVE = (
             #endif
         },
         [&](int from, int to) {
-            enum { AT_ONCE = 2 };
+            enum { AT_ONCE = 1 };
             TOGETHER
             for (int j = from + part; j < to; j += AT_ONCE * parts) {
                 Node now[AT_ONCE];
@@ -337,7 +355,7 @@ def move_wire(
 ): ...
 
 
-@wp.kernel(launch_bounds=(MOTION_LANES, 4))
+@wp.kernel(launch_bounds=(MOTION_LANES, 2))
 def move_rods(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),

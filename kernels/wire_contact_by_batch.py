@@ -564,7 +564,7 @@ def follow_contacts(
 ): ...
 
 
-@wp.kernel(launch_bounds=(QUAD * QUADS_A_BLOCK, 4))
+@wp.kernel(launch_bounds=(QUAD * QUADS_A_BLOCK, 3))
 def find_followed_contacts(
     # in: the pairs that may touch, those of them to look at, and all pairs
     part: int,

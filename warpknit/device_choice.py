@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-# below, a GPU takes about as long as the CPU: an H100 beside 16 cores, meshes of 13,000 to 150,000 nodes
-LEAST_NODES = 50_000
+# below, a GPU takes about as long as the CPU: an H100 beside 16 cores, meshes of 10,000 nodes
+LEAST_NODES = 10_000
 DEFAULT_DEVICE = f"the first CUDA device for meshes of {LEAST_NODES:,} nodes or more, else the CPU"
 
 

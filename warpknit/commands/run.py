@@ -39,7 +39,7 @@ def run(
         run.history["tension_weft_N_per_m"]                                  # [record] [N/m]
 
     scene: a `Scene`, or what `load_scene` takes. out: default `runs/<scene name>`.
-    device: "cpu" or "cuda:0"; default: the first CUDA device for meshes of 50,000 nodes or more, else the CPU.
+    device: "cpu" or "cuda:0"; default: the first CUDA device for meshes of 10,000 nodes or more, else the CPU.
     error: [%] 2 or "2 %": choose the cheapest settings within this error, and estimate the error of the run.
     probes: own measures by name, functions of a `Record` (docs/python.md): a column of history.csv and a key of the summary each.
         run(scene, out, probes={"height_m": lambda record: float(np.ptp(record.observables.node_position[:, 2]))})

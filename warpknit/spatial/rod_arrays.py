@@ -341,11 +341,10 @@ class TouchArrays:
             return zeros(count, wp.vec3d, device)
 
         places, count = PLACES * capacity, whole(1)
-        looked_at: tuple[wp.array, ...] = 3 * (shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count)
-        if not is_in_place(device):
-            looked_at = tuple(whole(size) for _ in range(3) for size in (capacity, 1))
+        pairs = shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count
+        awake, left, found = 3 * (pairs,) if is_in_place(device) else [(whole(capacity), whole(1)) for _ in range(3)]
         return TouchArrays(
-            whole(capacity), count, *looked_at, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
+            whole(capacity), count, *awake, *left, *found, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
             whole(capacity),
             zeros(8 * capacity, precision.vec3, device), zeros(6 * capacity, precision.vec3, device),
             reals(places), reals(places),
