@@ -113,3 +113,12 @@ def store_at(array: wp.array, key: Any, values: Any) -> None:
     host[key] = values
     if not is_in_place(array.device):
         array.assign(host)
+
+
+def store_entries(array: wp.array, values: dict[int, float]) -> None:
+    """Set entries along the last axis of an array; on a GPU one of a single axis, without waiting for it."""
+    if is_in_place(array.device):
+        fetch(array)[..., list(map(int, values))] = list(values.values())
+        return
+    for entry, value in values.items():
+        array[int(entry) : int(entry) + 1].fill_(value)

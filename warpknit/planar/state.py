@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..host import fetch, is_in_place, store_at
+from ..host import fetch, is_in_place, store_entries
 from ..kernels import contact_by_batch as b
 from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
@@ -134,7 +134,7 @@ class State:
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
-        store_at(self.control, (..., list(map(int, values))), list(values.values()))
+        store_entries(self.control, values)
 
 
 def initial_state(model: Model, replicas: int | None = None) -> State:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..host import fetch, is_in_place, lanes, shared, store, store_at, zeros
+from ..host import fetch, is_in_place, lanes, shared, store, store_entries, zeros
 from ..kernels import control as c
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_borders, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
@@ -125,7 +125,7 @@ class RodState:
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""
-        store_at(self.control, list(map(int, values)), list(values.values()))
+        store_entries(self.control, values)
 
     def read_control(self) -> np.ndarray:
         """The control array on the host: a view on the CPU, a copy from a GPU."""
