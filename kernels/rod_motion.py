@@ -15,7 +15,7 @@ from .native import SHARING, STEERING, SUM_OF_LANES, constants
 from .rod_blocks import ROD_BLOCK
 
 MOTION_LANES = 512  # four numbers of the parts of a stretch of wire
-PART = 8  # nodes of a part
+PART = 4  # nodes of a part
 
 # Four numbers a node: x, y, z and spin, each swept by itself. On a GPU the threads of a wire take one stretch of it after the
 # other. Each reads one number of a part of the stretch, sweeps it from zero and finds the responses to either node before the
