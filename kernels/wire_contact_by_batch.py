@@ -56,10 +56,7 @@ _STEP = r"""
     typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) stored;
     const stored* tangents = (const stored*)tangent.data;
     const stored* directors = (const stored*)director.data;
-    // what is left to other kernels, where they have lists
-    auto list = [&](const auto& numbers, const auto& count, int touch) {
-        if (touch_is_listed && lane == 0) numbers.data[atomic_add(count, 0, 1)] = touch;
-    };
+    const bool lists = touch_is_listed && lane == 0; // what is left to other kernels
 """
 
 # the weight of a contact that is bounded by the end of a segment (line_weight of wire_weights.py)
@@ -191,8 +188,8 @@ _GATHER = r"""
                 set(own_batch.renewal, l, pair_renewal_travel.data[pair]);
                 set(own_batch.offset, l, reach);
                 set(own_batch.travel, l, travel);
-            } else {
-                list(touch_left, touch_left_count, touch);
+            } else if (lists) {
+                touch_left.data[atomic_add(touch_left_count, 0, 1)] = touch;
             }
         }
 """
@@ -411,7 +408,7 @@ _KEEP = r"""
             for (int l = 0; l < LANES && l < filled; ++l) {
                 const int touch = here.touch[l], pair = touch_pair.data[touch], minima = places > 1 ? TWO_PLACES : ONE_PLACE;
                 if (of_lane(failed, l)) {
-                    list(touch_left, touch_left_count, touch);
+                    if (lists) touch_left.data[atomic_add(touch_left_count, 0, 1)] = touch;
                     continue;
                 }
                 const bool touching = of_lane(is_near, l), loads = of_lane(loaded, l);
@@ -429,7 +426,7 @@ _KEEP = r"""
                 }
                 if (!touching) continue;
                 if (!finds_forces) {
-                    list(touch_found, touch_found_count, touch);
+                    if (lists) touch_found.data[atomic_add(touch_found_count, 0, 1)] = touch;
                     continue;
                 }
                 UNROLLED
@@ -443,7 +440,8 @@ _KEEP = r"""
                     if (is_running) continue; // steps need forces and couples alone
                     touch_normal_force.data[k] = force_here;
                     touch_overlap.data[k] = overlap_here;
-                    if (counts) put((double*)(touch_normal.data + k), normal[a], l);
+                    double* unit = (double*)(touch_normal.data + k);
+                    if (counts) put(unit, normal[a], l);
                 }
                 if (!loads) continue;
                 stored* f = (stored*)(touch_force.data + 8 * touch);

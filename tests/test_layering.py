@@ -26,7 +26,7 @@ KERNELS = ROOT / "kernels"
 # A module imports from its own layer and from those above it in this list.
 LAYERS = (
     # what everything may use
-    {"errors", "files", "text", "processes", "hermite", "kernels", "launch", "row_sums", "host"},
+    {"errors", "files", "text", "processes", "hermite", "kernels", "launch", "row_sums", "host", "pinned"},
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
     {"scene"},

@@ -58,7 +58,7 @@ class GpuTimes:
     node_check: float
     node_record: float
     check_steps: int
-    smaller: float  # the smallest mesh of a multilevel start, on the CPU
+    smaller: float  # the smallest mesh of a multilevel start
 
     def of_run(self, steps: int, nodes: int, records: int, *, is_multilevel: bool) -> float:
         """Of so many steps and records of so many nodes."""

@@ -1,8 +1,9 @@
 """What a GPU does with both models: its copy bandwidth, steps at many sizes, and both scenes of a million whole.
 
 Steps are taken in the state that a periodic tile starts from at its load, one repeat in equilibrium laid out over all; free wires
-have no contact. Bytes of a step are those of the arrays that its launches take: read once, written once. Runs of scenes write no
-files. `--minutes` shortens the list: a case that would take longer than what is left is noted as left out.
+have no contact. Bytes of a step are those of the arrays that its launches take: read once, written once, without kernels that few
+contacts need. Runs of scenes write no files. `--minutes` shortens the list: a case that would take longer than what is left is left
+out.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ STEPS = 50  # of a turn: a graph, or a check
 REPEATS = 20  # of a launch that is timed alone
 # kernels that empty and fill the lists which the next ones fill and read
 EMPTIES = ("empty_pair_lists", "list_awake_pairs", "find_followed_contacts")
+FEW = ("find_closest_places", "warpknit.kernels.wire_contact_forces")  # kernel and module that find what few contacts leave
 SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
 NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and those of a model
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it
@@ -125,7 +127,7 @@ def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> It
             alone()
         works = {"graph": partial(wp.capture_launch, capture.graph), "launches": alone}
         best(works, 1, device=device)
-        number = sum(bytes_of(one) for one in turns[0]) / count
+        number = sum(bytes_of(one) for one in turns[0] if not {one.kernel.key, one.kernel.module.name} & set(FEW)) / count
         kernels = times_of_launches(recorded[0], [one for one in turns[0] if one.threads], options)
         for way, seconds in best(works, options.rounds, device=device).items():
             speed = count * STEPS / seconds

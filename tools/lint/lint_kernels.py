@@ -203,6 +203,7 @@ class KernelFile:
                 behind = text[closing(text, match.end()) :].lstrip()
                 is_stored = behind.startswith("=") and not behind.startswith("==")
                 effects.add(WRITTEN if is_stored else ADDED if behind.startswith("+=") else READ)
+            effects |= {ADDED for _ in re.finditer(rf"\batomic_\w+\({name}\b", text)}
             effects |= {MAYBE_READ for _ in re.finditer(rf"__builtin_prefetch\({name}\.data\b", text)}
             found[name] = frozenset(effects)
         return found

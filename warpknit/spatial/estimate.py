@@ -64,7 +64,7 @@ START_TIME = 3.5  # [s] of each process of a map, side by side: imports, kernels
 CLOSE = 0.3  # thicknesses between surfaces
 # by the million alone
 GPU = GpuTimes(
-    node=3.7e-6, step=1e-4, node_step=3e-9, check=5e-3, node_check=1.2e-8, node_record=8e-7, check_steps=25, smaller=12.0
+    node=3.3e-6, step=7e-5, node_step=1.2e-9, check=3e-3, node_check=1e-8, node_record=3.1e-7, check_steps=25, smaller=8.0
 )  # fmt: skip
 PAIRS_OF_NODE = 0.45  # pairs of segments near each other: 0.40 and 0.44 on the double atlas, 3.3 on a tight tricot
 
