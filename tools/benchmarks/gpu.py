@@ -2,8 +2,8 @@
 
 Steps are taken in the state that a periodic tile starts from at its load, one repeat in equilibrium laid out over all; free wires
 have no contact. Bytes of a step are those of the arrays that its launches take: read once, written once, without kernels that few
-contacts need. Runs of scenes write no files. `--minutes` shortens the list: a case that would take longer than what is left is left
-out.
+contacts need. Runs of scenes write no files. `--minutes` shortens the list: a case that would take longer than what is
+left is noted as left out.
 """
 
 from __future__ import annotations
