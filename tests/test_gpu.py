@@ -11,12 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 
 from reference.gpu_cases import CASES, SHARED, scene_of
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.errors import SceneError
+from warpknit.host import fetch, store
 from warpknit.model import build_model
+from warpknit.pinned import LEAST_BYTES
 from warpknit.ranks.ranks import One, Ranks
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, load_scene
@@ -80,6 +83,24 @@ def test_a_run_leaves_files_and_resumes(device: str, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert float(rows[-1]["tension_weft_N_per_m"]) > 0.0
     assert run_scene(scene_of("planar cell"), out=tmp_path / "run", device=device, resume=True).summary == done.summary
+
+
+@on_gpu
+def test_copies_on_the_host_take_the_same_memory_in_turn(device: str) -> None:
+    """A copy does not follow its array, and its memory is used again once no view of it is left."""
+    values = np.arange(2.0 * LEAST_BYTES / 8.0)
+    array: wp.array = wp.array(values, dtype=wp.float64, device=device)
+    first = fetch(array)
+    store(array, 0.0)
+    assert np.array_equal(first, values)
+    address = first.ctypes.data
+    part = first[-3:]
+    del first
+    second = fetch(array)
+    assert not second.any() and second.ctypes.data != address
+    assert np.array_equal(part, values[-3:])
+    del part
+    assert fetch(array).ctypes.data == address
 
 
 @on_gpu

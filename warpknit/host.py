@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .pinned import copied
+from .pinned import LEAST_BYTES, copied
 
 _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
@@ -104,7 +104,7 @@ def store(array: wp.array, values: Any) -> None:
         return
     number = wp.dtype_to_numpy(getattr(array.dtype, "_wp_scalar_type_", array.dtype))
     shape = (*array.shape, *getattr(array.dtype, "_shape_", ()))
-    array.assign(np.ascontiguousarray(np.broadcast_to(values, shape), dtype=number))
+    _assign(array, np.ascontiguousarray(np.broadcast_to(values, shape), dtype=number))
 
 
 def store_at(array: wp.array, key: Any, values: Any) -> None:
@@ -112,7 +112,14 @@ def store_at(array: wp.array, key: Any, values: Any) -> None:
     host = fetch(array)
     host[key] = values
     if not is_in_place(array.device):
-        array.assign(host)
+        _assign(array, host)
+
+
+def _assign(array: wp.array, host: np.ndarray) -> None:
+    """Copy values to a GPU, and wait where they may stand in pinned memory: what is written there next would be copied."""
+    array.assign(host)
+    if array.capacity >= LEAST_BYTES:
+        wp.synchronize_stream(array.device)
 
 
 def store_entries(array: wp.array, values: dict[int, float]) -> None:

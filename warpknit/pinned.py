@@ -6,6 +6,8 @@ A copy into fresh memory waits for the system to provide its pages, several time
 from __future__ import annotations
 
 import bisect
+from collections import deque
+from threading import Lock
 
 import numpy as np
 import warp as wp
@@ -21,6 +23,9 @@ class Buffers:
     def __init__(self) -> None:
         self._free: list[tuple[int, int]] = []  # (size [B], address), sorted
         self._all: dict[int, wp.array] = {}  # by address
+        # addresses of buffers whose last view is gone, which may happen at any time
+        self._returned: deque[int] = deque()
+        self._lock = Lock()
 
     def copy(self, array: wp.array) -> np.ndarray:
         """The array of a GPU on the host, in a buffer that is free again behind the last view of it."""
@@ -31,7 +36,7 @@ class Buffers:
             shape=array.shape,
             device="cpu",
             pinned=True,
-            deleter=self._give_back,
+            deleter=lambda address, _size: self._returned.append(address),
         )
         wp.copy(target, source)
         wp.synchronize_stream(array.device)
@@ -39,19 +44,25 @@ class Buffers:
 
     def _take(self, size: int) -> int:
         """Address of a buffer of at least this size [B]."""
-        place = bisect.bisect_left(self._free, (size, 0))
-        if place < len(self._free) and self._free[place][0] <= MOST_EMPTY * size:
-            return self._free.pop(place)[1]
-        buffer = wp.empty(size, dtype=wp.uint8, device="cpu", pinned=True)
-        self._all[buffer.ptr] = buffer
-        return int(buffer.ptr)
+        with self._lock:
+            self._sort_returned()
+            place = bisect.bisect_left(self._free, (size, 0))
+            if place < len(self._free) and self._free[place][0] <= MOST_EMPTY * size:
+                return self._free.pop(place)[1]
+            buffer = wp.empty(size, dtype=wp.uint8, device="cpu", pinned=True)
+            self._all[buffer.ptr] = buffer
+            return int(buffer.ptr)
 
-    def _give_back(self, address: int, _size: int) -> None:
-        size = self._all[address].capacity
-        if sum(free for free, _ in self._free) + size > MOST_FREE_BYTES:
+    def _sort_returned(self) -> None:
+        """Sort in the buffers that are free again, and give the memory of the smallest back where they are too many."""
+        while self._returned:
+            address = self._returned.popleft()
+            bisect.insort(self._free, (self._all[address].capacity, address))
+        total = sum(size for size, _ in self._free)
+        while total > MOST_FREE_BYTES:
+            size, address = self._free.pop(0)
+            total -= size
             del self._all[address]
-        else:
-            bisect.insort(self._free, (size, address))
 
 
 _BUFFERS = Buffers()
