@@ -17,6 +17,7 @@ RESTART_RATIO = 100.0  # over the best ratio: the mesh snapped to another state,
 PROGRESS_RATIO = 0.9  # over the best ratio: counts as progress
 PATIENCE = 1500  # checks without progress before a level is abandoned
 PATIENCE_NODES = 100  # nodes a loop up to which that holds
+MOST_WAITING = 100  # checks with all criteria met, for a residual further below its tolerance
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in its relative change
 
 
@@ -41,16 +42,23 @@ class Convergence:
         """A level of this mesh begins."""
         self._best[:, row], self._stalled[row], self._met[row] = np.inf, 0, 0
 
-    def with_drift(self, rows: np.ndarray, ratio: np.ndarray, stress: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """[row] larger of the residual ratio and the drift ratio of the tension.
+    def with_drift(
+        self, rows: np.ndarray, ratio: np.ndarray, stress: Callable[[np.ndarray], np.ndarray], to_ratio: float = 1.0
+    ) -> np.ndarray:
+        """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
 
         The drift ratio is computed where the residual ratio is below 1; only there `stress` (row, 2, 2) [N/m] is evaluated.
+        to_ratio: residual ratio that is asked for. Above 1 the drift does not count; one below 1 is waited for, not for ever.
         """
-        met = ratio < 1.0
+        if to_ratio > 1.0:
+            return ratio / to_ratio
+        asked, met = ratio / to_ratio, ratio < 1.0
         self._met[rows[~met]] = 0
         ratio = ratio.copy()
         if met.any():
             ratio[met] = np.maximum(ratio[met], self._drift_ratio(rows[met], stress(rows[met])))
+            waits = met & (self._met[rows] <= MOST_WAITING)
+            ratio[waits] = np.maximum(ratio[waits], asked[waits])
         return ratio
 
     def _drift_ratio(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:

@@ -68,8 +68,11 @@ class Equilibrium:
         self.relaxations[row].progress.begin_level()
         self.convergence.begin(row)
 
-    def advance(self, rows: np.ndarray) -> CheckOutcome:
-        """Step these meshes to their next convergence check, and check them."""
+    def advance(self, rows: np.ndarray, to_ratio: float = 1.0) -> CheckOutcome:
+        """Step these meshes to their next convergence check, and check them.
+
+        to_ratio: see `Convergence.with_drift`.
+        """
         failed: dict[int, Diverged] = {}
         taken, diverged = self.group.advance(rows, self._check_steps)
         for row, steps, lost in zip(rows.tolist(), taken.tolist(), diverged.tolist(), strict=True):
@@ -91,7 +94,7 @@ class Equilibrium:
             self.relaxations[row].progress.residual = residual
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
-        ratio = self.convergence.with_drift(rows, ratio, self.group.stress)
+        ratio = self.convergence.with_drift(rows, ratio, self.group.stress, to_ratio)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
@@ -106,11 +109,11 @@ class Equilibrium:
             self.group.renew(rows[unconverged], checks[unconverged])
         return CheckOutcome(rows[~unconverged].tolist(), failed)
 
-    def solve(self) -> None:
-        """Step one mesh alone until it is in equilibrium. Raises `Diverged`."""
+    def solve(self, to_ratio: float = 1.0) -> None:
+        """Step one mesh alone until it is in equilibrium; to_ratio: see `Convergence.with_drift`. Raises `Diverged`."""
         relaxation, row = self.relaxations[0], np.array([0])
         while True:
-            outcome = self.advance(row)
+            outcome = self.advance(row, to_ratio)
             if outcome.failed:
                 raise outcome.failed[0]
             if outcome.converged:

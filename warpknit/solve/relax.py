@@ -193,10 +193,10 @@ class Relaxation(Drive):
         self.mechanics.may_overlap = False
         progress.solving, progress.level_share = False, 0.0
 
-    def solve(self, load: LoadPoint, wanted: WantedTension | None = None) -> None:
-        """Find the equilibrium under a load. Raises `Diverged`."""
+    def solve(self, load: LoadPoint, wanted: WantedTension | None = None, to_ratio: float = 1.0) -> None:
+        """Find the equilibrium under a load; to_ratio: see `Convergence.with_drift`. Raises `Diverged`."""
         for _ in self.reach(load, wanted):
-            self.equilibrium.solve()
+            self.equilibrium.solve(to_ratio)
 
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the equilibrium under a load, and its state variables."""
