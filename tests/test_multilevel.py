@@ -13,12 +13,12 @@ from warpknit.kernels import control as c
 from warpknit.mesh.smaller import smaller_scene
 from warpknit.model import build_model, mechanics_of
 from warpknit.planar.host_state import node_entries
+from warpknit.planar.mechanics import PlanarMechanics
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.state_variables import state_variables
 from warpknit.scene import load_scene
-from warpknit.solve import multilevel
 from warpknit.solve.membrane import Correction
 from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
@@ -90,8 +90,10 @@ def test_the_smallest_mesh_converges_at_the_end_of_its_path(monkeypatch: pytest.
     """Well within its tolerance; on the way it need not converge: the answer is the same, in fewer steps."""
     model, state, simulation, _steps = settled((12, 12), "gripped", False)
     smaller = simulation.drive.smaller
-    assert smaller.progress.residual < multilevel.AT_THE_END * smaller.scene.solver.residual_tolerance
-    monkeypatch.setattr(multilevel, "ON_THE_WAY", 1.0)
+    way, end = PlanarMechanics.path_ratios
+    assert way > 1.0 > end
+    assert smaller.progress.residual < end * smaller.scene.solver.residual_tolerance
+    monkeypatch.setattr(PlanarMechanics, "path_ratios", (1.0, end))
     strict = Simulation(panel([12, 12]))
     list(strict.run())
     assert tension(model, state) == pytest.approx(tension(strict.model, strict.state), rel=TOLERANCE)

@@ -247,6 +247,7 @@ class MultilevelMechanics(Mechanics, Protocol):
     (solve/multilevel.py)."""
 
     path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
+    path_ratios: tuple[float, float]  # residual over its tolerance to which it converges in increments on the way, and at the end
 
     def prolongation(self, smaller: Any) -> Prolongation:
         """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one."""

@@ -53,6 +53,7 @@ class PlanarMechanics:
     can_overlap = may_overlap = False
     release_parts = 1
     path_increment = 0.005
+    path_ratios = (5.0, 0.4)  # a slack mesh starts well from what has converged well
     rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
     stations = np.zeros((0, 2))
 

@@ -29,8 +29,6 @@ from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
-# residual over its tolerance to which the smallest mesh converges on the way to a load, and there: large meshes start from it
-ON_THE_WAY, AT_THE_END = 5.0, 0.4
 CORRECTION_CHECKS = 5  # convergence checks between membrane corrections, at least
 SLOW_DECAY = 0.8  # share of the residual that is left after a check: once more is left, short waves have decayed
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
@@ -177,7 +175,7 @@ class MultilevelRelaxation(Relaxation):
             share = (start.levels + 1.0) / levels
             there = gradient + share * (target.gradient - gradient)
             load = LoadPoint(there, temperature + share * (target.temperature - temperature))
-            smallest.solve(load, to_ratio=ON_THE_WAY if start.levels + 1.0 < levels else AT_THE_END)
+            smallest.solve(load, to_ratio=self.mechanics.path_ratios[int(start.levels + 1.0 >= levels)])
             start.levels += 1.0
         progress.start = LoadStart()
 

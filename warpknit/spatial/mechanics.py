@@ -56,6 +56,7 @@ class SpatialMechanics:
     may_overlap = False
     drift = DRIFT
     path_increment = FOLLOWED_INCREMENT
+    path_ratios = (1.0, 1.0)  # tight knits snap on the way
 
     def __init__(self, model: SpatialModel, state: RodState) -> None:
         self.model, scene = model, model.scene
