@@ -36,7 +36,9 @@ def add_travel(
     node_block: wp.array(dtype=wp.int32),
     block_travel: wp.array(dtype=wp.float64),
 ):
-    """Add the way [m] of a node to the travel of the blocks whose segments it shapes."""
+    """Add the way [m] of a node to the travel of the blocks whose segments it shapes, where blocks count (TRAVEL_OF_PAIR)."""
+    if block_travel.shape[0] == 1:
+        return
     own = node_block[i]
     wp.atomic_add(block_travel, own, way)
     before = previous[i]
