@@ -92,9 +92,13 @@ def zeros(shape: int | tuple[int, ...], kind: type, device: str) -> wp.array:
     """
     if not is_in_place(device):
         return wp.zeros(shape, dtype=kind, device=device)
-    whole = (shape,) if isinstance(shape, int) else shape
-    parts, number = getattr(kind, "_shape_", ()), getattr(kind, "_wp_scalar_type_", kind)
-    return shared(np.zeros((*whole, *parts), dtype=wp.dtype_to_numpy(number)), kind, device)
+    parts, number = _numbers_of(kind)
+    return shared(np.zeros((*((shape,) if isinstance(shape, int) else shape), *parts), dtype=number), kind, device)
+
+
+def _numbers_of(kind: type) -> tuple[tuple[int, ...], Any]:
+    """Shape of the numbers of a value of this kind, and their type in NumPy."""
+    return getattr(kind, "_shape_", ()), wp.dtype_to_numpy(getattr(kind, "_wp_scalar_type_", kind))
 
 
 def store(array: wp.array, values: Any) -> None:
@@ -102,9 +106,8 @@ def store(array: wp.array, values: Any) -> None:
     if is_in_place(array.device):
         fetch(array)[...] = values
         return
-    number = wp.dtype_to_numpy(getattr(array.dtype, "_wp_scalar_type_", array.dtype))
-    shape = (*array.shape, *getattr(array.dtype, "_shape_", ()))
-    _assign(array, np.ascontiguousarray(np.broadcast_to(values, shape), dtype=number))
+    parts, number = _numbers_of(array.dtype)
+    _assign(array, np.ascontiguousarray(np.broadcast_to(values, (*array.shape, *parts)), dtype=number))
 
 
 def store_at(array: wp.array, key: Any, values: Any) -> None:
