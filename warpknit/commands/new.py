@@ -76,8 +76,9 @@ def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Plan]:
             tight = error.__cause__
             gauges = "".join(f"{gauge}, " for gauge in _gauges(request, scene))
             loop = f", or in a scene {tight.key}" if "loop" in tight.key else ":"
-            allowed = f"{gauges}thinner wire{loop} {tight.allowed}"
-            raise InputError(f"--wales, --courses: given {wales!r} and {courses!r}, allowed: {allowed}") from error
+            given = f"{exact(scene.wire.diameter, 'm')}, {wales!r} and {courses!r}"
+            allowed = f"{gauges}or thinner wire{loop} {tight.allowed}"
+            raise InputError(f"--diameter, --wales, --courses: given {given}, allowed: {allowed}") from error
         raise
 
 

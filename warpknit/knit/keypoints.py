@@ -106,9 +106,9 @@ class LoopFrame:
             narrowest = 2.0 * min(loop.foot_half_width for loop in loops) * self.wale
             if self.diameter > narrowest:
                 most = f"a thickness of at most {at_most(narrowest, 'm')}"
-                allowed = f"{most} with these wales, or the feet of a loop run into each other"
+                allowed = f"{most} with these wales, beyond which the feet of a loop run into each other"
                 raise KnitError("wire.diameter", f"a wire {engineering(self.diameter, 'm')} thick", allowed)
-        largest, why = (half - share * self.diameter) / spacing, "or loops of neighbouring wales run into each other"
+        largest, why = (half - share * self.diameter) / spacing, "beyond which loops of neighbouring wales run into each other"
         if given > largest:
             least = RANGES[key.rpartition(".")[2]][0]
             if largest < least < half / spacing:  # no loop of any shape has room for a wire so thick
