@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticCustomError
 
+from warpknit.knit import knit_cloth, loops
 from warpknit.scene import SceneError, load_scene, make_scene
 from warpknit.scene.keys import keys_of
 from warpknit.scene.knit import Loop
@@ -159,7 +160,6 @@ def test_an_override_makes_the_stage_it_names():
 
 
 def test_loop_defaults_and_ranges_are_those_of_the_knit():
-    loops = pytest.importorskip("warpknit.knit.loops")
     defaults = make_scene({}).knit.loop
     assert {f.name for f in fields(loops.LoopProportions)} == set(keys_of(Loop))
     for proportion in fields(loops.LoopProportions):
@@ -174,9 +174,6 @@ def test_loop_defaults_and_ranges_are_those_of_the_knit():
 
 
 def test_the_size_of_the_panel_is_that_of_the_knit():
-    knit_cloth = getattr(pytest.importorskip("warpknit.knit"), "knit_cloth", None)
-    if knit_cloth is None:
-        pytest.skip("no knit yet")
     scene = load_scene(SCENES / "atlas_cell.toml")
     assert scene.knit.size == pytest.approx(tuple(knit_cloth(scene.knit, scene.wire.diameter).size), rel=1e-12)
 

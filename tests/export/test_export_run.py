@@ -53,7 +53,6 @@ def test_usd(run_dir: Path) -> None:
 
 
 def test_vtk(run_dir: Path) -> None:
-    pytest.importorskip("meshio")
     assert {"vtk/wires.pvd", "vtk/contacts.pvd", "vtk/wires_000000.vtu"} < names(run_dir, export_run(run_dir, "vtk"))
 
 
