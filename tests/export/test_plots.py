@@ -315,6 +315,25 @@ def test_the_elastic_limit_is_named_on_the_axis_and_beyond(
     assert sum(line.get_linestyle() == "--" for line in axes.lines) == lines
 
 
+def test_contacts_elsewhere_are_drawn_where_there_are_some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of them counts as the two pairs of a place where wires hook; the legend of a jump keeps both curves."""
+    kept: list[Figure] = []
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
+    rows = [
+        {**row, "active_pairs": 4 * k, "active_percent": 25.0 * k, "contacts_elsewhere": max(0, k - 1)}
+        for k, row in enumerate(history(4))
+    ]
+    curves_figure.curves_figure(rows, tmp_path / "curves.png", jumps=[(1, 2)])
+    curves_figure.curves_figure([row | {"contacts_elsewhere": 0} for row in rows], tmp_path / "curves.png")
+    some, none = (figure.axes[0] for figure in kept)
+    assert [text.get_text() for text in some.get_legend().get_texts()] == [
+        "where wires hook", "elsewhere", "jump to another equilibrium",
+    ]  # fmt: skip
+    assert none.get_legend() is None and len(none.lines) == 1
+    values = np.concatenate([line.get_ydata() for line in some.lines if line.get_color() == curves_figure.PURPLE])
+    assert max(values) == pytest.approx(100.0 * 2 * 2 / 16)
+
+
 def test_a_logarithmic_axis_of_few_decades_has_more_than_one_label() -> None:
     """Residuals from 1.5e-5 to 8e-5 lie between two powers of ten."""
     figure = Figure()

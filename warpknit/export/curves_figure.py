@@ -1,7 +1,7 @@
 """Active contacts, tension, energies and residual of a run against its load."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ def curves_figure(
     force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N")])
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
     panel_curves = (
-        ("active contacts [% of pairs]", (("", GREEN, column("active_percent")),)),
+        ("active contacts [% of pairs]", _contact_curves(column)),
         across,
         (f"largest wire stress [{stress_unit}]", stress),
         (f"largest contact force [{force_unit}]", force),
@@ -75,8 +75,15 @@ def curves_figure(
         draw_curves(axes, abscissa, stages, curves, is_logarithmic=number >= LOGARITHMIC, jumped=jumped)
         axes.set_ylabel(label)
     if jumped.any():
+        drawn = panels[0].get_legend()
+        handles = [*(drawn.legend_handles if drawn is not None else ()), jump_handle(GREEN)]
         panels[0].legend(
-            handles=[jump_handle(GREEN)], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2
+            handles=handles,
+            ncols=len(handles),
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            frameon=False,
+            borderaxespad=0.2,
         )
     panels[0].set_ylim(-3.0, 103.0)
     for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
@@ -98,6 +105,19 @@ def curves_figure(
     if len(stages) > 1 or title:
         stage_legend(figure, _stage_names(columns, stages), title or "stage")
     return save_figure(figure, path)
+
+
+def _contact_curves(column: Callable[[str], NDArray[Any]]) -> list[tuple[str, str, NDArray[Any]]]:
+    """Share of the pairs that are active; and two for each contact elsewhere, where there is one, over the number of pairs."""
+    active, percent, elsewhere = column("active_pairs"), column("active_percent"), column("contacts_elsewhere")
+    curves = [("", GREEN, percent)]
+    if (
+        active.max(initial=0.0, where=np.isfinite(active)) > 0.0
+        and elsewhere.max(initial=0.0, where=np.isfinite(elsewhere)) > 0.0
+    ):
+        pairs = active.max() / percent[active.argmax()]
+        curves = [("where wires hook", GREEN, percent), ("elsewhere", PURPLE, 2.0 * elsewhere / pairs)]
+    return curves
 
 
 def _stage_names(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]]) -> list[str]:

@@ -32,6 +32,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     near_bodies             in space: sites whose wires are closer than 1.25 diameters
     near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
     elsewhere               in space: active contacts at no site
+    contacts_elsewhere      the same
     elsewhere_force_max_N   in space: largest force of a contact at no site
     central_rhombus         the counts of the bodies around the complete opening nearest to the centre
     tension_weft_N_per_m    force per current width in weft
@@ -238,6 +239,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("near_bodies", _near(lambda near: int(near.sum())), summary="contacts"),
     Measure("near_percent", _near(lambda near: 100.0 * float(near.mean()) if len(near) else 0.0), summary="contacts"),
     Measure("elsewhere", _elsewhere(len), summary="contacts"),
+    Measure("contacts_elsewhere", _elsewhere(len), history=True, kind=int),
     Measure("elsewhere_force_max_N", _elsewhere(lambda force: float(force.max(initial=0.0))), summary="contacts"),
     Measure("central_rhombus", _rhombus, summary="contacts"),
     # tensions, force per current width

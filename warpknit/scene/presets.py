@@ -115,7 +115,8 @@ def tight_knits(name: str, kind: str) -> str:
     error = PRESETS[name].of(kind, "relax").tight_error_percent
     if error is None:
         return ""
-    return f"tensions of tight knits are within {error:g} % of the reference preset at nine of ten loads, else far from it"
+    found = f"tensions of tight knits are within {error:g} % of the reference preset at nine of ten loads"
+    return f"{found}, and may be of another equilibrium at the others"
 
 
 def preset_like(kind: str, nodes_per_loop: int, axial_softening: float, precision: str, residual_tolerance: float) -> str | None:
