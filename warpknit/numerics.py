@@ -11,7 +11,6 @@ from .errors import InputError
 from .scene import Scene
 
 # --- steps
-GRAPH_STEPS = (50, 25, 10, 1)  # steps of one graph replay
 CHECK_STEPS = 50  # steps between convergence checks of the plane and of a ramp
 CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
 

@@ -9,6 +9,7 @@ its nodes fall.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -68,12 +69,12 @@ class Panel:
     # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
     sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
-    @property
+    @cached_property
     def area(self) -> float:
         """[m2] area at rest."""
         return float(np.prod(self.size)) if self.outline is None else self.outline.area
 
-    @property
+    @cached_property
     def node_count(self) -> int:
         return int(self.wire_count.sum())
 

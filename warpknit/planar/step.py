@@ -27,13 +27,13 @@ from ..kernels.slide import slide_clamps
 from ..kernels.wire_forces import WIRE_LANES
 from ..kernels.wires import step_wires
 from ..launch import Launch, bind
-from ..numerics import GRAPH_STEPS, thread_count
+from ..numerics import thread_count
 from ..row_sums import fewer_rows
 from ..team import Pace, Team
 from .model import Model, body_blocks, contact_batches
 from .state import State
 
-SHARED_GRAPH_STEPS = (10, 1)  # of several threads: recording longer graphs takes longer than replaying these more often
+GRAPH_STEPS = (10, 1)  # steps of one graph replay: capturing more takes longer than replaying few more often
 LONG_STEP_NODES = 100_000  # from there on a step takes longer than threads wait for each other
 NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they save
 # a step then stores f/m as velocities and moves nothing
@@ -88,7 +88,7 @@ class Stepper:
         self._pace.took(shared, (time.perf_counter() - begin) / max(1, count))
 
     def _take(self, count: int) -> None:
-        for size in GRAPH_STEPS if self.threads == 1 else SHARED_GRAPH_STEPS:
+        for size in GRAPH_STEPS:
             for _ in range(count // size):
                 self._replay(self.state.parity, size)
                 self.state.parity = (self.state.parity + size) % 2

@@ -30,7 +30,7 @@ class Outline:
         """(2,) [m] of the box around it."""
         return np.ptp(self.corners, axis=0)
 
-    @property
+    @cached_property
     def area(self) -> float:
         """[m2]"""
         return signed_area(self.corners)
