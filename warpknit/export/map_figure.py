@@ -25,7 +25,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from warpknit.export.plots import figure_of, save_figure, scale_of
+from warpknit.export.plots import few_ticks, figure_of, save_figure, scale_of
 
 __all__ = ["Marks", "map_figure"]
 
@@ -109,6 +109,7 @@ def map_figure(
     for limits, ticks in ((axes.set_xlim, x), (axes.set_ylim, y)):
         if len(ticks) > 1:  # cells at the edge are shown by half: strains that were not run are not in the picture
             limits(ticks[0], ticks[-1])
+    axes.yaxis.set_major_locator(few_ticks())
     axes.tick_params(pad=TICK_PAD)
     axes.set_xlabel(f"weft {quantity} [{of_load[1]}]")
     axes.set_ylabel(f"warp {quantity} [{of_load[1]}]")
@@ -179,6 +180,7 @@ def _name_lines(axes: Axes, names: Mapping[float, str]) -> None:
     figure = axes.get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()  # all that takes room is in place
+    figure.set_layout_engine("none")  # and stays there
     point = figure.dpi / 72.0
     taken = [
         (place, np.full(2, line.get_markersize() * point))

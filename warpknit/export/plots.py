@@ -37,10 +37,15 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     for axes in figure.axes:
         if axes.get_xlabel() and axes.get_xscale() == "linear":
-            axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
+            axes.xaxis.set_major_locator(few_ticks())
     with path_aside(path) as aside:
         FigureCanvasAgg(figure).print_png(aside)  # `savefig` would lay the figure out in a drawing of its own
     return path
+
+
+def few_ticks() -> MaxNLocator:
+    """Ticks of an axis whose labels have room."""
+    return MaxNLocator(8, steps=[1, 2, 5, 10])
 
 
 def scale_of(unit: str, *values: NDArray[Any]) -> tuple[float, str]:
