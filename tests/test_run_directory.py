@@ -11,10 +11,12 @@ from warpknit.commands.carried_out import naming_arguments
 from warpknit.errors import RunDirectoryError
 from warpknit.files import held_directory
 from warpknit.ranks.ranks import One
+from warpknit.results import load_run
 from warpknit.runner import run as run_module
 from warpknit.runner.checkpoint import FILE, Checkpoint
+from warpknit.runner.run import run_scene
 from warpknit.runner.run_directory import check_directory, clear, make_directory
-from warpknit.scene import load_scene
+from warpknit.scene import load_scene, make_scene, resolved_toml
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
 BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}
@@ -70,6 +72,23 @@ def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path
     else:
         with pytest.raises(RunDirectoryError, match="holds an interrupted map; --resume continues it"):
             check_directory(out, "map", resume=False, force=False)
+
+
+def test_records_of_a_killed_run_are_kept_and_of_another_scene_on_resume_too(tmp_path):
+    """A run that was killed before its first checkpoint leaves its scene and history alone."""
+    out, scene = tmp_path / "cell", make_scene({"name": "cell"})
+    out.mkdir()
+    (out / "scene.toml").write_text(resolved_toml(scene))
+    (out / "history.csv").touch()
+    with pytest.raises(RunDirectoryError, match="killed before its first checkpoint; give --out .*_run to keep both, or --force"):
+        run_scene(scene, out=out)
+    with pytest.raises(RunDirectoryError, match=f"holds the run of another scene; give --out {out}_run"):
+        run_scene(scene.changed({"wire.diameter": "20 um"}), out=out, resume=True)
+    with pytest.raises(RunDirectoryError, match="given a run that has not ended"):
+        load_run(out)
+    assert (out / "history.csv").exists()
+    check_directory(out, "run", resume=True, force=False)
+    check_directory(out, "run", resume=False, force=True)
 
 
 def test_a_directory_that_cannot_be_made_is_one_line(tmp_path):

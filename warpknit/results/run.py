@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import ExportError, RunDirectoryError
 from ..frame import WireLayout
-from ..runner.run_directory import SUMMARIES, directory_of
+from ..runner.run_directory import SUMMARIES, TABLES, directory_of, holds_killed_run
 from ..runner.summary_table import summary_rows
 from ..scene import Scene, load_scene
 from ..sweep.map_table import map_lines
@@ -258,5 +258,9 @@ def load_run(out: str | os.PathLike[str]) -> Run:
             if not {"scene", "stop_reason", "warnings"} <= set(summary):
                 raise RunDirectoryError(f"{path}: given another file of this name, allowed: what a run left")
             return Run(directory, summary)
+    if holds_killed_run(directory) or any((directory / name).is_file() for name in TABLES):
+        raise RunDirectoryError(
+            f"{directory}: given a run that has not ended, allowed: one with a summary; where it was killed, resume=True goes on"
+        )
     given = "no results" if directory.is_dir() else "a file" if directory.exists() else "no such directory"
     raise RunDirectoryError(f"{directory}: given {given}, allowed: the directory of a run, map, trade or report")

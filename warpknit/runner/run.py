@@ -18,7 +18,7 @@ from ..files import held_directory
 from ..mechanics import Model
 from ..model import build_model, node_count
 from ..ranks.ranks import One, Ranks
-from ..scene import Scene
+from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
@@ -26,7 +26,15 @@ from .history import history_columns
 from .probes import Probe, Probes
 from .progress_display import Progress as Display
 from .recorder import ErrorEstimator, Recorder
-from .run_directory import CommandResult, check_directory, clear, finished_result, make_directory
+from .run_directory import (
+    CommandResult,
+    check_directory,
+    clear,
+    finished_result,
+    holds_killed_run,
+    make_directory,
+    refuse_other_scene,
+)
 from .watch import Watch
 
 _log = logging.getLogger(__name__)
@@ -98,6 +106,8 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
             raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; --force runs it again")
         return finished
     check_directory(out, "run", resume=resume, force=force)
+    if resume and not force and holds_killed_run(out):
+        refuse_other_scene(out, "run", resolved_toml(scene))
     return None
 
 

@@ -79,9 +79,18 @@ def continues_earlier(
     check_directory(out, kind, resume=resume, force=force, command=command)
     if not (resume and is_begun):
         return False
-    if (out / "scene.toml").read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
+    refuse_other_scene(out, kind, resolved, command)
     return True
+
+
+def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None = None) -> None:
+    """Refuse to continue the run, map or trade (`kind`) in `out` where it is not of the scene `resolved`; command: that asks.
+
+    Raises RunDirectoryError.
+    """
+    kept = out / "scene.toml"
+    if not kept.is_file() or kept.read_text(encoding="utf-8") != resolved:
+        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
 
 
 def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
@@ -114,6 +123,9 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, comman
             raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, command, f'interrupted {kind}')}")
         if not resume:
             raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume continues it, --force starts over")
+    if not resume and holds_killed_run(out):
+        held = "run that was killed before its first checkpoint"
+        raise RunDirectoryError(f"{out}: holds a {held}; {_alternatives(out, command, held)}")
     kept = sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) if out.is_dir() else []
     if kept and not _holds_results(out):
         foreign = next((name for name in kept if name not in OUTPUT_NAMES), kept[0])
@@ -130,6 +142,11 @@ def _holds_results(out: Path) -> bool:
         return (out / "scene.toml").read_text(encoding="utf-8").startswith(RESOLVED)
     except (OSError, ValueError):
         return False
+
+
+def holds_killed_run(out: Path) -> bool:
+    """Whether `out` has the records of a run that ended without a summary or a checkpoint."""
+    return (out / "history.csv").exists() and not any((out / name).exists() for name in (*SUMMARIES, *TABLES))
 
 
 def _finished(out: Path, name: str) -> str:
