@@ -56,6 +56,17 @@ def test_a_class_counts_at_service_tension_from_its_closing_on(
     assert point["state"]["strain_weft"] == pytest.approx(STRAIN * tension)
 
 
+@pytest.mark.parametrize(("missed", "is_known"), [(1e-3, True), (0.02, False)])
+def test_a_search_that_misses_the_service_tension_by_its_error_has_its_share(
+    missed: float, is_known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last record of a run to 0.7 N/m carries a little less."""
+    rows = [row((1.0 - missed) * 0.1 * k) for k in range(8)]
+    (point,) = found(rows, monkeypatch, service=0.7)["service"]
+    assert point["active_percent"] == (pytest.approx(100.0) if is_known else None)
+    assert (point["state"] is not None) == is_known
+
+
 def test_a_compressed_mesh_has_no_service_state(monkeypatch: pytest.MonkeyPatch) -> None:
     """A mean tension of 0.3 N/m of 0.7 and -0.1 N/m is not a mesh in tension."""
     rows = [row(0.1 * k) for k in range(6)]

@@ -74,6 +74,7 @@ from ..measure import MeshModel
 from ..measure.contact_classes import classes_of
 from ..scene import Stage
 from ..scene.model_choice import tension_error
+from ..solve.tension import TOLERANCE
 from .best_tension import best_tension
 from .branches import Jump
 from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
@@ -101,7 +102,8 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     top = max(rows, key=mean_tension)
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
-    service = [service_share(tension, rows, classes, closings, jumps) for tension in wanted]
+    error = max(TOLERANCE, model.scene.solver.residual_tolerance)
+    service = [service_share(tension, rows, classes, closings, jumps, error) for tension in wanted]
     asked = _asked_tension(model.scene.stages)
     limit = model.scene.wire.yield_stress
     inner, inner_jumps = _away_from_grips(rows, jumps)

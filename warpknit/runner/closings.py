@@ -132,16 +132,23 @@ def _lies_between(values: NDArray[np.float64], low: NDArray[np.float64], high: N
 
 
 def service_share(
-    tension: float, rows: Sequence[Row], classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
+    tension: float,
+    rows: Sequence[Row],
+    classes: Sequence[ContactClass],
+    closings: Answer,
+    jumps: Sequence[Jump],
+    error: float = 0.0,
 ) -> Answer:
     """The share at a service tension, of whole contacts; `resolved`: whether no class closes at an unknown tension between the
-    same two records. Within a `jump` there is no state."""
-    around = _around(rows, tension)
+    same two records. Within a `jump` there is no state. error: share of a tension by which a search for it may miss it."""
+    around = _around(rows, tension, error)
     if around is not None and is_jump(*around, jumps) and tension < mean_tension(around[1]):
         sides = [state_of(row) | {"active_percent": row.active_percent} for row in around]
         unknown = {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False}
         return unknown | {"jump": sides, "between": None}
-    there = _at_tension(rows, tension, classes, closings)
+    there = None if around is None else around[1]
+    if around is not None and around[0] is not around[1]:
+        there = interpolated(*around, tension, classes, closings)
     why = {}
     if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
         there, why = None, {"why": COMPRESSED}
@@ -155,18 +162,16 @@ def service_share(
     return point | {"jump": None, "between": ends} | why
 
 
-def _around(rows: Sequence[Row], tension: float) -> Jump | None:
-    """The rows between which the mean tension first reaches `tension` [N/m], the first one twice if it has it; None if not."""
+def _around(rows: Sequence[Row], tension: float, error: float) -> Jump | None:
+    """The rows between which the mean tension first reaches `tension` [N/m], one of them twice if it has it; None if not.
+
+    A tension that only the `error` of the largest one leaves out is that of its row.
+    """
     k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension), None)
-    return None if k is None else (rows[max(k - 1, 0)], rows[k])
-
-
-def _at_tension(rows: Sequence[Row], tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row | None:
-    """The state in which the mean tension first reaches `tension` [N/m], with its contacts and stress; None if it does not."""
-    around = _around(rows, tension)
-    if around is None or around[0] is around[1]:
-        return None if around is None else around[1]
-    return interpolated(*around, tension, classes, closings)
+    if k is None:
+        top = max(rows, key=mean_tension)
+        return (top, top) if mean_tension(top) >= (1.0 - error) * tension else None
+    return rows[max(k - 1, 0)], rows[k]
 
 
 def interpolated(before: Row, after: Row, tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row:
