@@ -177,6 +177,25 @@ def test_ctrl_c_ends_with_130_and_a_checkpoint(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["stop_reason"] == "interrupted"
 
 
+INTERRUPTED_IMPORT = """
+import os, signal, sys
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == "pxr.UsdGeom":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupt())
+from warpknit.cli import main
+main()
+"""
+
+
+def test_ctrl_c_while_usd_is_imported_is_not_lost(tmp_path: Path) -> None:
+    """USD's import keeps exceptions to itself: the request must wait for the first check."""
+    arguments = ["run", str(SCENES / "atlas_cell.toml"), "--preset", "draft", "--out", str(tmp_path / "r"), "--device", "cpu"]
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_IMPORT, *arguments], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 130 and "--resume" in done.stderr
+
+
 def test_divergence_ends_with_3_and_no_nan(tmp_path: Path) -> None:
     """A level that is never steady stops with one line; what was recorded stays whole."""
     run = run_scene(cell("solver.max_steps=200"), out=tmp_path / "r", device="cpu")

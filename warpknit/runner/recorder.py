@@ -111,7 +111,8 @@ class Recorder:
             self.model.layout().save(out / "layout.npz")
         self._reserve = out / ".reserve"
         self._reserve.write_bytes(bytes(RESERVED_DISK))
-        self.frames = open_frames(self.scene, self.model.layout(), out, resume=checkpoint is not None, hold=hold)
+        with self.watch.interrupts.handled():  # an interrupt that is raised while USD is imported is lost
+            self.frames = open_frames(self.scene, self.model.layout(), out, resume=checkpoint is not None, hold=hold)
 
     def run(self) -> CommandResult:
         with self.frames:
