@@ -85,10 +85,12 @@ def test_shares_of_the_wire_are_by_length() -> None:
     assert measure.stress_extremes(reading)[1] == 0.1
 
 
+@pytest.mark.parametrize("boundary", ["periodic", "gripped"])
 @pytest.mark.parametrize("kind", OF_KIND)
-def test_nodes_stand_for_all_of_the_wire(kind: str) -> None:
-    """The lengths of a tile add up to that of its wires as knitted."""
-    model = mesh_of(load_scene(CELL, [*OF_KIND[kind]]))
+def test_nodes_stand_for_all_of_the_wire(kind: str, boundary: str) -> None:
+    """The lengths of a tile add up to that of its wires as knitted, those of a patch to that between their clamps."""
+    repeats = "[3, 3]" if boundary == "gripped" else "[1, 1]"
+    model = mesh_of(load_scene(CELL, [*OF_KIND[kind], f"model.boundary={boundary}", f"knit.repeats={repeats}"]))
     state = states_at(model, [np.eye(2)])[0]
     assert not isinstance(state, Diverged)
     assert state.node_length.shape == (model.node_count,)

@@ -136,6 +136,19 @@ class Model:
         """Two for each body."""
         return 2 * self.panel.body_count
 
+    @cached_property
+    def node_length(self) -> np.ndarray:
+        """[node] [m] wire that a node stands for: half of both segments, between the clamps where the wire has some."""
+        panel, table = self.panel, self.table
+        if not len(panel.wire_begin):
+            return table.node_length[panel.node_entry]
+        wire = np.repeat(np.arange(len(panel.wire_first)), panel.wire_count)
+        thread, begin = panel.wire_thread[wire], panel.node_entry[panel.wire_first[wire]]
+        spacing = table.spacing[thread]
+        arc = (begin - table.start[thread] + np.arange(len(wire)) - panel.wire_first[wire]) * spacing
+        low, high = panel.wire_begin[wire], panel.wire_begin[wire] + panel.wire_length[wire]
+        return np.maximum(0.0, np.minimum(arc + 0.5 * spacing, high) - np.maximum(arc - 0.5 * spacing, low))
+
     @property
     def bodies(self) -> np.ndarray:
         """[body] index in the global mesh."""

@@ -232,7 +232,7 @@ class PlanarObservables(HostState):
     @property
     def node_length(self) -> np.ndarray:
         """[node] [m] wire that a node stands for."""
-        return self.model.table.node_length[self.entry]
+        return self.model.node_length
 
     @property
     def wire_length(self) -> float:
