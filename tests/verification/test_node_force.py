@@ -57,3 +57,12 @@ def test_only_forces_on_the_nodes_of_a_model_in_space_are_taken(tmp_path: Path) 
     planar = Simulation(build_model(load_scene(SCENES / "atlas_cell.toml")))
     with pytest.raises(ModelError, match="planar"):
         planar.set_force(np.zeros((planar.model.node_count, 3)))
+
+
+def test_a_tile_that_nothing_holds_takes_no_resultant() -> None:
+    """Its own weight is refused; forces that add up to zero are taken."""
+    simulation = Simulation(build_model(load_scene(SCENES / "atlas_cell_spatial.toml")))
+    weight = np.full((simulation.model.node_count, 3), [0.0, 0.0, -1e-9])
+    with pytest.raises(ModelError, match="given a resultant of .* on a tile that nothing holds"):
+        simulation.set_force(weight)
+    simulation.set_force(weight - weight.mean(axis=0))

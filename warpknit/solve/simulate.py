@@ -16,7 +16,7 @@ from ..mesh.smaller import one_repeat, smaller_scene
 from ..model import build_model, initial_state, mechanics_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene
-from ..text import percent
+from ..text import engineering, percent
 from .drive import Drive
 from .multilevel import MultilevelRelaxation
 from .progress import LoadStart, Progress, Record
@@ -26,6 +26,7 @@ from .relax import Relaxation
 __all__ = ["Progress", "Record", "Simulation"]
 
 
+BALANCED = 1e-6  # of the forces on the nodes: a smaller resultant is round-off
 NODES_A_STRIP = 4_000  # of a smaller mesh: below it communication costs more than it saves
 
 
@@ -94,7 +95,7 @@ class Simulation:
             for record in simulation.run(): ...
 
         Between two records it may be set anew, for a force that follows the mesh. Its work is in no energy balance.
-        Raises ModelError: for the planar model, and for another shape.
+        Raises ModelError: for the planar model, for another shape, and for a resultant on a tile that nothing holds.
         """
         set_load = getattr(self.state, "set_load", None)
         if set_load is None:
@@ -106,6 +107,12 @@ class Simulation:
             raise ModelError(f"forces on nodes: given an array of {values.dtype}, allowed: finite numbers, {wanted}")
         if values.shape != wanted or not np.all(np.isfinite(values)):
             raise ModelError(f"forces on nodes: given an array of {values.shape}, allowed: finite numbers, {wanted}")
+        resultant, total = np.abs(values.sum(axis=0)).max(), np.abs(values).sum()
+        if not model.global_model.rods.held.any() and resultant > BALANCED * total:
+            raise ModelError(
+                f"forces on nodes: given a resultant of {engineering(float(resultant), 'N')} on a tile that nothing holds,"
+                " allowed: forces that add up to zero"
+            )
         set_load(values if model.strip is None else values[model.strip.nodes_of_mesh])
 
     # --- drives
