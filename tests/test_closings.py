@@ -77,6 +77,18 @@ def test_a_compressed_mesh_has_no_service_state(monkeypatch: pytest.MonkeyPatch)
     assert dict(answer_rows(answers, LIMIT))["active at 300 mN/m"].startswith("compressed in weft or warp")
 
 
+def test_what_closes_under_a_held_tension_is_told_by_the_temperature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """B closes on cooling by 40 K at 0.5 N/m, and opens again on the next 40 K."""
+    rows = [row(0.1 * k) for k in range(6)] + [row(0.5) for _ in range(2)]
+    for one, temperature in zip(rows[5:], (293.15, 253.15, 213.15), strict=True):
+        one.temperature_K, one.stage = temperature, "cold"
+    for one in rows[:5]:
+        one.temperature_K = 293.15
+    rows[6].force_B_N, rows[6].active_B_percent = 1e-3, 100.0
+    closes = dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts B close at"]
+    assert closes.startswith("between 20 degC and -20 degC at 500 mN/m") and "open again at 500 mN/m and -60 degC" in closes
+
+
 def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """A carries force from 0.23 to 0.3 N/m alone: its closing is there, and the record in which it is open again is given."""
     rows = [row(0.1 * k) for k in range(6)]
@@ -113,7 +125,9 @@ def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
     text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
     assert text == "230 mN/m, strain 4.6 % / 2.3 %, after a touch at 100 mN/m that opens again (10 pairs)"
     rows[5].active_A_percent = 70.0
-    assert "(70 % of 10 pairs)" in dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
+    assert (
+        "(70 % of 10 pairs there, 100 % at the end)" in dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
+    )
 
 
 def test_a_closing_stays_that_of_the_loading() -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from reference.histories import history
 from warpknit.export import ExportError, export_run
+from warpknit.export.tables import contact_table
 from warpknit.frame import Frame, WireLayout, curve_position
 
 
@@ -75,6 +77,8 @@ def test_csv(run_dir: Path, layout: WireLayout, make_frame: Callable[..., Frame]
     assert np.array_equal(contacts["force_a_N"], frame.pair_force[0::2])
     assert np.array_equal(contacts["active"], frame.body_active)
     assert np.flatnonzero(contacts["central_rhombus"]).tolist() == layout.rhombus_bodies.tolist()
+    classes = np.arange(layout.body_count) % 2
+    assert "".join(contact_table(replace(layout, body_class=classes), frame)["class"][:3]) == "ABA"
     points = curve_position(layout, frame)
     for wire in range(layout.wire_count):
         steps = np.diff(points[layout.curve_start[wire] : layout.curve_start[wire + 1]], axis=0)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from warpknit.export.run_record import RunRecord
 from warpknit.files import write_table
 from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
+from warpknit.knit.clasp_classes import CLASS_NAMES
 
 __all__ = ["contact_table", "export_tables", "wire_table", "write_tables"]
 
@@ -38,8 +39,10 @@ def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
     frame.require_layout(layout)
     body = np.arange(layout.body_count)
     x, y, z = frame.body_position.T
+    classes = {"class": np.array(list(CLASS_NAMES))[layout.body_class]} if layout.body_class.size else {}
     return {
         "body": body,
+        **classes,
         "wire_a": layout.body_wires[:, 0],
         "wire_b": layout.body_wires[:, 1],
         "x_m": x,

@@ -29,9 +29,7 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
         reached += ", beyond which the relaxation did not converge"
     for one in answers["contacts"]:
         name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
-        closes = one["closes"]
-        part = "" if closes is None or closes["closed_percent"] == 100.0 else f"{closes['closed_percent']:.0f} % of "
-        yield f"{name} close at", f"{_closing(one, reached)} ({part}{one['pairs']} pairs)"
+        yield f"{name} close at", f"{_closing(one, reached)} ({_pairs(one)})"
     for point in answers["service"]:
         there = point["state"]
         why = point.get("why", "")
@@ -131,12 +129,32 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
         return f"not closed {reached}{some}"
     if closes["as_knitted"]:
         return "closed as knitted"
-    opened = "" if closes["opens"] is None else f", open again at {_tension(closes['opens'])}"
+    opened = ""
+    if (opens := closes["opens"]) is not None:
+        heated = opens["temperature_K"] != closes["between"][1]["temperature_K"]
+        opened = f", open again at {_tension(opens)}" + (f" and {celsius(opens['temperature_K'])}" if heated else "")
     touch = closes["first_touch"]
     touched = "" if touch is None else f", after a touch at {_tension(touch)} that opens again"
     if not closes["resolved"]:
         return f"{_records(closes)}{touched}{opened}"
     return f"{_found(closes)}{touched}{opened}"
+
+
+def _pairs(one: Mapping[str, Any]) -> str:
+    """Number of pairs of a class, with the share that closes where it does, and that at the end if it is another."""
+    closes, pairs = one["closes"], f"{one['pairs']} pairs"
+    if closes is None or closes["closed_percent"] == 100.0:
+        return pairs
+    there, last = (f"{share:.0f} %" for share in (closes["closed_percent"], one["active_percent"]))
+    return f"{there} of {pairs}" if there == last else f"{there} of {pairs} there, {last} at the end"
+
+
+def _both(low: State, high: State) -> str:
+    """The tensions of two records; their temperatures where these differ and the tensions do not."""
+    shown = [_tension(one) for one in (low, high)]
+    if shown[0] == shown[1] and low["temperature_K"] != high["temperature_K"]:
+        return f"{celsius(low['temperature_K'])} and {celsius(high['temperature_K'])} at {shown[0]}"
+    return " and ".join(shown)
 
 
 def _records(one: Mapping[str, Any]) -> str:
@@ -147,7 +165,7 @@ def _records(one: Mapping[str, Any]) -> str:
     if (one.get("slack") or unloaded) and not jump:
         strains = f"{_strain(low)} to {_strain(high).removeprefix('strain ')}"
         return f"{'without tension' if unloaded else f'{_tension(high)} or below'}, once the slack is taken up, {strains}"
-    return f"between {_tension(low)} and {_tension(high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
+    return f"between {_both(low, high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
 
 
 def _shares(between: Sequence[State]) -> str:
@@ -159,7 +177,7 @@ def _shares(between: Sequence[State]) -> str:
 def _found(one: Mapping[str, Any]) -> str:
     """A state between two records, and the records where they are far apart."""
     low, high = one["between"]
-    between = f", between records at {_tension(low)} and {_tension(high)}" if _is_far_apart(one) else ""
+    between = f", between records at {_both(low, high)}" if _is_far_apart(one) else ""
     return f"{_known_tension(one)}{between}, {_strain(one)}"
 
 
