@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.design import card as card_module
 from warpknit.design.card import STEP, find_card, stretch
 from warpknit.design.fine_states import exact_model, states_at
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
@@ -56,6 +58,35 @@ def test_the_stiffness_is_that_of_an_energy(found):
     assert np.abs(card.stiffness[:2, 2]).max() < 0.002 * card.stiffness.max()
     nu12, nu21 = card.poissons_ratios
     assert nu12 * card.moduli[1] == pytest.approx(nu21 * card.moduli[0], rel=1e-12)  # Maxwell and Betti
+
+
+@pytest.mark.parametrize(("kink", "step"), [(7e-4, 0.25 * STEP), (1.0, STEP)])
+def test_the_step_is_halved_where_a_contact_closes_nearby(kink, step, monkeypatch):
+    """Stiffness 140 N/m in weft up to a strain, and 60 N/m beyond: differences within the kink find the first."""
+
+    def stress(_state, f, _tensioned):
+        strain = 0.5 * (f.T @ f - np.eye(2))
+        within = np.clip(strain[0, 0], -kink, kink)
+        return 140.0 * within + 60.0 * (strain[0, 0] - within), 100.0 * strain[1, 1], 50.0 * strain[0, 1]
+
+    mesh = SimpleNamespace(panel=SimpleNamespace(area=1.0), scene=load_scene(SCENE))
+    path = SimpleNamespace(to=lambda load: SimpleNamespace(observables=SimpleNamespace(gradient=np.eye(2))), state=None)
+    monkeypatch.setattr(card_module, "LoadPath", lambda *_: path)
+    monkeypatch.setattr(card_module, "under_strain", lambda *_: None)
+    monkeypatch.setattr(card_module, "_stress", stress)
+    for name, value in {
+        "thermal_force": 0.0,
+        "mesh_tension": (1.0, 1.0),
+        "areal_mass": 1.0,
+        "stress_extremes": (1.0, 1.0, 0.0),
+    }.items():
+        monkeypatch.setattr(measure, name, lambda _, value=value: value)
+    monkeypatch.setattr(measure, "contacts", lambda _: SimpleNamespace(active_percent=50.0))
+    shares = []
+    card, _ = find_card(mesh, None, None, shares.append)
+    assert np.diag(card.stiffness) == pytest.approx([140.0, 100.0, 25.0])
+    assert card.difference_step == step and card.difference < 1e-6
+    assert shares[-1] == pytest.approx(1.0)
 
 
 def test_the_card_foretells_a_further_strain(model, found):

@@ -31,7 +31,8 @@ from ..sweep.states import Mesh
 from .load_path import LoadPath, PathState, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
-AGREEMENT = 0.05  # of the largest stiffness: larger changes from STEP to 2 STEP give a warning
+LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state
+AGREEMENT = 0.05  # of the largest stiffness: larger changes from twice the step, or a larger asymmetry, give a warning
 WAVE_DIRECTIONS = 180  # directions of plane waves
 VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
@@ -46,12 +47,13 @@ class MaterialCard:
     tension_warp: float
     stiffness: np.ndarray  # (3, 3) [N/m] symmetric
     asymmetry: float  # of the finite-difference stiffness, over its largest entry
-    step_difference: float  # change of the stiffness from STEP to 2 STEP, over its largest entry
+    step_difference: float  # change of the stiffness from differences of twice the step, over its largest entry
     expansion: np.ndarray  # (3,) [1/K] strain E at constant S
     areal_mass: float  # [kg/m2] of the tensioned mesh
     stress_max: float  # [Pa] in the wire of the tensioned mesh
     active_percent: float  # contacts of the tensioned mesh
     temperature: float  # [K] of the mesh
+    difference_step: float = STEP  # strain step of the differences
     jumps: str = ""  # sentence on those of the load on the way to the mesh
 
     @property
@@ -126,39 +128,69 @@ def find_card(
     base = path.to(load).observables
     tensioned = base.gradient
     weft, warp = (float(strain) for strain in np.diag(tensioned) - 1.0)
-    steps = [sign * size * np.eye(3)[k] for size in (STEP, 2.0 * STEP) for k in range(3) for sign in (1.0, -1.0)]
-    stretches, states = [np.eye(2)], [base]
-    for strain in steps:
-        stretches.append(stretch(strain))
-        states.append(LoadPath(model, path.state).to(under_strain(model.scene, stretches[-1] @ tensioned)).observables)
-        watch((len(states) - 1) / len(steps))
     area = model.panel.area * float(np.linalg.det(tensioned))
-    stress = np.array([_stress(state, f, tensioned) for state, f in zip(states, stretches, strict=True)])
-    by_length = np.array([measure.thermal_force(state) / area for state in states])
-    tension = measure.mesh_tension(states[0])
+    taken, wanted = 0, 12
 
-    def slope(values: np.ndarray, first: int, size: float) -> np.ndarray:
-        """(3, ...) derivative by E11, E22, 2 E12 from the states `first` on."""
-        return (values[first : first + 6 : 2] - values[first + 1 : first + 6 : 2]) / (2.0 * size)
+    def slopes(size: float) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the stress (3, 3) and of the energy by the length factor (3,), by E11, E22, 2 E12."""
+        nonlocal taken
+        found = np.zeros((3, 2, 4))
+        for k in range(3):
+            for side, sign in enumerate((1.0, -1.0)):
+                f = stretch(sign * size * np.eye(3)[k])
+                state = LoadPath(model, path.state).to(under_strain(model.scene, f @ tensioned)).observables
+                found[k, side] = *_stress(state, f, tensioned), measure.thermal_force(state) / area
+                taken += 1
+                watch(taken / wanted)
+        slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
+        return slope[:, :3], slope[:, 3]
 
-    fine, coarse = slope(stress, 1, STEP), slope(stress, 7, 2.0 * STEP)
-    stiffness, coarser = 0.5 * (fine + fine.T), 0.5 * (coarse + coarse.T)
-    largest = np.abs(stiffness).max()
+    coarse, fine, size = slopes(2.0 * STEP), slopes(STEP), STEP
+    differences = _Differences.of(coarse, fine, size)
+    while differences.error > AGREEMENT and size > LEAST_STEP:
+        wanted += 6
+        size *= 0.5
+        coarse, fine = fine, slopes(size)
+        differences = min(differences, _Differences.of(coarse, fine, size), key=lambda one: one.error)
+    tension = measure.mesh_tension(base)
     card = MaterialCard(
         strain_weft=weft,
         strain_warp=warp,
         tension_weft=tension[0],
         tension_warp=tension[1],
-        stiffness=stiffness,
-        asymmetry=float(np.abs(fine - fine.T).max() / largest),
-        step_difference=float(np.abs(stiffness - coarser).max() / largest),
-        expansion=-np.linalg.solve(stiffness, slope(by_length, 1, STEP)) * model.scene.wire.expansion,
-        areal_mass=measure.areal_mass(states[0]),
-        stress_max=measure.stress_extremes(states[0])[0],
-        active_percent=measure.contacts(states[0]).active_percent,
+        stiffness=differences.stiffness,
+        asymmetry=differences.asymmetry,
+        step_difference=differences.step_difference,
+        difference_step=differences.step,
+        expansion=-np.linalg.solve(differences.stiffness, differences.by_length) * model.scene.wire.expansion,
+        areal_mass=measure.areal_mass(base),
+        stress_max=measure.stress_extremes(base)[0],
+        active_percent=measure.contacts(base).active_percent,
         temperature=model.scene.stages[0].temperature,
     )
-    return card, states[0]
+    return card, base
+
+
+@dataclass(frozen=True)
+class _Differences:
+    """Derivatives by differences of one step, and what they differ by from those of twice the step."""
+
+    stiffness: np.ndarray  # (3, 3) [N/m]
+    by_length: np.ndarray  # (3,) [N/m]
+    asymmetry: float  # over the largest stiffness, as step_difference
+    step_difference: float
+    step: float
+
+    @classmethod
+    def of(cls, coarse: tuple[np.ndarray, np.ndarray], fine: tuple[np.ndarray, np.ndarray], step: float) -> _Differences:
+        stiffness, coarser = (0.5 * (slope + slope.T) for slope, _ in (fine, coarse))
+        largest = np.abs(stiffness).max()
+        asymmetry = float(np.abs(fine[0] - fine[0].T).max() / largest)
+        return cls(stiffness, fine[1], asymmetry, float(np.abs(stiffness - coarser).max() / largest), step)
+
+    @property
+    def error(self) -> float:
+        return max(self.asymmetry, self.step_difference)
 
 
 def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float, float, float]:

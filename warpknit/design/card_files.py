@@ -15,7 +15,7 @@ from ..runner.cautions import preset_cautions
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
 from ..text import celsius, engineering, exact, percent
-from .card import AGREEMENT, MaterialCard
+from .card import AGREEMENT, LEAST_STEP, MaterialCard
 
 CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
@@ -77,9 +77,9 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
         )
     if card.difference > AGREEMENT:
         yield (
-            f"the stiffness of the material card is uncertain: with another difference step it changes by"
-            f" {percent(card.difference, 0)}"
-            " of its largest entry, probably because contacts are about to close; choose another tension"
+            "stiffness and expansion of the material card are uncertain: its differences disagree by"
+            f" {percent(card.difference, 0)} of the largest stiffness down to a strain step of {percent(LEAST_STEP, 3)}, as where"
+            " contacts close or part, or the mesh jumps, near this tension; choose another one"
         )
     yield from preset_cautions(scene)
     if card.jumps:
@@ -176,6 +176,7 @@ def write_card(
             "positive_definite": card.is_stable,
             "asymmetry_of_largest": card.asymmetry,
             "step_difference_of_largest": card.step_difference,
+            "difference_step": card.difference_step,
             "shear_coupling_of_largest": card.shear_coupling,
         },
         "fe_cards": dict(fe_cards or {}),
