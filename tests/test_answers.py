@@ -124,7 +124,9 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     (jumped,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
     assert jumped["jump"] and jumped["peak"] == {"stress_max_Pa": 500e6, "temperature_K": pytest.approx(293.15 - 4 * 42.0)}
     text = dict(answer_rows(answers | {"heat": [jumped]}, LIMIT))["heat, 20 to -190 degC"]
-    assert "500 MPa at -148 degC on the way, the mesh jumps to another equilibrium on the way" in text
+    assert [one["temperature_K"] for one in jumped["jump_between"]] == pytest.approx([293.15 - 84.0, 293.15 - 126.0])
+    jump = "the mesh jumps to another equilibrium between -64 degC and -106 degC, which is not what heat alone does"
+    assert f"500 MPa at -148 degC on the way, {jump}: +0.01 / +0.00 % up to there" in text
 
 
 def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:

@@ -44,6 +44,7 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     heat[].peak                       largest stress of its records, and the temperature there
     heat[].jump                       true where the mesh jumps to another equilibrium: where a tension is held, it is strained by
                                       far more than free wire between two records
+    heat[].jump_between               the records on both sides of the first of these jumps; null without one
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
                                       shows does not count. Stages that go on loading at one temperature count as one
@@ -196,11 +197,13 @@ def heat_of(rows: Sequence[Row], stages: Sequence[Stage], expansion: float) -> l
 def _heated(part: Sequence[Row], by_tension: Sequence[bool], expansion: float) -> Answer:
     """The answer of one stage, from the record before it on."""
     peak = max(part, key=lambda row: row.stress_max_Pa)
+    jump = next((both for both in pairwise(part) if _jumps_in_heat(*both, expansion)), None)
     return {
         "stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension],
         **{name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED},
         "peak": {"stress_max_Pa": peak.stress_max_Pa, "temperature_K": peak.temperature_K},
-        "jump": any(_jumps_in_heat(one, other, expansion) for one, other in pairwise(part)),
+        "jump": jump is not None,
+        "jump_between": None if jump is None else [state_of(row) for row in jump],
     }  # fmt: skip
 
 

@@ -224,17 +224,24 @@ def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     parts = [f"active {percent(0.01 * begin['active_percent'])} to {percent(0.01 * end['active_percent'])}"]
     parts.append(f"tension {_tension(begin)}" + ("" if by_tension == {True} else f" to {_tension(end)}"))
     moves = any(abs(end[name] - begin[name]) > LEAST_CHANGE for name in ("strain_weft", "strain_warp"))
-    changes = [100.0 * (end[name] - begin[name]) for name in ("strain_weft", "strain_warp")]
-    digits = max(len(f"{change:.2g}".partition(".")[2]) for change in changes)
-    change = " / ".join(f"{change:+.{digits}f}" for change in changes)
-    parts.append(f"{_strain(begin)}" + (f", changed by {change} %" if moves else ""))
+    parts.append(f"{_strain(begin)}" + (f", changed by {_change(begin, end)}" if moves else ""))
     parts.append(f"stress {' to '.join(alike([one['stress_max_Pa'] for one in (begin, end)], 'Pa'))}")
     peak = stage["peak"]
     if peak["stress_max_Pa"] > PEAK_ON_THE_WAY * max(begin["stress_max_Pa"], end["stress_max_Pa"]):
         parts.append(f"{engineering(peak['stress_max_Pa'], 'Pa')} at {celsius(peak['temperature_K'])} on the way")
     if stage["jump"]:
-        parts.append("the mesh jumps to another equilibrium on the way: not what heat alone does")
+        before, after = stage["jump_between"]
+        there = " and ".join(celsius(one["temperature_K"]) for one in (before, after))
+        alone = f": {_change(begin, before)} up to there" if before["temperature_K"] != begin["temperature_K"] else ""
+        parts.append(f"the mesh jumps to another equilibrium between {there}, which is not what heat alone does{alone}")
     yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}", held + ", ".join(parts)
+
+
+def _change(begin: State, end: State) -> str:
+    """Change of the strain in weft and warp, both to as many digits."""
+    changes = [100.0 * (end[name] - begin[name]) for name in ("strain_weft", "strain_warp")]
+    digits = max(len(f"{change:.2g}".partition(".")[2]) for change in changes)
+    return " / ".join(f"{change:+.{digits}f}" for change in changes) + " %"
 
 
 def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]]:
