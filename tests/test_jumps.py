@@ -95,7 +95,7 @@ def levels(softer: float) -> list[Row]:
     rows = []
     for strain in STEPS.tolist():
         modulus = MODULUS * (softer if strain >= STEPS[SECOND] else 1.0)
-        rows.append(Row(
+        rows.append(Row(temperature_K=293.15,
             stage="load", load_factor=strain / STEPS[-1], strain_weft=strain, strain_warp=0.0, shear=0.0, clamp_rotation=0.0,
             length_factor=1.0, tension_weft_N_per_m=modulus * strain, tension_warp_N_per_m=0.0,
             nominal_weft_N_per_m=modulus * strain, nominal_warp_N_per_m=0.0, nominal_shear_N_per_m=0.0,
@@ -111,6 +111,11 @@ def test_a_run_warns_of_the_jump_that_a_map_marks():
         "the mesh jumps to another equilibrium between 40 % and 60 % of the load of stage 'load' (mean of weft and warp 10 N/m"
         " and 7.5 N/m): several equilibria exist there, and the result depends on the load history"
     ]
+    heated = levels(0.5)
+    for k, one in enumerate(heated):
+        one.temperature_K += 10.0 * k
+    (told,) = warnings._jumped(model(), heated)
+    assert "of the load of stage 'load' (40 degC and 50 degC): several" in told
 
 
 @pytest.mark.parametrize(("stored", "found"), [(1.0, [False, False, True, False, False]), (1e-9, [False] * 5)])

@@ -11,7 +11,7 @@ import numpy as np
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
 from ..mechanics import TOO_THICK
-from ..text import alike, engineering, percent, short_percent
+from ..text import alike, celsius, engineering, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .closings import SLACK_STRAIN, is_jump, takes_up_slack
@@ -207,9 +207,11 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
         a, b = found[0]
         more = len(found) - 1
         others = f", and {more} more time{'s' * (more > 1)}" if more else ""
+        there = f"mean of weft and warp {tensions_text(a, b)}"
+        if a.temperature_K != b.temperature_K:
+            there = f"{celsius(a.temperature_K)} and {celsius(b.temperature_K)}"
         yield (
-            f"the mesh jumps to another equilibrium between {_between(a, b)}"
-            f" (mean of weft and warp {tensions_text(a, b)}){others}: several"
+            f"the mesh jumps to another equilibrium between {_between(a, b)} ({there}){others}: several"
             " equilibria exist there, and the result depends on the load history"
         )
 
