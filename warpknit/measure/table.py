@@ -52,7 +52,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     plastic_strain_max      with `wire.plastic`: largest plastic strain of a fibre
     axial_strain_max        largest T/EA of a segment
     slid_max_m              largest difference between the mean displacements of two wires of a periodic tile
-    contact_force_max_N     largest contact force, active or not
+    contact_force_max_N     largest contact force, active or not; in space that of a site
     stress_interior_max_Pa  largest stress away from the edges
     energy_stretch_J        stored in stretch
     energy_bend_J           stored in bending, and in twist
@@ -240,7 +240,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("near_percent", _near(lambda near: 100.0 * float(near.mean()) if len(near) else 0.0), summary="contacts"),
     Measure("elsewhere", _elsewhere(len), summary="contacts"),
     Measure("contacts_elsewhere", _elsewhere(len), history=True, kind=int),
-    Measure("elsewhere_force_max_N", _elsewhere(lambda force: float(force.max(initial=0.0))), summary="contacts"),
+    Measure("elsewhere_force_max_N", _elsewhere(lambda force: float(force.max(initial=0.0))), history=True, summary="contacts"),
     Measure("central_rhombus", _rhombus, summary="contacts"),
     # tensions, force per current width
     Measure("tension_weft_N_per_m", lambda r: m.mesh_tension(r)[0], history=True, summary="mesh", map="map"),
