@@ -307,7 +307,7 @@ def electric_section(
     if electric is not None:
         resistances, sheet = electric
         contacts = "none" if not len(resistances) else f"{_pair(resistances.min(), resistances.max(), 'ohm', ' to ')}"
-        rows.append((f"each of the {len(resistances)} places of a repeat where wires touch", contacts))
+        rows.append((f"each of the {len(resistances)} points of a repeat where wires touch, at hooks and elsewhere", contacts))
         shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)
         rows.append(("sheet resistance, weft / warp", shown + " per square"))
     page.table(rows)
