@@ -15,7 +15,7 @@ _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
 def is_in_place(device: wp.DeviceLike) -> bool:
     """Whether the host reads and writes the arrays of a device themselves, as on the CPU, and not copies."""
-    return bool(wp.get_device(device).is_cpu)
+    return bool((wp.get_device(device) if device is None or isinstance(device, str) else device).is_cpu)
 
 
 def lanes(on_gpu: int, device: wp.DeviceLike) -> int:
@@ -128,7 +128,9 @@ def _assign(array: wp.array, host: np.ndarray) -> None:
 def store_entries(array: wp.array, values: dict[int, float]) -> None:
     """Set entries along the last axis of an array; on a GPU one of a single axis, without waiting for it."""
     if is_in_place(array.device):
-        fetch(array)[..., list(map(int, values))] = list(values.values())
+        host = fetch(array)
+        for entry, value in values.items():
+            host[..., int(entry)] = value
         return
     for entry, value in values.items():
         array[int(entry) : int(entry) + 1].fill_(value)

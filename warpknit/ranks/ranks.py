@@ -106,6 +106,11 @@ class One(Ranks):
     def everyone(self, value: Any) -> list[Any]:
         return [value]
 
+    def exact_sum(self, values: np.ndarray) -> np.ndarray:
+        import numpy as np
+
+        return np.array([math.fsum(column) if all(map(math.isfinite, column)) else math.nan for column in values.T.tolist()])
+
     def gather(self, values: np.ndarray) -> list[np.ndarray]:
         return [values]
 
