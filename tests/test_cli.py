@@ -14,6 +14,7 @@ from warpknit import errors
 from warpknit.cli import main
 from warpknit.knit.chain import KnitError
 from warpknit.runner import progress_display
+from warpknit.runner.interrupts import to_continue
 from warpknit.runner.progress_display import Bar, NotebookBar, Progress, StageLines, progress_for
 
 ROOT = Path(__file__).parent.parent
@@ -131,6 +132,14 @@ def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
     assert result.exit_code == status
     assert result.stderr == "warpknit: why it ended\n"
     assert result.stdout == ""
+
+
+@pytest.mark.parametrize(("options", "said"), [([], " and --resume"), (["--out", "a b/"], " and --resume"), (["--resume"], "")])
+def test_an_interrupted_run_names_the_options_that_were_not_given(behind, options, said):
+    """The same command has the same directory, whether it names one or not."""
+    directory = Path("a b" if "--out" in options else "runs/atlas_cell")
+    behind.outcome = SimpleNamespace(exit_code=130, summary=SUMMARY, message=f"interrupted; {to_continue(directory)}")
+    assert invoke("run", CELL, "--quiet", *options).stderr == f"warpknit: interrupted; continue with the same command{said}\n"
 
 
 def test_a_run_that_diverged_prints_the_table_of_its_records(behind):

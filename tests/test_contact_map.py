@@ -117,6 +117,7 @@ def test_a_drift_beside_a_pair_that_did_not_converge_is_at_least_that_far():
     text = drift_text(asdict(weft))
     assert text.startswith("from at most 200 mN/m / 300 mN/m, where the next pair did not converge, to at least 400 mN/m / ")
     assert "converge" not in drift_text(asdict(warp))
+    assert drift_text(asdict(warp) | {"open_low": True}).startswith("from 300 mN/m / 200 mN/m (the edge of the map) to 300 ")
     assert unconverged_warning(rows, by_tension=False) == (
         "10 of 25 pairs of strains did not converge; map_details.csv has the reasons"
     )

@@ -107,13 +107,14 @@ def test_the_file_holds_what_was_asked_for() -> None:
     assert scene.model.kind == "spatial" and scene.model.boundary == "periodic"
 
 
-def test_a_plating_stands_in_the_file() -> None:
-    done = new("mesh", "--plating", "gold, 0.3 um")
+@pytest.mark.parametrize("plating", ["gold, 0.3 um", "gold 0.3um"])
+def test_a_plating_stands_in_the_file(plating: str) -> None:
+    done = new("mesh", "--plating", plating)
     assert done.exit_code == 0, done.stderr
     assert "30 um molybdenum, plated with 300 nm of gold" in done.stdout
-    plating = load_scene("mesh.toml").wire.plating
-    assert plating is not None and plating.material == "gold"
-    assert plating.thickness == pytest.approx(0.3e-6, rel=ROUND_OFF, abs=0.0)
+    coating = load_scene("mesh.toml").wire.plating
+    assert coating is not None and coating.material == "gold"
+    assert coating.thickness == pytest.approx(0.3e-6, rel=ROUND_OFF, abs=0.0)
     assert load_scene(scene_text(SceneRequest(), "x.toml")).wire.plating is None
 
 

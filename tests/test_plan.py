@@ -30,6 +30,7 @@ from warpknit.spatial.estimate import size_of_model, spatial_time
 ROOT = Path(__file__).parent.parent
 CELL = ROOT / "scenes" / "atlas_cell.toml"
 PATCH = ROOT / "scenes" / "atlas_patch.toml"
+HOOK = ROOT / "scenes" / "hook_free_body.toml"
 
 
 def test_keys_are_those_scripts_rely_on():
@@ -121,6 +122,16 @@ def test_physics_that_is_off_is_not_named():
     assert named == {
         "stretching", "bending", "contact", "periodic boundary", "affine prediction", "relaxation", "double precision",
     }  # fmt: skip
+
+
+def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
+    """Of a mesh; of two hooked wires there is one. A map alone runs no [[path]]."""
+    for scene, said in ((CELL, "a tight mesh may have several, of which the load path decides"), (HOOK, "independent of")):
+        [relaxation] = [text for text in make_plan(load_scene(scene), "cpu").physics if text.startswith("relaxation: ")]
+        assert said in relaxation
+    swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}
+    physics = make_plan(load_scene(CELL, swept), "cpu").physics
+    assert "without effect: path, in `warpknit map` alone, which runs only [load]" in physics
 
 
 def test_a_ramp_has_a_real_step_and_what_limits_it():

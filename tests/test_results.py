@@ -7,17 +7,19 @@ import pickle
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import warpknit
 from warpknit.commands.run import percentage
-from warpknit.errors import DeviceError, Diverged, InputError, RunDirectoryError
+from warpknit.errors import DeviceError, Diverged, ExportError, InputError, RunDirectoryError
 from warpknit.frame import Frame
 from warpknit.results import Run, Table
 from warpknit.results.states import States
 from warpknit.runner.history import read_history
+from warpknit.runner.probes import Probes
 from warpknit.runner.watch import Watch
 from warpknit.scene import Scene
 
@@ -70,7 +72,33 @@ def test_an_unknown_name_is_told_the_nearest(finished: Run) -> None:
             _ = items["tension_weft"]
     with pytest.raises(KeyError, match="history"):
         _ = finished.tables["map"]
+    with pytest.raises(KeyError, match="given 0, allowed: a name, such as index, stage, load_factor.$"):
+        _ = finished.history[0]
     assert "tension_weft" not in finished.history and finished.tables.get("map") is None
+
+
+def test_columns_are_read_only(finished: Run) -> None:
+    """They are kept for the next time that they are asked for."""
+    for column in (finished.history["stress_max_Pa"], finished.observables["stress_max_Pa"], finished.tables["history"]["stage"]):
+        with pytest.raises(ValueError, match="read-only"):
+            column[0] = column[1]
+
+
+def test_an_export_in_another_format_names_the_argument(finished: Run) -> None:
+    with pytest.raises(ExportError, match="^to: given 'stl', allowed: usd, vtk, csv, png"):
+        finished.export("stl")
+
+
+def test_answers_are_those_of_a_report_or_of_a_run(finished: Run, tmp_path: Path) -> None:
+    assert finished.answers is not None and finished.answers == finished.summary["answers"]
+    for text, answers in (('{"best": 1}', {"best": 1}), ("null", None)):
+        (tmp_path / "answers.json").write_text(text)
+        assert Run(tmp_path, {"answers": {}}).answers == answers
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2.0), np.array([2.0]), np.int64(2)])
+def test_a_probe_gives_a_number_of_any_kind(value: object) -> None:
+    assert Probes({"mine": lambda record: value}).values(SimpleNamespace(index=0)) == {"mine": 2.0}
 
 
 def test_a_probe_is_a_column_and_a_key_of_the_summary(finished: Run) -> None:
@@ -119,6 +147,8 @@ def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
     path.write_text("strain_weft,strain_warp,active_percent,why\n0.2,0.0,1,a\n0.1,0.0,2,b\n0.1,0.5,3,c\n")
     table = Table.read(path)
     np.testing.assert_array_equal(table.grid("active_percent", "strain_warp", "strain_weft"), [[2, 1], [3, np.nan]])
+    with pytest.raises(InputError, match="^grid: given 'why', a column of words, allowed: a column of numbers$"):
+        table.grid("why", "strain_warp", "strain_weft")
     pytest.importorskip("xarray", reason="extra `notebooks` is not installed")
     pytest.importorskip("pandas", reason="extra `notebooks` is not installed")
     cells = table.to_xarray("strain_warp", "strain_weft")
@@ -267,6 +297,8 @@ def test_arrays_for_xarray_have_coordinates_and_units(finished: Run) -> None:
     for name, unit in expected.items():
         assert data[name].attrs.get("units") == table[name].attrs.get("units") == unit
     assert data.node_stress.attrs["units"] == "Pa" and table.row.values.tolist() == [0, 1, 2, 3]
+    with pytest.raises(KeyError, match="tension_weft_N_per_m"):
+        finished.history.to_xarray("tension_weft")
     assert set(finished.observables.to_xarray(["tension_weft_N_per_m"]).data_vars) == {"tension_weft_N_per_m"}
 
 

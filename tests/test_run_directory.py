@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.commands.carried_out import naming_arguments
-from warpknit.errors import RunDirectoryError
+from warpknit.errors import RunDirectoryError, naming_arguments
 from warpknit.files import held_directory
 from warpknit.ranks.ranks import One
 from warpknit.results import load_run

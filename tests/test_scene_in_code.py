@@ -70,6 +70,22 @@ def test_changed_is_what_overrides_give_and_defaults_follow() -> None:
         scene.changed({"wire.diameter": "-1 um"})
 
 
+def test_an_entry_of_a_list_that_the_scene_leaves_out_is_that_of_the_default() -> None:
+    scene = load_scene({})
+    first, second = scene.changed(["knit.bars[1].shift=2"]).knit.bars
+    assert (first, second.chain, second.shift) == (scene.knit.bars[0], scene.knit.bars[1].chain, 2)
+    assert scene.changed({"knit.bars[2].chain": "1-0/1-2"}).knit.bars[:2] == scene.knit.bars
+    assert scene.changed({"knit.repeats[1]": 3}).knit.repeats == (1, 3)
+    with pytest.raises(SceneError, match=r"knit\.bars\[3\]: given 1, allowed: an entry 0 to 2 of a list"):
+        scene.changed({"knit.bars[3].shift": 1})
+
+
+@pytest.mark.parametrize("given", [{1: 2}, {"": 1}, {None: 1}, [3], [("a",)], 3])
+def test_an_override_that_is_none_is_refused_in_one_line(given: object) -> None:
+    with pytest.raises(SceneError, match="^scene: an override: given .*, allowed: (a dotted key|KEY=VALUE)"):
+        load_scene({}).changed(given)
+
+
 def test_a_scene_survives_another_process() -> None:
     scene = load_scene(CELL)
     there = pickle.loads(pickle.dumps(scene))

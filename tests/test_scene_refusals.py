@@ -103,9 +103,9 @@ REFUSED = [
     ("sweep={strain_weft=[0, nan], strain_warp=[0]}", "sweep.strain_weft[1]", "nan", "a number from -0.5 to 2"),
     ("name=a/b", "name", "'a/b'", "a name of 1 to 100 characters"),
     # overrides that cannot be set
-    ("load.strain_warp", "--set", "'load.strain_warp'", "KEY=VALUE"),
-    ("=5", "--set", "'=5'", "KEY=VALUE"),
-    ("load..strain_warp=1", "--set", "'load..strain_warp'", "a dotted key"),
+    ("load.strain_warp", "an override", "'load.strain_warp'", "KEY=VALUE"),
+    ("=5", "an override", "'=5'", "KEY=VALUE"),
+    ("load..strain_warp=1", "an override", "'load..strain_warp'", "a dotted key"),
     ("wire.diameter.x=1", "wire.diameter.x", "1", "no key below wire.diameter, which is '15 um'"),
     ("knit.bars.chain=1-0", "knit.bars.chain", "'1-0'", "no key below knit.bars"),
 ]
@@ -117,6 +117,8 @@ REFUSED = [
         ("wire.diameter=16", f"wire.diameter: given 16, allowed: {LENGTH} (a bare number is in m)"),
         ("wire.diameter='16'", f"wire.diameter: given '16', allowed: {LENGTH} (a bare number is in m)"),
         ("wire.diameter=16 m", f"wire.diameter: given '16 m', allowed: {LENGTH}"),
+        ("load.temperature=-100 K", "such as '-190 degC' (absolute, not a change; degrees Celsius are degC)"),
+        ("load.temperature=-80 C", "such as '-190 degC' (absolute, not a change; degrees Celsius are degC)"),
         ("load.temperature=-190", "such as '-190 degC' (a bare number is in K)"),
         ("knit.wales=26", "such as '26 /inch' (a bare number is in 1/m; write its unit)"),
         ("load.strain_weft=10", "a number from -0.5 to 2 (a share: 0.1 is '10 %')"),
@@ -166,6 +168,29 @@ def test_an_unknown_key_names_the_nearest_known_one(override, key, nearest):
         load_scene(SCENES / "atlas_cell.toml", [override])
     assert f"atlas_cell.toml: {key}: unknown key, the nearest is {nearest}: given " in str(caught.value)
     assert ", allowed: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"wire.diameter": 1}, '\'wire.diameter\': given 1, allowed: tables in each other, {"wire": {"diameter": ...}}'),
+        ({"wire": {"plating.material": 1}}, "or an override of wire.plating.material"),
+        ({"knit.bars[1].chain": 1}, '{"knit": {"bars": [{"chain": ...}]}}, or an override of knit.bars[1].chain'),
+    ],
+)
+def test_a_dotted_key_of_a_table_is_told_where_it_stands(table: dict, said: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        make_scene(table)
+    assert said in str(caught.value)
+
+
+def test_wire_and_wires_are_told_apart() -> None:
+    """The file that [wires] lacks is not told: it is another table that was meant."""
+    with pytest.raises(
+        SceneError, match=r"the nearest is wire\.diameter \(\[wire\] is one wire, \[wires\] a file of wires\): "
+    ) as error:
+        make_scene({"wires": {"diameter": "30 um"}})
+    assert "also wrong" not in str(error.value)
 
 
 def test_the_first_error_is_told_and_the_others_are_named():
@@ -223,6 +248,24 @@ def test_an_unreadable_file_is_one_line(tmp_path, content, given):
     assert str(caught.value).startswith(f"{path}: the file: given {given}")
     assert ", allowed: a scene file in TOML" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "quantity"),
+    [
+        ("[wire]\ndiameter = 30 um  # thin", 2, "30 um"),
+        ("[wire]\nends = 2\ndiameter = 1.5e-5m", 3, "1.5e-5m"),
+        ("load.strain_weft = 6 %\n", 1, "6 %"),
+        ("[load]\ntension_warp = 2 N/m\n", 2, "2 N/m"),
+        ("[load]\npull = [{at = [0.1, -1 mm]}]", 2, "-1 mm"),
+        ("[knit]\nrepeats = [2 x 3]", 0, ""),
+    ],
+)
+def test_a_quantity_without_quotes_is_told(text: str, line: int, quantity: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene(text)
+    said = f'(line {line}: {quantity} without quotes), allowed: a quantity with its unit as text, "{quantity}"'
+    assert str(caught.value).endswith(said if quantity else ", allowed: a scene in TOML")
 
 
 def test_a_directory_and_an_empty_text_are_no_scenes(tmp_path):

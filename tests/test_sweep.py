@@ -82,7 +82,7 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut)
     monkeypatch.undo()
-    assert stopped.exit_code == 130 and "--resume" in stopped.stderr
+    assert stopped.exit_code == 130 and stopped.stderr.endswith("; continue with the same command and --resume\n")
     assert 0 < len(rows(cut / "map.csv")) < 4
     warnings = json.loads((cut / "map.json").read_text())["warnings"]
     assert any(warning.startswith(f"the map is incomplete: {len(rows(cut / 'map.csv'))} of 4 pairs") for warning in warnings)

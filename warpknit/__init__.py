@@ -32,17 +32,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from . import errors as errors
-    from . import measure
-    from . import scene as scene
+    from . import errors, measure, scene
     from .commands.map import run_map
     from .commands.report import make_report
     from .commands.run import run
     from .model import build_model, initial_state
-    from .results import Run as Run
-    from .results import load_run
-    from .scene import Scene as Scene
-    from .scene import load_scene
+    from .results import Run, load_run
+    from .scene import Scene, load_scene
     from .solve.simulate import Simulation
 
 _DOOR = {
@@ -55,16 +51,18 @@ _DOOR = {
     "make_report": "commands.report",
     "load_run": "results",
     "measure": None,
-    # not listed by dir()
     "Run": "results",
     "Scene": "scene",
     "scene": None,
     "errors": None,
 }
 __all__ = [
+    "Run",
+    "Scene",
     "Simulation",
     "__version__",
     "build_model",
+    "errors",
     "initial_state",
     "load_run",
     "load_scene",
@@ -72,6 +70,7 @@ __all__ = [
     "measure",
     "run",
     "run_map",
+    "scene",
 ]
 
 

@@ -96,9 +96,11 @@ def open_scene(
     return loaded, Path(out) if out else default_directory(loaded)
 
 
-def unfinished(result: CommandResult, if_interrupted: str = "") -> int:
-    """Print why a command did not finish; return its exit status."""
-    click.echo(f"warpknit: {result.message}{if_interrupted if result.exit_code == INTERRUPTED else ''}", err=True)
+def unfinished(result: CommandResult, directory: Path, if_interrupted: str = "", *, resume: bool = False) -> int:
+    """Print why a command did not finish; return its exit status. The same command has its options already."""
+    message = f"{result.message}{if_interrupted if result.exit_code == INTERRUPTED else ''}"
+    message = message.replace(f" and --resume --out {directory}", "" if resume else " and --resume")
+    click.echo(f"warpknit: {message}", err=True)
     return int(result.exit_code)
 
 
@@ -149,7 +151,7 @@ def run(
 
     if result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.get("stages")):
         print_summary(result.summary, directory)
-    return FINISHED if result.exit_code == FINISHED else unfinished(result)
+    return FINISHED if result.exit_code == FINISHED else unfinished(result, directory, resume=resume)
 
 
 @main.command("map")
@@ -180,7 +182,7 @@ def contact_map(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device)
     if result.exit_code != FINISHED:
-        return unfinished(result, f"; {to_continue(directory)}")
+        return unfinished(result, directory, f"; {to_continue(directory)}", resume=resume)
     return finished(map_lines(result.summary), directory)
 
 
@@ -215,7 +217,7 @@ def trade(
             out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
         )  # fmt: skip
     if result.exit_code != FINISHED:
-        return unfinished(result)
+        return unfinished(result, directory, resume=resume)
     return finished(trade_lines(result.summary), directory)
 
 
@@ -273,7 +275,7 @@ def report(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
     if done.page is None:
-        return unfinished(done.result, "; the same command continues it")
+        return unfinished(done.result, directory, "; the same command continues it")
     from warpknit.runner.summary_table import print_table
     from warpknit.sweep.map_table import map_lines
 

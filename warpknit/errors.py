@@ -10,6 +10,10 @@ The command line catches these in one place (`warpknit.cli`). The text of an err
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class WarpknitError(Exception):
     """Base of the errors that this package raises on purpose; `exit_code` is the status the command line returns."""
@@ -65,3 +69,20 @@ class OutOfResources(WarpknitError):
     """Memory or disk ran out during a run: the line gives what was needed against what was available."""
 
     exit_code = 4
+
+
+@contextmanager
+def naming_arguments() -> Iterator[None]:
+    """Name arguments in place of options in errors."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(in_python(str(error))) from error
+
+
+def in_python(message: str) -> str:
+    """A message with options as arguments: --force as force=True, --fit-curve as fit_curve."""
+    message = message.replace("--resume --out", "--resume, --out")
+    message = re.sub(r"(?<![\w-])--out (\S+?)(?=[:;,]?(?:\s|$))", r"out='\1'", message)
+    message = re.sub(r"(?<![\w-])--(force|resume)\b", r"\1=True", message)
+    return re.sub(r"(?<![\w-])--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)

@@ -233,8 +233,11 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
     if scene.depends_on_path:
         yield "path: strain increments of at most 0.5 %, as results depend on the load history"
     elif solver.drive == "relax":
-        path = "" if scene.contact.treatment != "friction-plane" else " (except by the friction of the plane)"
-        yield f"relaxation: one equilibrium a load level, independent of the load path{path}, solver.drive = 'relax'"
+        path = "; a tight mesh may have several, of which the load path decides"
+        if scene.hook is not None:
+            by_plane = scene.contact.treatment == "friction-plane"
+            path = f", independent of the load path{' (except by the friction of the plane)' if by_plane else ''}"
+        yield f"relaxation: one equilibrium a load level{path}, solver.drive = 'relax'"
     else:
         yield f"ramp: {engineering(size.loading_time, 's')} of real time a stage, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:

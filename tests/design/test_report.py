@@ -27,6 +27,7 @@ from warpknit.design.sections import outside_text
 from warpknit.design.service import REFINED, EqualTension, ServicePoint, equal_tension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
+from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene
 from warpknit.sweep.contact_map import MapRow
 
@@ -36,6 +37,7 @@ CARD = MaterialCard(
     expansion=np.zeros(3), areal_mass=0.01, stress_max=1e8, active_percent=50.0, temperature=293.15,
 )  # fmt: skip
 MARKERS: list[object] = []  # of the last map that was drawn
+PROGRESS: list[tuple[str, int, int]] = []  # stages that were shown: name, number, of how many
 SMALL = ["output.frames=3", "sweep.strain_weft=[0.08, 0.12, 0.16]", "sweep.strain_warp=[0.08, 0.12, 0.16]"]
 
 
@@ -50,6 +52,7 @@ def reports(tmp_path_factory):
     """(page, card, map.csv) for the optimum and for a tension that the mesh carries, made one after the other."""
     out = tmp_path_factory.mktemp("report") / "r"
     found, said, drawn = {}, {}, map_figure.map_figure
+    PROGRESS.clear()
 
     def kept(*arguments, **more):
         MARKERS[:] = more["marks"].places
@@ -58,6 +61,7 @@ def reports(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(curves, "POINTS", 2)
         patch.setattr(map_figure, "map_figure", kept)
+        patch.setattr(Progress, "stage", lambda self, name, number, of: PROGRESS.append((name, number, of)))
         for tension in ("", "0.06 N/m"):
             done = make_report(out, *(["--tension", tension, "--cards", "nastran, radioss"] if tension else []))
             assert done.exit_code == 0, done.output
@@ -84,6 +88,12 @@ def test_the_page_holds_all_it_shows(reports):
     assert page.count('<h2 class="new-page">') == 3 and "break-before: page" in page
     assert "nan" not in re.sub(r"data:[^\"]*", "", page).lower().split()
     assert len(list((out / "figures").glob("report_*.png"))) == 7
+
+
+def test_only_stages_that_run_are_counted(reports):
+    """A scene of one temperature has no stage of heat."""
+    names = ("tension-strain curves", "equal tensions", "material card", "openings and page")
+    assert PROGRESS[-4:] == [(name, number, 4) for number, name in enumerate(names, start=1)]
 
 
 def test_the_answers_come_first(reports):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import Diverged, InputError, ModelError
+from ..errors import Diverged, ModelError, in_python, naming_arguments
 from ..knit.chain import KnitError
 from ..results import Run, load_run
 from ..runner.progress_display import Progress, progress_for
@@ -30,27 +29,10 @@ def carried_out(scene: Scene, out: Directory | None, quiet: bool, command: Calla
     with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
         result = command(where, progress)
     if result.exit_code == INTERRUPTED:
-        raise KeyboardInterrupt(_in_python(result.message))
+        raise KeyboardInterrupt(in_python(result.message))
     if result.exit_code != 0:
         raise Diverged(result.message)
     return load_run(where)
-
-
-@contextmanager
-def naming_arguments() -> Iterator[None]:
-    """Name arguments in place of options in errors."""
-    try:
-        yield
-    except InputError as error:
-        raise type(error)(_in_python(str(error))) from error
-
-
-def _in_python(message: str) -> str:
-    """A message with options as arguments: --force as force=True, --fit-curve as fit_curve."""
-    message = message.replace("--resume --out", "--resume, --out")
-    message = re.sub(r"(?<![\w-])--out (\S+?)(?=[:;,]?(?:\s|$))", r"out='\1'", message)
-    message = re.sub(r"(?<![\w-])--(force|resume)\b", r"\1=True", message)
-    return re.sub(r"(?<![\w-])--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)
 
 
 def default_directory(scene: Scene) -> Path:

@@ -10,7 +10,7 @@ from ..design.fe import CODES
 from ..design.findings import Findings
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import report_scene, write_report
-from ..errors import Diverged, InputError
+from ..errors import Diverged, InputError, naming_arguments
 from ..results import Run
 from ..runner.progress_display import Progress
 from ..runner.run_directory import CommandResult
@@ -18,7 +18,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..sweep.contact_map import read_map
 from ..sweep.sweep import run_map as sweep_scene
-from .carried_out import Directory, Source, carried_out, naming_arguments
+from .carried_out import Directory, Source, carried_out
 
 
 def make_report(

@@ -21,6 +21,11 @@ TOLERANCE = 5e-5  # residual, at most: heat strains a soft mesh by little, and i
 LEAST_LEVELS = 2  # of a change of temperature
 
 
+def later_temperatures(scene: Scene) -> list[float]:
+    """[K] temperatures of [[path]] other than that of [load]."""
+    return list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
+
+
 @dataclass(frozen=True)
 class HeatedMesh:
     """Rows of history.csv of a mesh whose temperature changes, from the state before, and the stages of its load."""
@@ -45,7 +50,7 @@ def heat(
     They begin where the path has a tension as small or smaller. `watch` is called with the share that is done; a load that does
     not converge ends with the records before.
     """
-    temperatures = list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
+    temperatures = later_temperatures(scene)
     if held is None or not temperatures or len(path.rows) < 2:
         return []
     low = max((tension for tension in path.states if tension <= held), default=0.0)

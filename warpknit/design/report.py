@@ -39,7 +39,7 @@ from .equal_tension import (
 from .fe import CODES
 from .findings import DEFAULT_SWEEP, Findings
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
-from .heat import heat
+from .heat import heat, later_temperatures
 from .load_path import LoadPath, PathState, under_strain, under_tension
 from .opening_size import openings
 from .report_files import write_files
@@ -75,24 +75,27 @@ def write_report(
     """
     show = progress or Progress()
 
-    def begin(number: int) -> Callable[[float], None]:
-        show.stage(STAGES[number], number=number + 1, of=len(STAGES))
+    stages = [name for name in STAGES if name != "heat" or later_temperatures(scene)]
+
+    def begin(name: str) -> Callable[[float], None]:
+        if name in stages:
+            show.stage(name, number=stages.index(name) + 1, of=len(stages))
         return lambda share: show.update(done=share, load_factor=share)
 
     model = mesh_of(scene)
     weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
-    curves = tension_strain(model, weft, warp, begin(0))
+    curves = tension_strain(model, weft, warp, begin("tension-strain curves"))
     jumps = find_jumps(model, rows)
     optimum, largest = find_optimum(rows, scene.wire.yield_stress, jumps), equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
-    path = load_equally(double, largest, tension, begin(1))
+    path = load_equally(double, largest, tension, begin("equal tensions"))
     found_jumps = jumps_under_tension(double, path.rows)
-    card, tensioned, where, loading = _card(double, optimum, path, found_jumps, tension, begin(2))
+    card, tensioned, where, loading = _card(double, optimum, path, found_jumps, tension, begin("material card"))
     service = service_points(scene, path, tension, card)
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
     best = None if answers is None else answers["best"]
-    heated = heat(scene, path, tension or (None if best is None else mean_tension(Row(**best))), begin(3))
-    begin(4)
+    heated = heat(scene, path, tension or (None if best is None else mean_tension(Row(**best))), begin("heat"))
+    begin("openings and page")
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
         scene=scene,

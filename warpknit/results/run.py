@@ -12,7 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import ExportError, RunDirectoryError
+from ..errors import ExportError, RunDirectoryError, naming_arguments
 from ..frame import WireLayout
 from ..runner.run_directory import SUMMARIES, TABLES, directory_of, holds_killed_run
 from ..runner.summary_table import summary_rows
@@ -138,6 +138,14 @@ class Run:
         path = self.directory / "fit.json"
         return _read_json(path) if path.is_file() else None
 
+    @cached_property
+    def answers(self) -> dict[str, Any] | None:
+        """The answers of a report (answers.json) or of a run (in its summary); None where there are none."""
+        path = self.directory / "answers.json"
+        if not path.is_file():
+            return self.summary.get("answers")
+        return None if path.read_bytes() == b"null" else _read_json(path)
+
     @property
     def figures(self) -> list[Path]:
         """Pictures of the results."""
@@ -147,7 +155,8 @@ class Run:
         """Write the states as "usd", "vtk", "csv" or "png" into the directory; the files. Raises `ExportError`."""
         from ..export import export_run
 
-        return export_run(self.directory, to)
+        with naming_arguments():
+            return export_run(self.directory, to)
 
     def view(self, *, host: str = "localhost", port: int = 8080) -> Viewer:
         """Show the records in the browser, at `url` of what it returns and in a notebook below the cell, until its `stop()`.
@@ -156,7 +165,8 @@ class Run:
         """
         from ..export.view import open_viewer
 
-        return open_viewer(self.directory, host=host, port=port)
+        with naming_arguments():
+            return open_viewer(self.directory, host=host, port=port)
 
     def __repr__(self) -> str:
         what = f"{self._records} records" if self._has_records else f"tables {', '.join(self.tables)}"
@@ -244,6 +254,7 @@ def load_run(out: str | os.PathLike[str]) -> Run:
             stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
         observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
         layout           which nodes make a wire, which wires a body hooks
+        answers          of a report or a run, as in answers.json
         scene, card, fit, figures, directory, export(to)
     Pairs 2b and 2b + 1 belong to body b, where two wires hook each other.
 

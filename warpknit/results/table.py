@@ -6,12 +6,13 @@ import csv
 import difflib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ..errors import RunDirectoryError
+from ..errors import InputError, RunDirectoryError
 from ..measure.table import MEASURES
 
 Value = TypeVar("Value")
@@ -29,11 +30,13 @@ TRUTH = {"True": True, "False": False}
 class Table(Mapping[str, np.ndarray]):
     """Columns [row] of a CSV file by their names, which end in their unit: `table["tension_weft_N_per_m"]`.
 
-    Whole numbers, numbers (nan where a cell is empty), truth values, or texts. `len` is the number of columns.
+    Whole numbers, numbers (nan where a cell is empty), truth values, or texts; read-only. `len` is the number of columns.
     """
 
     def __init__(self, columns: Mapping[str, np.ndarray]) -> None:
-        self._columns = dict(columns)
+        self._columns = {name: column.view() for name, column in columns.items()}
+        for column in self._columns.values():
+            column.flags.writeable = False
 
     @classmethod
     def read(cls, path: Path) -> Table:
@@ -72,8 +75,12 @@ class Table(Mapping[str, np.ndarray]):
     def grid(self, name: str, rows: str, columns: str) -> np.ndarray:
         """(row, column) [unit of the name] a column over the values of two others, rising; nan where there is no such pair.
 
+        Raises InputError for a column of words.
+
         run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")    # (warp, weft) [%]
         """
+        if self[name].dtype.kind == "U":
+            raise InputError(f"grid: given {name!r}, a column of words, allowed: a column of numbers")
         (y, row), (x, column) = (np.unique(self[by], return_inverse=True) for by in (rows, columns))
         values = np.full((len(y), len(x)), np.nan)
         values[row, column] = self[name]
@@ -86,6 +93,8 @@ class Table(Mapping[str, np.ndarray]):
         """
         import xarray
 
+        for name in by:
+            found(self, name)
         if by:
             data = self.to_pandas().set_index(list(by)).to_xarray()
         else:
@@ -117,7 +126,8 @@ def found(items: Mapping[str, Value], name: str) -> Value:
     if name in items:
         return items[name]
     near = difflib.get_close_matches(str(name), items, n=3, cutoff=0.3)
-    raise KeyError(f"{name!r}; the nearest: {', '.join(near) or ', '.join(items) or 'there are none'}")
+    first = f"a name, such as {', '.join(islice(items, 3))}" if items else "none, there are no names here"
+    raise KeyError(f"{name!r}; the nearest: {', '.join(near)}" if near else f"given {name!r}, allowed: {first}")
 
 
 def html_table(lines: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 from ..errors import InputError
 from ..measure import table
@@ -43,6 +44,9 @@ class Probes:
     def _number(name: str, value: object, record: Record) -> float | None:
         if value is None:
             return None
+        if hasattr(value, "item"):  # an array of one element, or a number of NumPy
+            with suppress(ValueError, RuntimeError):
+                value = value.item()
         if not isinstance(value, numbers.Real):
             raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a number, or None")
         return float(value) if math.isfinite(value) else None

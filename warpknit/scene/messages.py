@@ -11,10 +11,11 @@ from pydantic import ValidationError
 
 from warpknit.errors import SceneError
 from warpknit.scene.file import SceneFile
-from warpknit.scene.keys import Table, keys_below, keys_of
+from warpknit.scene.keys import Table, given_values, keys_below, keys_of
 from warpknit.scene.units import shown
 
 Location = tuple[int | str, ...]
+WIRE_TABLES = {"wire", "wires"}  # easily taken for each other
 UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls an unknown key
 
 
@@ -27,11 +28,15 @@ def scene_error(file: object, key: str, given: str, allowed: str, more: Sequence
 def first_error(file: object, error: ValidationError) -> SceneError:
     """The first of pydantic's errors; unknown keys come first, because they often cause the others."""
     found = sorted(error.errors(include_url=False), key=lambda item: item["type"] not in UNKNOWN)
-    wrong = [other["loc"] for other in found]
-    # a list whose entries are wrong counts as empty too
-    causes = [place for place in wrong[1:] if not any(place == entry[: len(place)] for entry in wrong if entry != place)]
-    item, more = found[0], [dotted(place) for place in causes]
+    item, wrong = found[0], [other["loc"] for other in found]
     location: Location = item["loc"]
+    # a list whose entries are wrong counts as empty too, and the key that an unknown one stands for as missing
+    more = [
+        dotted(other["loc"])
+        for other in found[1:]
+        if not any(other["loc"] == entry[: len(other["loc"])] for entry in wrong if entry != other["loc"])
+        and not (item["type"] in UNKNOWN and other["type"] == "missing" and other["loc"][:-1] == location[:-1])
+    ]
     context = item.get("ctx", {})
     given = shown(item["input"])
     match item["type"]:
@@ -39,7 +44,12 @@ def first_error(file: object, error: ValidationError) -> SceneError:
             key = (*location, context["key"]) if "key" in context else location
             return scene_error(file, dotted(key), context.get("given", given), context["allowed"], more)
         case "unexpected_keyword_argument" | "invalid_key":
-            unknown = f"{dotted(location)}: unknown key, the nearest is {_nearest_key(location)}"
+            if (nested := _nested(location)) is not None:
+                return scene_error(file, dotted(location), given, nested, more)
+            nearest = _nearest_key(location)
+            unknown = f"{dotted(location)}: unknown key, the nearest is {nearest}"
+            if {location[0], nearest.split(".")[0]} == WIRE_TABLES:
+                unknown += " ([wire] is one wire, [wires] a file of wires)"
             return scene_error(file, unknown, given, ", ".join(_fields(location[:-1])), more)
         case "missing":
             return scene_error(file, dotted(location), "nothing", _allowed_at(location), more)
@@ -66,6 +76,17 @@ def dotted(location: Sequence[int | str]) -> str:
         else:
             text += ("." if text else "") + (part if re.fullmatch(r"[\w-]+", part) else repr(part))
     return text
+
+
+def default_list(location: Sequence[int | str]) -> list[Any]:
+    """The default of a list, as a file has it; empty for others and for unknown keys."""
+    try:
+        default = keys_of(_table_at(tuple(location[:-1])))[str(location[-1])].default
+    except KeyError:
+        return []
+    if not isinstance(default, tuple):
+        return []
+    return [given_values(entry) if isinstance(entry, Table) else entry for entry in default]
 
 
 def known_keys() -> list[str]:
@@ -98,6 +119,17 @@ def _nearest_key(location: Location) -> str:
             return elsewhere[far[0]]
         close = difflib.get_close_matches(unknown, here, n=1, cutoff=0.0) or here[:1]
     return dotted((*above, close[0]))
+
+
+def _nested(location: Location) -> str | None:
+    """What is allowed in place of a dotted key in a table; None for other keys."""
+    *above, last = location
+    key = ".".join([*([dotted(above)] if above else []), str(last)])
+    if "." not in str(last) or re.sub(r"\[\d+\]", "[0]", key) not in known_keys():
+        return None
+    opened = re.sub(r"(\w+)(\[\d+\])?\.?", lambda name: f'{{"{name[1]}": ' + ("[" if name[2] else ""), str(last))
+    closed = "".join({"{": "}", "[": "]"}.get(character, "") for character in reversed(opened))
+    return f"tables in each other, {opened}...{closed}, or an override of {key}"
 
 
 def _allowed_at(location: Location) -> str:

@@ -8,6 +8,7 @@ Values are text as people type it. They are checked as in a scene, and stand in 
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -117,9 +118,10 @@ def _ends(given: str) -> int:
 
 def _plating(given: str) -> tuple[str, str]:
     """Metal and thickness of a coating."""
-    metal, comma, thickness = (part.strip() for part in given.partition(","))
-    if not comma or not has_unit(thickness):
+    parts = re.split(r"\s*,\s*|\s+", given.strip(), maxsplit=1)
+    if len(parts) < 2 or not has_unit(parts[1]):
         raise Refused(given, PLATING)
+    metal, thickness = parts
     _accept(given, metal, Plating, "material", f"{PLATING}, of {', '.join(MATERIALS)}")
     _accept(given, thickness, Plating, "thickness", PLATING)
     return metal, thickness

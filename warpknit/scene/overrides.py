@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 if sys.version_info >= (3, 11):
@@ -13,10 +13,11 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from warpknit.scene.messages import dotted, scene_error
+from warpknit.scene.messages import default_list, dotted, scene_error
 from warpknit.scene.scene import Override, Overrides
 from warpknit.scene.units import shown
 
+DOTTED_KEY = "a dotted key, such as load.strain_warp or knit.bars[1].chain"
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
 
 # The same thing said in another way: setting one key takes the file's other out.
@@ -37,7 +38,7 @@ def as_list(overrides: Overrides) -> list[Override]:
     """Overrides in any form as a list."""
     if isinstance(overrides, Mapping):
         return list(overrides.items())
-    return [overrides] if isinstance(overrides, str) else list(overrides)
+    return list(overrides) if isinstance(overrides, Iterable) and not isinstance(overrides, str) else [overrides]
 
 
 def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> dict[str, Any]:
@@ -71,11 +72,13 @@ def as_written(value: Any) -> Any:
 
 def _key_and_value(file: object, override: Override) -> tuple[str, Any]:
     if not isinstance(override, str):
-        key, value = override
+        if not isinstance(override, Sequence) or len(override) != 2:
+            raise scene_error(file, "an override", shown(override), "KEY=VALUE as text, or a pair of a key and its value")
+        key, value = override[0], override[1]
         return key, as_written(value)
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise scene_error(file, "--set", shown(override), "KEY=VALUE, such as load.strain_warp=0.05")
+        raise scene_error(file, "an override", shown(override), "KEY=VALUE, such as load.strain_warp=0.05")
     return key.strip(), _value(text.strip())
 
 
@@ -88,13 +91,13 @@ def _value(text: str) -> Any:
     return parsed["value"] if parsed.keys() == {"value"} else text
 
 
-def _location(file: object, key: str) -> tuple[int | str, ...]:
+def _location(file: object, key: object) -> tuple[int | str, ...]:
     """knit.bars[1].chain or knit.bars.1.chain as ("knit", "bars", 1, "chain")."""
     parts: list[int | str] = []
-    for piece in key.split("."):
+    for piece in key.split(".") if isinstance(key, str) else [""]:
         match = _PART.fullmatch(piece)
         if match is None:
-            raise scene_error(file, "--set", shown(key), "a dotted key, such as load.strain_warp or knit.bars[1].chain")
+            raise scene_error(file, "an override", shown(key), DOTTED_KEY)
         name = match["name"]
         parts.append(int(name) if name.isdecimal() and len(name) < 7 else name)
         parts.extend(int(index) for index in re.findall(r"\d+", match["indices"]))
@@ -108,7 +111,7 @@ def _at(table: Any, location: Sequence[int | str]) -> Any:
 
 
 def _set(file: object, table: Any, location: Sequence[int | str], value: Any) -> None:
-    """Set one value; tables on the way are made, and a list grows by one entry at its end."""
+    """Set one value; tables on the way are made, a list starts from its default and grows by one entry at its end."""
     for depth, part in enumerate(location):
         here = dotted(location[:depth]) or "the file"
         if isinstance(part, int):
@@ -125,4 +128,5 @@ def _set(file: object, table: Any, location: Sequence[int | str], value: Any) ->
         elif isinstance(part, int):
             table = table[part]
         else:
-            table = table.setdefault(part, [] if isinstance(location[depth + 1], int) else {})
+            is_list = isinstance(location[depth + 1], int)
+            table = table.setdefault(part, as_written(default_list(location[: depth + 1])) if is_list else {})

@@ -100,7 +100,13 @@ RULES = (
         for load in ("tension", "sweep by tension")
         for trait in ("friction", "plastic")
     ),
-    Rule("path", ("sweep",), "as `warpknit map` runs only [load]", "each strain of a map is loaded separately", refused=False),
+    Rule(
+        "path",
+        ("sweep",),
+        "in `warpknit map` alone, which runs only [load]",
+        "each strain of a map is loaded separately",
+        refused=False,
+    ),
     # the solver
     Rule("single", ("hook",), "'double' with [hook], which has few nodes", "double precision costs nothing with few nodes"),
     Rule("no multipliers", ("spatial",), f"true {SPATIAL}", NOT_BUILT),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -29,7 +30,7 @@ from warpknit.scene.resolved import resolved_toml
 from warpknit.scene.scene import Overrides, Scene
 from warpknit.scene.source import Source
 from warpknit.scene.stages import hook_stages, mesh_stages
-from warpknit.scene.units import has_unit, shown
+from warpknit.scene.units import has_unit, is_quantity, shown
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import wire_file
 from warpknit.text import at_least, at_most, exact
@@ -45,6 +46,7 @@ SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off g
 SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
 OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yield_stress", "tensile_strength")
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
+_UNQUOTED = re.compile(r"""[=\[,]\s*([+-]?\d[^\s,"'#\]}]*[ \t]*[A-Za-zµμ°%/][^,"'#\]}]*)""")  # what may be a quantity
 
 
 def load_scene(
@@ -96,6 +98,9 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
     try:
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
         return path, tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        given, quoted = _toml_fault(text, str(error))
+        raise scene_error(path, what, f"invalid TOML ({given})", quoted or expected) from error
     except OSError as error:
         given = "a directory" if path.is_dir() else (error.strerror or "an unreadable file").lower()
         raise scene_error(path, what, given, expected) from error
@@ -104,6 +109,17 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
         raise scene_error(path, what, given, f"{expected} saved as UTF-8") from error
     except (ValueError, RecursionError) as error:
         raise scene_error(path, what, f"invalid TOML ({error})", expected) from error
+
+
+def _toml_fault(text: str, fault: str) -> tuple[str, str]:
+    """What is wrong with a text that is not TOML, and what is allowed there, if it is a quantity without quotes."""
+    place = re.search(r"at line (\d+)", fault)
+    lines = text.splitlines()
+    if place is not None and int(place[1]) <= len(lines):
+        for quantity in map(str.strip, _UNQUOTED.findall(lines[int(place[1]) - 1])):
+            if is_quantity(quantity):
+                return f"line {place[1]}: {quantity} without quotes", f'a quantity with its unit as text, "{quantity}"'
+    return fault, ""
 
 
 def make_scene(

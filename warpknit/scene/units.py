@@ -84,6 +84,11 @@ def has_unit(text: str) -> bool:
     return False
 
 
+def is_quantity(text: str) -> bool:
+    """Whether a string is a number with a unit of any dimension."""
+    return any(_converted(text, kind) is not None for kind in DIMENSIONS.values())
+
+
 def si_text(value: float, unit: str) -> str:
     """`value` [unit] as a quantity string that `si` reads back to the same bits."""
     return f"{value!r} {unit}"

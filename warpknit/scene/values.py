@@ -42,7 +42,7 @@ class Quantity(Check):
     most: float | None = None  # inclusive upper bound [SI]
     usual: str = ""  # a usual value, where the example of the dimension is none
     bare_least: float | None = None  # smallest bare number [SI]: below it a forgotten unit is likelier
-    hint: str = ""  # added where a number is out of bounds
+    hint: str = ""  # added where a value is refused, unless its unit or the lack of one is the fault
 
     @property
     def example(self) -> str:
@@ -65,7 +65,7 @@ class Quantity(Check):
         try:
             number = si(value, self.dimension)
         except QuantityError as error:
-            raise refused(self.allowed + error.hint) from error
+            raise refused(self.allowed + (error.hint or self.hint)) from error
         is_bare = not isinstance(value, str) or not has_unit(value)
         if (
             (self.above is not None and number <= self.above)
@@ -75,8 +75,7 @@ class Quantity(Check):
         ):
             unit = DIMENSIONS[self.dimension].unit
             write = "; write its unit" if self.bare_least is not None else ""
-            note = f" (a bare number is in {unit}{write})"
-            raise refused(self.allowed + (note if is_bare and unit else "") + self.hint)
+            raise refused(self.allowed + (f" (a bare number is in {unit}{write})" if is_bare and unit else self.hint))
         return number
 
 
@@ -235,8 +234,11 @@ Strength = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual=
 Hardness = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="0.7 GPa"))]
 Density = Annotated[float, BeforeValidator(Quantity("density", above=0.0))]
 Expansion = Annotated[float, BeforeValidator(Quantity("expansion", least=-1e-3, most=1e-3))]
-Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0))]
-RoomTemperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, usual="20 degC"))]
+ABSOLUTE = " (absolute, not a change; degrees Celsius are degC)"
+Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, hint=ABSOLUTE))]
+RoomTemperature = Annotated[
+    float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, usual="20 degC", hint=ABSOLUTE))
+]
 Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
 Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
 SpringStiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0, usual="1 mN/m"))]

@@ -259,7 +259,7 @@ def drift_text(drift: Mapping[str, Any]) -> str:
         text = load_text(drift[end], by_tension=True)
         if drift.get(f"diverged_{end}"):
             text = f"{at}{text}, where the next pair did not converge"
-        ends.append(text + (", the edge of the map" if drift[f"open_{end}"] else ""))
+        ends.append(text + (" (the edge of the map)" if drift[f"open_{end}"] else ""))
     snaps = "; ".join(" and ".join(load_text(side, by_tension=True) for side in jump) for jump in drift.get("jumps", ()))
     comma = "," if drift.get("diverged_low") else ""
     return f"from {ends[0]}{comma} to {ends[1]}" + (f"; the mesh jumps between {snaps}" if snaps else "")
