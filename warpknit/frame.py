@@ -33,7 +33,23 @@ Integers = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WireLayout:
-    """Nodes, wires and bodies; the same for every frame of a run."""
+    """Nodes, wires and bodies; the same for every frame of a run.
+
+        wire_start        [wire + 1]          nodes of wire w are wire_start[w]:wire_start[w + 1]
+        wire_closed       [wire]              whether a wire continues at its first node, shifted by wire_closing
+        wire_closing      [wire, 2] [m]       that shift
+        period            [2] [m]             width and height of the tile at rest
+        repeats           [2]                 of the knit in weft and warp; 0 where unknown
+        diameter          [m]                 of the yarn, with plating and parallel ends: wires are drawn as thick as this
+        body_radius       [m]                 of a contact body
+        body_wires        [body, 2]           the wires of pairs 2b and 2b + 1, which belong to body b
+        body_class        [body]              class of the contact: 0 = A, 1 = B, ...; empty where unknown
+        rhombus_bodies    [k]                 bodies around the central opening; may be empty
+        curve_parts                           straight pieces of the drawn curve between two nodes
+        wire_count, node_count, body_count
+
+    A body is a place where two wires hook each other.
+    """
 
     __repr__ = short_repr
 
@@ -126,7 +142,24 @@ class WireLayout:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
-    """One recorded state."""
+    """One recorded state.
+
+        index                                 counts the records of a run from 0
+        stage, load_factor                    name of the stage, and share of its load, 0 to 1
+        strain_weft, strain_warp, shear       of the mesh as a whole, relative to its size as knitted
+        temperature       [K]
+        node_position     [node, 3] [m]       weft, warp, normal; in the planar model z is the height as knitted
+        node_stress       [node] [Pa]         largest stress of the wire at a node
+        body_position     [body, 3] [m]       places where two wires hook each other
+        pair_force        [pair] [N]          normal contact force where wires hook; pairs 2b and 2b + 1 belong to body b
+        pair_active       [pair]              whether a pair is closed with more than the threshold
+        body_force        [body] [N]          the smaller force of the two pairs
+        body_active       [body]              whether both pairs are active
+        deformation       [2, 2]              mean deformation gradient, of strains and shear
+        between           [node, curve_parts - 1, 3] [m]  points of the drawn curve to the next node, relative to the node
+
+    Nodes, wires and bodies are those of the `WireLayout` of the run. Contacts where no wires hook are not in a frame.
+    """
 
     __repr__ = short_repr
 

@@ -25,7 +25,10 @@ from .panel_map import PanelMap
 
 @dataclass(frozen=True)
 class Energies:
-    """Stored and kinetic energy of the mesh [J]."""
+    """Stored and kinetic energy of the mesh [J]: stretch, bend (with twist and hardening), contact (with friction), kinetic.
+
+    `stored` is the sum of the first three.
+    """
 
     stretch: float
     bend: float  # with twist and hardening
@@ -39,7 +42,12 @@ class Energies:
 
 @dataclass(frozen=True)
 class WireStress:
-    """Stress in the outermost fibre of the wires [Pa]."""
+    """Stress in the outermost fibre of the wires [Pa].
+
+    node              [node]
+    contact           [place]     between two nodes: under a contact, in space also elsewhere on the segments
+    contact_node      [place]     node before it
+    """
 
     node: np.ndarray  # [node]
     contact: np.ndarray  # [place] between two nodes: under a contact, in space also elsewhere on the segments
@@ -111,7 +119,7 @@ class MeshModel(Protocol):
 
 
 class Observables(Protocol):
-    """A state of a mesh on the host, SI units, float64."""
+    """A state of a mesh on the host, SI units, float64: `record.observables`. Shapes and units stand at each name."""
 
     # --- boundary (boundary.py)
 
@@ -172,7 +180,9 @@ class Observables(Protocol):
     # --- energies
 
     @property
-    def energies(self) -> Energies: ...
+    def energies(self) -> Energies:
+        """[J] stored and kinetic energy: `stretch`, `bend`, `contact`, `kinetic`, `stored`."""
+
     @property
     def hardened_energy(self) -> float:
         """[J] hardening part of `Energies.bend`."""
@@ -181,7 +191,7 @@ class Observables(Protocol):
 
     @property
     def pair_force(self) -> np.ndarray:
-        """[pair] [N] normal force; pairs 2b and 2b + 1 belong to body b."""
+        """[pair] [N] normal force where the knit hooks wires; pairs 2b and 2b + 1 belong to body b."""
 
     @property
     def penetration(self) -> float:
@@ -197,7 +207,7 @@ class Observables(Protocol):
 
     @property
     def contact_elsewhere(self) -> np.ndarray | None:
-        """[contact] [N] forces of active contacts outside the hooks of the knit."""
+        """[contact] [N] forces of active contacts outside the hooks of the knit, in no order; None in the plane."""
 
     @property
     def contact_places(self) -> ContactPlaces:
@@ -210,7 +220,9 @@ class Observables(Protocol):
     # --- wires
 
     @property
-    def wire_stress(self) -> WireStress: ...
+    def wire_stress(self) -> WireStress:
+        """[Pa] stress in the outermost fibre: `node` [node], and `contact` [place] between nodes."""
+
     @property
     def shear_stress(self) -> np.ndarray | None:
         """[node] [Pa] shear stress by twist."""

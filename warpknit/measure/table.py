@@ -31,9 +31,9 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
     near_bodies             in space: sites whose wires are closer than 1.25 diameters
     near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
-    elsewhere               in space: active contacts at no site
-    contacts_elsewhere      the same
-    elsewhere_force_max_N   in space: largest force of a contact at no site
+    elsewhere               in space: active contacts where no wires hook
+    contacts_elsewhere      in space: active contacts where no wires hook
+    elsewhere_force_max_N   in space: largest force of a contact where no wires hook
     central_rhombus         the counts of the bodies around the complete opening nearest to the centre
     tension_weft_N_per_m    force per current width in weft
     tension_warp_N_per_m    force per current width in warp

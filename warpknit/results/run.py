@@ -35,7 +35,7 @@ class Run:
         run = load_run("runs/atlas_cell")
         run.summary["mesh"]["tension_weft_N_per_m"]
         run.history["tension_weft_N_per_m"]                # [record] [N/m], a column of history.csv
-        run.states[-1].node_position                       # [node, 3] [m]; a `Frame`, see warpknit/frame.py
+        run.states[-1].node_position                       # [node, 3] [m]; help(run.states[-1]) has its fields
         run.observables["pair_force"]                      # [record, pair] [N]
         run.tables["history"]["stage"]                     # any CSV file of the directory; run.history is this one
 
@@ -89,12 +89,12 @@ class Run:
 
     @cached_property
     def states(self) -> States:
-        """The recorded states, one a row of the history; none of a map."""
+        """The recorded states, one a row of the history, each a `Frame`; none of a map. Where one is missing, all are refused."""
         return States(self._record if self._has_records else None)
 
     @property
     def layout(self) -> WireLayout:
-        """Which nodes make a wire, and which wires a body hooks. Raises `RunDirectoryError` for a map."""
+        """Which nodes make a wire, which wires a body hooks, the class of a contact. Raises `RunDirectoryError` for a map."""
         return self._record.layout
 
     @property
@@ -250,16 +250,18 @@ def load_run(out: str | os.PathLike[str]) -> Run:
         tables           every CSV file by name; of a map `tables["map"]`
         states           recorded states, by index; each a `Frame` with
             node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
-            pair_force [pair] [N], pair_active [pair], body_force [body] [N], body_active [body],
+            pair_force [pair] [N] where wires hook, pair_active [pair], body_force [body] [N], body_active [body],
             stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
         observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
-        layout           which nodes make a wire, which wires a body hooks
+        layout           a `WireLayout`: which nodes make a wire, which wires a body hooks, the class of a contact
         answers          of a report or a run, as in answers.json
         scene, card, fit, figures, directory, export(to)
-    Pairs 2b and 2b + 1 belong to body b, where two wires hook each other.
+    Pairs 2b and 2b + 1 belong to body b, where two wires hook each other. help(run.states[-1]) has all fields of a state,
+    help(run.layout) those of the layout.
 
-    Raises RunDirectoryError where there are none, or where they cannot be read; so do history, tables, states, layout,
-    observables and card, which are read when they are asked for. The line names the file.
+    Raises RunDirectoryError where there are none, where the run goes on or was killed before it wrote a summary, or where they
+    cannot be read; so do history, tables, states, layout, observables and card, which are read when they are asked for. The line
+    names the file.
     """
     directory = directory_of(out, "load_run")
     for name in SUMMARIES:

@@ -28,7 +28,8 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     solver.ranks                             processes under `mpirun`
     solver.node_steps_per_s                  steps times nodes over the wall time
     solver.mass_scaling                      mass of a ramp over the real mass
-    solver.axial_softening                   axial stiffness over that of the dynamics
+    solver.axial_softening                   divisor of the axial stiffness that was used in the dynamics at the start of the run:
+                                             at most that of the scene; in space bending limits it
     solver.preset                            preset of the settings
     solver.preset_error_percent              measured error of the preset; null if keys of the scene override its settings
     solver.drive                             `relax` or `ramp`

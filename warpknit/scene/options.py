@@ -149,7 +149,12 @@ class Solver(Table):
     )
     mass_scaling: Factor = key("Ramp: factor on all masses.", 1.0)
     target_time_step: TimeStep | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
-    axial_softening: Factor = key("Divisor of the axial stiffness in the dynamics.", None, left_out="the preset's")
+    axial_softening: Factor = key(
+        "Largest divisor of the axial stiffness in the dynamics that is allowed. A run takes less where bending limits it, and"
+        " for taut wires; `summary.json` has the one that was used at its start.",
+        None,
+        left_out="the preset's",
+    )
     damping: Rate | None = key(
         "Ramp: mass-proportional damping. Default: the frequency of the slowest bending mode.", None, left_out="chosen"
     )
