@@ -38,7 +38,7 @@ class Simulation:
 
     A `Record` has its place in the load history (stage, load_factor, temperature [K], steps, steady) and `observables`: the state
     on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
-    warpknit/measure/observables.py. `warpknit.measure` derives measures from them.
+    `help(record.observables)`. `warpknit.measure` derives measures from them.
 
     progress: of a checkpoint, to go on from. watch: called after every convergence check with the progress; may raise to stop.
     """
