@@ -28,7 +28,7 @@ SIDES = ("weft", "warp")
 SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
 ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
 LOGARITHMIC = 4  # first of the panels with a logarithmic axis
-LEAST_RESIDUAL = 1e-2  # of the median: that of an unloaded mesh is nearly nothing, and flattens the others
+LEAST_RESIDUAL = 1e-4  # of the median: that of an unloaded mesh is nearly nothing, and flattens the others
 NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
 HELD_STRAIN = 2e-3  # a frame expands by less over 200 K

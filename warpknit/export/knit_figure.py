@@ -26,6 +26,7 @@ MM = 1e3  # millimetres to a metre
 LONG_SIDE, SHORT_SIDE = 8.0, 3.4  # [inch] of the mesh, and the least that its shorter side is given
 BESIDE = (0.9, 1.2)  # [inch] beside and below it: labels, title of the legend
 LEGEND_COLUMN, LEGEND_ROW = 2.1, 0.2  # [inch]
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "alignment": "left", "columnspacing": 1.0, "handlelength": 1.5}
 EVERY = 3  # samples of a thread to a piece of the drawn wire
 THINNEST = 1.2  # [pt] line that is still legible
 # Okabe and Ito's colours, distinct without red-green vision.
@@ -88,14 +89,7 @@ def knit_figure(
     title += f"\n{len(cloth.clasps)} contacts a repeat, {cloth.wire_length * MM:.3g} mm of wire per loop"
     title += f"\n({cloth.stitch_length * MM:.3g} mm in plan view)"
     wide = int(np.clip(figure.get_figwidth() // LEGEND_COLUMN, 1, len(handles)))
-    legend: dict[str, Any] = {
-        "frameon": False,
-        "fontsize": "small",
-        "alignment": "left",
-        "columnspacing": 1.0,
-        "handlelength": 1.5,
-    }
-    figure.legend(handles=handles, title=title, ncols=wide, loc="outside lower center", **legend)
+    figure.legend(handles=handles, title=title, ncols=wide, loc="outside lower center", **LEGEND)
     figure.set_figheight(figure.get_figheight() + LEGEND_ROW * -(-len(handles) // wide))
     points_per_mm = plan_scale(figure, axes)
     inset = EDGE_ROOM * MARK_SIZE / points_per_mm
