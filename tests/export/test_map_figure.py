@@ -63,7 +63,20 @@ def test_a_cell_above_the_elastic_limit_is_hatched_beside_a_jump_too(tmp_path, m
         *drawn[0].axes[0].transData.transform([100 * middle] * 2)
     )
     texts = [text.get_text() for legend in drawn[0].legends + [drawn[0].axes[0].get_legend()] if legend for text in legend.texts]
-    assert "above the elastic limit, 600 MPa" in texts
+    assert "cells above the elastic limit, 600 MPa" in texts
+
+
+@pytest.mark.parametrize(("limit", "lines"), [(30e6, 1), (1e9, 0)])
+def test_the_legend_has_the_line_of_the_elastic_limit_where_it_is_drawn(limit, lines, tmp_path, monkeypatch):
+    """Beside the cells above it, which begin elsewhere: at an edge of a cell, not between two middles."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    draw(tmp_path / "a.png", RISING, limit=limit)
+    axes = drawn[0].axes[0]
+    shown = [item for item in axes.collections if isinstance(item, QuadContourSet) and item.levels.tolist() == [limit]]
+    named = [handle for handle in axes.get_legend().legend_handles if str(handle.get_label()).startswith("elastic limit")]
+    assert len(shown) == len(named) == lines
+    assert all("between middles of cells" in handle.get_label() and handle.get_color() == module.LIMIT_COLOUR for handle in named)
 
 
 def test_cells_without_a_value_stay_blank(tmp_path):

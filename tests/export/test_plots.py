@@ -12,9 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from reference.histories import history
-from warpknit.export import curves_figure, design_figures, mesh_figure
+from warpknit.export import curves_figure, design_figures, heat_figure, mesh_figure
 from warpknit.export.plots import BLUE, scale_of
-from warpknit.export.stage_curves import columns_of, draw_curves, stage_slices
+from warpknit.export.stage_curves import JUMP, columns_of, draw_curves, stage_slices
 from warpknit.frame import Frame, WireLayout
 from warpknit.solve.tension import TOLERANCE
 
@@ -219,7 +219,7 @@ def test_the_largest_stress_of_a_picture_is_that_of_a_node(
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
     axes = Figure().subplots()
     x, jumped = np.arange(6.0), np.array([False, False, False, True, False, False])
-    draw_curves(axes, x, [("load", slice(0, 6))], [("", "black", x**2)], False, jumped)
+    draw_curves(axes, x, [("load", slice(0, 6))], [("", "black", x**2)], jumped)
     drawn = [(line.get_linestyle(), np.asarray(line.get_xdata()).tolist()) for line in axes.lines]
     assert drawn == [("-", [0.0, 1.0, 2.0]), ("-", [3.0, 4.0, 5.0]), (":", [2.0, 3.0])]
 
@@ -316,19 +316,17 @@ def test_the_elastic_limit_is_named_on_the_axis_and_beyond(
 
 
 def test_contacts_elsewhere_are_drawn_where_there_are_some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of them counts as the two pairs of a place where wires hook; the legend of a jump keeps both curves."""
+    """One of them counts as the two pairs of a place where wires hook."""
     kept: list[Figure] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
     rows = [
         {**row, "active_pairs": 4 * k, "active_percent": 25.0 * k, "contacts_elsewhere": max(0, k - 1)}
         for k, row in enumerate(history(4))
     ]
-    curves_figure.curves_figure(rows, tmp_path / "curves.png", jumps=[(1, 2)])
+    curves_figure.curves_figure(rows, tmp_path / "curves.png")
     curves_figure.curves_figure([row | {"contacts_elsewhere": 0} for row in rows], tmp_path / "curves.png")
     some, none = (figure.axes[0] for figure in kept)
-    assert [text.get_text() for text in some.get_legend().get_texts()] == [
-        "where wires hook", "elsewhere", "jump to another equilibrium",
-    ]  # fmt: skip
+    assert [text.get_text() for text in some.get_legend().get_texts()] == ["where wires hook", "elsewhere"]
     assert none.get_legend() is None and len(none.lines) == 1
     values = np.concatenate([line.get_ydata() for line in some.lines if line.get_color() == curves_figure.PURPLE])
     assert max(values) == pytest.approx(100.0 * 2 * 2 / 16)
@@ -338,7 +336,128 @@ def test_a_logarithmic_axis_of_few_decades_has_more_than_one_label() -> None:
     """Residuals from 1.5e-5 to 8e-5 lie between two powers of ten."""
     figure = Figure()
     axes = figure.subplots()
-    draw_curves(axes, np.arange(3.0), [("load", slice(0, 3))], [("", "black", np.array([1.5e-5, 3e-5, 8e-5]))], True)
+    curve = ("", "black", np.array([1.5e-5, 3e-5, 8e-5]))
+    draw_curves(axes, np.arange(3.0), [("load", slice(0, 3))], [curve], np.zeros(3, dtype=bool), least=0.0)
     figure.draw_without_rendering()
     low, high = axes.get_ylim()
     assert sum(bool(tick.label1.get_text()) and low <= tick.get_loc() <= high for tick in axes.yaxis.get_major_ticks()) >= 2
+
+
+def names_of(figure: Figure) -> list[str]:
+    """Texts of the legends over the panels."""
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def dotted_in(figure: Figure) -> list[list[float]]:
+    """Abscissas of the dotted lines of all panels."""
+    return [np.asarray(line.get_xdata()).tolist() for axes in figure.axes for line in axes.lines if line.get_linestyle() == ":"]
+
+
+@pytest.mark.parametrize("behind", [None, 2, 6])
+def test_the_legend_has_a_jump_where_a_dotted_line_is_drawn(
+    behind: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Records 0 to 3 load the mesh, 4 to 7 cool it: their jump is in the figure of heat, and not in that of the load."""
+    figures: list[Figure] = []
+    for module in (curves_figure, heat_figure):
+        monkeypatch.setattr(module, "save_figure", lambda figure, path: figures.append(figure) or path)
+    rows = [row | {"jump": int(row["index"] == behind), "stress_max_Pa": 1e8} for row in history(4, cold=4)]
+    for number, row in enumerate(rows[4:], 1):
+        row |= {
+            "temperature_K": 293.15 - 20.0 * number,
+            "tension_weft_N_per_m": 2.0 + 0.1 * number,
+            "strain_warp": 0.1 + 1e-4 * number,
+        }
+    curves_figure.curves_figure(rows, tmp_path / "curves.png")
+    heat_figure.heat_figure([rows], tmp_path / "heat.png")
+    for figure, mine in zip(figures, (2, 6), strict=True):
+        assert bool(dotted_in(figure)) == (JUMP in names_of(figure)) == (behind == mine)
+    if behind == 6:
+        assert dotted_in(figures[1])[0] == pytest.approx([-20.0, -40.0])
+
+
+def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh in a frame, alone and beside one under a held tension: nothing but the word, and the curves of the other one."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    framed = [row | {"temperature_K": 293.15 + 10.0 * k, "stage": "frame held"} for k, row in enumerate(history(1) * 4)]
+    free = [row | {"strain_weft": 1e-4 * k, "stage": "tension held"} for k, row in enumerate(framed)]
+    for histories, lines, words in (([framed], 0, ["held"]), ([free, framed], 2, [])):
+        heat_figure.heat_figure(histories, tmp_path / "heat.png")
+        panel = figures[-1].axes[2]
+        assert (
+            sum(np.isfinite(line.get_ydata()).any() for line in panel.lines) == lines
+            and [text.get_text() for text in panel.texts] == words
+        )
+        assert ("not held" in panel.get_ylabel()) == (lines > 0)
+
+
+def test_marks_of_later_stages_are_smaller() -> None:
+    """Curves of equal values lie on each other: marks beneath show about those above."""
+    axes = Figure().subplots()
+    stages = [("one", slice(0, 3)), ("other", slice(0, 3)), ("third", slice(0, 3))]
+    draw_curves(axes, np.arange(3.0), stages, [("", "black", np.ones(3))], np.zeros(3, dtype=bool))
+    assert np.all(np.diff([line.get_markersize() for line in axes.lines]) < 0.0)
+
+
+@pytest.mark.parametrize(("first", "shown"), [(1e-13, 3), (1e-6, 4), (1e3, 4)])
+def test_the_residual_of_an_unloaded_mesh_does_not_flatten_the_others(
+    first: float, shown: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is left out if it is nearly nothing; a large one is always drawn."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    rows = [row | {"residual": value} for row, value in zip(history(4), (first, 1e-5, 2e-5, 1e-5), strict=True)]
+    curves_figure.curves_figure(rows, tmp_path / "curves.png")
+    [line] = figures[0].axes[5].lines
+    assert np.isfinite(np.asarray(line.get_ydata())).sum() == shown
+
+
+@pytest.mark.parametrize("count", [4, 10])
+def test_shares_of_classes_that_are_equal_show_beside_each_other(
+    count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each line is narrower than those beneath it, and no two look alike."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: figures.append(figure) or path)
+    names = "ABCDEFGHIJ"[:count]
+    shares = {f"active_{name}_percent": 100.0 for name in names} | {"active_percent": 100.0}
+    rows = [{"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "stress_max_Pa": 1e8 * t} | shares for t in (1.0, 2.0)]
+    answers = {"contacts": [{"name": name, "closes": None} for name in names], "best": None}
+    design_figures.tension_figure(rows, answers, tmp_path / "tension.png", yield_stress=6e8)
+    lines = figures[0].axes[0].lines
+    assert len(lines) == 1 + count and np.diff([line.get_linewidth() for line in lines]).max() < -0.5
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(lines)
+
+
+def test_a_contact_under_the_largest_stress_shows(
+    tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At least a quarter of the blue of an active contact remains where the star stands on it."""
+    monkeypatch.setattr(mesh_figure, "LEAST_ROOM", 0.0)
+    one = make_frame(4)
+    there = 1e3 * np.asarray(one.body_position)[np.argmax(one.body_active), :2]
+    kept: list[Figure] = []
+    save = mesh_figure.save_figure
+    monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: kept.append(figure) or save(figure, path))
+    blue = []
+    for name, peak in (("bare", None), ("star", mesh_figure.Peak(1e8, *(1e-3 * there)))):
+        image = matplotlib.image.imread(mesh_figure.mesh_figure(layout, one, tmp_path / f"{name}.png", "", peak=peak))
+        across, up = kept[-1].axes[0].transData.transform(there).astype(int)
+        near = image[::-1][up - 9 : up + 10, across - 9 : across + 10, :3]
+        blue.append(np.count_nonzero(np.abs(near - (0.0, 0x72 / 255, 0xB2 / 255)).max(axis=2) < 0.1))
+    assert blue[1] > blue[0] / 4 > 0
+
+
+def test_long_names_of_stages_are_inside_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    cases = ("-190 degC, tension held", "120 degC, tension held", "-190 degC, frame held", "120 degC, frame held")
+    histories = [
+        [row | {"stage": name, "temperature_K": 200.0 + 50.0 * k, "jump": k} for k, row in enumerate(history(2))]
+        for name in cases
+    ]
+    heat_figure.heat_figure(histories, tmp_path / "heat.png")
+    figures[0].draw_without_rendering()
+    box = figures[0].legends[0].get_window_extent()
+    assert len(names_of(figures[0])) == 5 and figures[0].bbox.x0 <= box.x0 and box.x1 <= figures[0].bbox.x1

@@ -145,8 +145,7 @@ def map_section(
     page.figure(
         figure,
         "Active contacts over the loads of the map; a tile shows the state at its middle; tiles are cut at the edge of the map,"
-        " and show the state on the edge. Orange line: elastic limit of the wire; star: optimum; other markers: service tensions,"
-        " in the colour of their own contacts.",
+        " and show the state on the edge. Markers of service tensions have the colour of their own contacts.",
     )
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")

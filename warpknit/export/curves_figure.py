@@ -10,7 +10,16 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import History, columns_of, draw_curves, history_rows, jump_handle, stage_legend, stage_slices
+from warpknit.export.stage_curves import (
+    DECADES_DRAWN,
+    History,
+    columns_of,
+    draw_curves,
+    history_rows,
+    is_behind_jump,
+    stage_legend,
+    stage_slices,
+)
 from warpknit.text import ZERO_CELSIUS, engineering
 
 __all__ = ["curves_figure"]
@@ -19,6 +28,7 @@ SIDES = ("weft", "warp")
 SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
 ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
 LOGARITHMIC = 4  # first of the panels with a logarithmic axis
+LEAST_RESIDUAL = 1e-4  # of the median: that of an unloaded mesh is nearly nothing, and flattens the others
 NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
 HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
@@ -30,14 +40,13 @@ def curves_figure(
     path: str | os.PathLike[str],
     *,
     yield_stress: float | None = None,
-    jumps: Sequence[Sequence[int]] = (),
     title: str = "",
 ) -> Path:
     """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
-    are left out beside others: they are in heat_figure.py. yield_stress: [Pa] elastic limit of the wire. jumps: indices
-    of neighbouring records of different branches; lines between them are dotted. title: over the stages.
+    are left out beside others: they are in heat_figure.py. Lines to rows with a `jump` are dotted. yield_stress: [Pa] elastic
+    limit of the wire. title: over the stages.
     """
     rows = history_rows(history)
     columns = columns_of(rows)
@@ -68,23 +77,18 @@ def curves_figure(
         (f"energy [{energy_unit}]", energies),
         ("residual over mean boundary force", (("", GREY, column("residual")),)),
     )
-    jumped = np.isin(column("index"), [after for _, after in jumps])
+    jumped = is_behind_jump(columns, len(rows))
+    residual = column("residual")[column("residual") > 0.0]
+    least: list[float | None] = [None] * LOGARITHMIC
+    least += [
+        DECADES_DRAWN * max(float(values.max(initial=0.0, where=np.isfinite(values))) for *_, values in energies),
+        LEAST_RESIDUAL * float(np.median(residual)) if len(residual) else 0.0,
+    ]
     figure = figure_of(10.5, 10.4)
     panels = figure.subplots(3, 2, sharex=True).ravel()
-    for number, (axes, (label, curves)) in enumerate(zip(panels, panel_curves, strict=True)):
-        draw_curves(axes, abscissa, stages, curves, is_logarithmic=number >= LOGARITHMIC, jumped=jumped)
+    for axes, (label, curves), smallest in zip(panels, panel_curves, least, strict=True):
+        draw_curves(axes, abscissa, stages, curves, jumped, least=smallest)
         axes.set_ylabel(label)
-    if jumped.any():
-        drawn = panels[0].get_legend()
-        handles = [*(drawn.legend_handles if drawn is not None else ()), jump_handle(GREEN)]
-        panels[0].legend(
-            handles=handles,
-            ncols=len(handles),
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            frameon=False,
-            borderaxespad=0.2,
-        )
     panels[0].set_ylim(-3.0, 103.0)
     for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
         if not any(np.any(values < 0.0) for *_, values in curves):
@@ -102,8 +106,7 @@ def curves_figure(
         panels[2].legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
-    if len(stages) > 1 or title:
-        stage_legend(figure, _stage_names(columns, stages), title or "stage")
+    stage_legend(figure, _stage_names(columns, stages), title)
     return save_figure(figure, path)
 
 

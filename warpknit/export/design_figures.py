@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import draw_line, jump_handle
+from warpknit.export.stage_curves import draw_line, jump_handles
 
 __all__ = ["openings_figure", "resistance_figure", "tension_figure", "tension_strain_figure"]
 
@@ -30,8 +30,8 @@ LABELLED_DECADES = 3.0  # of the axis of tension: on a longer one only powers of
 ROOM = 0.04  # of the axis, at both ends
 BEFORE = 0.8  # of the lowest tension that is told: where the axis of tension begins
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
-CLASS_DASHES = ("-", "--", ":")
-CLASS_WIDTHS = 5.0, 1.4  # [pt] of the curve of all contacts, and of the last class
+CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
+LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.4, 1.4, 7.0  # [pt] of the last class, of each before it, which it may lie on, at most
 LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one is said with the best tension
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
@@ -70,12 +70,13 @@ def tension_figure(
     figure = figure_of(10.5, 4.4)
     contacts, stress = figure.subplots(1, 2)
     classes = [one["name"] for one in answers["contacts"]]
-    widths = np.linspace(*CLASS_WIDTHS, 1 + len(classes)).tolist()  # each is narrower than those that it may lie on
+    widths = np.linspace(min(LAST_CLASS + WIDER_CLASS * len(classes), WIDEST_CLASS), LAST_CLASS, 1 + len(classes)).tolist()
     active = column("active_percent")
     draw_line(contacts, abscissa, active, jumped, color=GREEN, linewidth=widths[0], label="all contacts")
     if len(classes) > 1:
         for number, name in enumerate(classes):
-            look = {"color": (BLUE, ORANGE, PURPLE, GREY)[number % 4], "linestyle": CLASS_DASHES[number % len(CLASS_DASHES)]}
+            again, colour = divmod(number, len(CLASS_COLOURS))
+            look = {"color": CLASS_COLOURS[colour], "linestyle": CLASS_DASHES[again % len(CLASS_DASHES)]}
             values = column(f"active_{name}_percent")
             draw_line(contacts, abscissa, values, jumped, linewidth=widths[1 + number], label=f"class {name}", **look)
     contacts.set_ylim(-3.0, 103.0)
@@ -147,7 +148,7 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     first.set_ylabel(f"tension [{unit}]")
     room = ROOM * scale * (top - bottom)
     first.set_ylim(scale * bottom - room, scale * top + room)
-    handles = [*_handles(figure), *_jump_handles(curves.values())]
+    handles = [*_handles(figure), *jump_handles(figure)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
@@ -194,7 +195,7 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     draw_line(share, strain, curve["active_percent"], curve["jump"] > 0.0, **look)
     share.set_ylim(-3.0, 103.0)
     share.set_ylabel("active contacts [% of pairs]")
-    handles = [*_handles(figure), *_jump_handles([curve])]  # above both axes: `best` looks at the curves of one only
+    handles = [*_handles(figure), *jump_handles(figure)]  # above both axes: `best` looks at the curves of one only
     figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
@@ -202,11 +203,6 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
 def _handles(figure: Figure) -> list[Artist]:
     """What is drawn in any of the axes, once for each label."""
     return list({str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}.values())
-
-
-def _jump_handles(curves: Iterable[Curve]) -> list[Artist]:
-    """The dots over jumps, where a curve has one."""
-    return [jump_handle(GREY)] if any(np.any(curve["jump"] > 0.0) for curve in curves) else []
 
 
 def openings_figure(

@@ -19,7 +19,8 @@ __all__ = ["export_figures", "tension_of"]
 
 def export_figures(record: RunRecord) -> list[Path]:
     """Draw the mesh at the end of the run and of each stage, and the curves; the paths."""
-    history = record.history()
+    behind = {str(after) for _, after in record.summary.get("jumps") or ()}
+    history = [row | {"jump": str(int(row.get("index") in behind))} for row in record.history()]
     if "displacement_m" in history[0]:
         return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]
     rows = {row.get("index"): row for row in history}
@@ -39,9 +40,8 @@ def export_figures(record: RunRecord) -> list[Path]:
             (f"mesh_{number:02d}_{re.sub(r'[^A-Za-z0-9-]+', '_', frame.stage)}.png", frame)
             for number, frame in enumerate(stage_ends)
         ]
-    jumps = record.summary.get("jumps") or ()
     unfinished = f"the run did not finish: {reason}" if (reason := record.summary.get("stop_reason")) in UNFINISHED else ""
-    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress, jumps=jumps, title=unfinished)]
+    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress, title=unfinished)]
     if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:

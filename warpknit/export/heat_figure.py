@@ -8,25 +8,36 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import History, columns_of, draw_curves, history_rows, stage_legend, stage_slices
+from warpknit.export.stage_curves import (
+    History,
+    columns_of,
+    draw_curves,
+    history_rows,
+    is_behind_jump,
+    stage_legend,
+    stage_slices,
+)
 from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["heat_figure"]
 
 SIDE_COLOURS = (("weft", BLUE), ("warp", ORANGE))
 LEAST_SPAN = 0.1  # of a value: shortest axis of a quantity against temperature
+HELD = 1e-6  # strain: a change of less is none
 LEAST_CHANGE = 0.1  # [%] of strain: shortest axis
 
 
 def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> Path | None:
     """Draw active contacts, tension, change of strain and largest stress against temperature, for the stages that change it.
 
-    None without such a stage. histories: each a history.csv or its rows.
+    None without such a stage. histories: each a history.csv or its rows; lines to rows with a `jump` are dotted. Strains of
+    stages that hold them are left out.
     """
     found = []  # a stage each
     for history in histories:
         rows = history_rows(history)
         columns = columns_of(rows)
+        columns["jump"] = is_behind_jump(columns, len(rows))
         columns["temperature_C"] = columns.get("temperature_K", np.zeros(len(rows))) - ZERO_CELSIUS
         for name, part in stage_slices([str(row.get("stage", "")) for row in rows]):
             if np.ptp(columns["temperature_C"][part]) > 1e-6:
@@ -41,36 +52,43 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
         parts = [stage.get(name, none) for (_, stage), none in zip(found, unknown, strict=True)]
         return np.concatenate([part - part[0] if from_begin else part for part in parts])
 
+    strain = {side: 100.0 * all_of(f"strain_{side}", from_begin=True) for side, _ in SIDE_COLOURS}
+    held = [part for _, part in stages if all(np.ptp(values[part]) <= 100.0 * HELD for values in strain.values())]
+    for part in held:
+        for values in strain.values():
+            values[part] = np.nan
     tension, stress = {side: all_of(f"tension_{side}_N_per_m") for side, _ in SIDE_COLOURS}, all_of("stress_max_Pa")
     (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", stress)
     figure = figure_of(10.5, 7.6)
     panels = figure.subplots(2, 2, sharex=True).ravel()
-    for axes, label, curves, least in zip(
+    for axes, label, curves, least, is_held in zip(
         panels,
         (
             "active contacts [% of pairs]",
             f"tension [{tension_unit}]",
-            "strain, change in the stage [%]",
+            "strain, change in the stage [%]" + ("\nwhere it is not held" if 0 < len(held) < len(stages) else ""),
             f"largest wire stress [{stress_unit}]",
         ),
         (
             (("", GREEN, all_of("active_percent")),),
             tuple((side, colour, to_tension * tension[side]) for side, colour in SIDE_COLOURS),
-            tuple((side, colour, 100.0 * all_of(f"strain_{side}", from_begin=True)) for side, colour in SIDE_COLOURS),
+            tuple((side, colour, strain[side]) for side, colour in SIDE_COLOURS),
             (("", PURPLE, to_stress * stress),),
         ),
         (0.0, 0.0, LEAST_CHANGE, 0.0),
+        (False, False, bool(held), False),
         strict=True,
     ):
-        draw_curves(axes, all_of("temperature_C"), stages, curves, is_logarithmic=False)
+        nothing = "held" if is_held else "not recorded"
+        draw_curves(axes, all_of("temperature_C"), stages, curves, all_of("jump"), nothing=nothing)
         axes.set_ylabel(label)
-        axes.yaxis.get_major_formatter().set_useOffset(False)
-        _widen(axes, least)
+        if axes.lines:
+            axes.yaxis.get_major_formatter().set_useOffset(False)
+            _widen(axes, least)
     panels[0].set_ylim(-3.0, 103.0)
     for axes in panels[2:]:
         axes.set_xlabel("temperature [°C]")
-    if len(stages) > 1:
-        stage_legend(figure, [name for name, _ in stages])
+    stage_legend(figure, [name for name, _ in stages])
     return save_figure(figure, path)
 
 

@@ -11,6 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from warpknit.export.over_under import copied, over_under, tile_copies
 from warpknit.export.plots import figure_of, frame_plan_axes, plan_scale, save_figure
@@ -20,13 +23,17 @@ from warpknit.knit.cloth import Cloth
 __all__ = ["knit_figure"]
 
 MM = 1e3  # millimetres to a metre
-LONG_SIDE, SHORT_SIDE = 8.0, 3.2  # [inch] of the mesh, and the least that its shorter side is given
-BESIDE = (3.6, 1.1)  # [inch] beside and above it: labels, legend, title
+LONG_SIDE, SHORT_SIDE = 8.0, 3.4  # [inch] of the mesh, and the least that its shorter side is given
+BESIDE = (0.9, 1.2)  # [inch] beside and below it: labels, title of the legend
+LEGEND_COLUMN, LEGEND_ROW = 2.1, 0.2  # [inch]
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "alignment": "left", "columnspacing": 1.0, "handlelength": 1.5}
 EVERY = 3  # samples of a thread to a piece of the drawn wire
 THINNEST = 1.2  # [pt] line that is still legible
 # Okabe and Ito's colours, distinct without red-green vision.
 BAR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060", "#56B4E9")
 MARK_SIZE, MARK_SPACING = 7.0, 8.0  # [pt] of a contact, and between those at one place
+NEARLY = 1.0 - 1e-6
+EDGE_ROOM = 0.8  # of the size of a mark: from its middle to the edge of the picture
 HALO = [withStroke(linewidth=2.5, foreground="white")]
 BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
@@ -51,7 +58,6 @@ def knit_figure(
     inches = LONG_SIDE / max(size)
     figure = figure_of(*(np.maximum(inches * size, SHORT_SIDE) + BESIDE))
     axes = figure.subplots()
-    axes.set_title(f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)", fontsize="medium")
     frame_plan_axes(axes, low, high)
     handles: list[Artist] = []
     bars = sorted({thread.bar for thread in cloth.threads})
@@ -66,7 +72,7 @@ def knit_figure(
         letter = rf"$\mathbf{{{CLASS_NAMES[number]}}}$"
         styles.append({"marker": letter, "color": BODY_COLOUR, "linestyle": "none", "markeredgewidth": 0.0, "path_effects": HALO})
         count = np.count_nonzero(classes == number)
-        label = f"contact {CLASS_NAMES[number]}, {count} places ({2 * count} pairs) a repeat"
+        label = f"contact {CLASS_NAMES[number]}: {count} a repeat ({2 * count} pairs)"
         handles.append(Line2D([], [], markersize=MARK_SIZE, label=label, **styles[-1]))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size
@@ -79,46 +85,52 @@ def knit_figure(
         rings.set_label(f"the {len(clasps)} contacts of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
-    note = f"{len(cloth.clasps)} contacts per repeat\n{cloth.wire_length * MM:.3g} mm of wire per loop"
-    note += f"\n({cloth.stitch_length * MM:.3g} mm in plan view)"
-    handles.append(Patch(facecolor="none", edgecolor="none", label=note))
-    figure.legend(handles=handles, loc="outside right upper", frameon=False)
+    title = f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
+    title += f"\n{len(cloth.clasps)} contacts a repeat, {cloth.wire_length * MM:.3g} mm of wire per loop"
+    title += f"\n({cloth.stitch_length * MM:.3g} mm in plan view)"
+    wide = int(np.clip(figure.get_figwidth() // LEGEND_COLUMN, 1, len(handles)))
+    figure.legend(handles=handles, title=title, ncols=wide, loc="outside lower center", **LEGEND)
+    figure.set_figheight(figure.get_figheight() + LEGEND_ROW * -(-len(handles) // wide))
     points_per_mm = plan_scale(figure, axes)
-    inset = 0.5 * MARK_SIZE / points_per_mm
-    for places, style in zip(_places(MM * bodies, classes, MARK_SPACING / points_per_mm, period), styles, strict=True):
-        everywhere = (places[:, None] + tile_copies(places, period, low - margin, high + margin)).reshape(-1, 2)
-        left_bottom, right_top = np.transpose([axes.get_xlim(), axes.get_ylim()])
-        within = np.all((everywhere > left_bottom + inset) & (everywhere < right_top - inset), axis=1)
-        axes.plot(*everywhere[within].T, markersize=MARK_SIZE, zorder=3, **style)
+    inset = EDGE_ROOM * MARK_SIZE / points_per_mm
+    places, stack = _places(MM * bodies, classes, MARK_SPACING / points_per_mm, period)
+    everywhere = places[:, None] + tile_copies(places, period, low - margin, high + margin)
+    left_bottom, right_top = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    within = np.all((everywhere > left_bottom + inset) & (everywhere < right_top - inset), axis=2)
+    is_whole = np.array([within[stack == one].all(axis=0) for one in stack], dtype=bool).reshape(within.shape)
+    for number, style in zip(np.unique(classes), styles, strict=True):
+        axes.plot(*everywhere[is_whole & (classes == number)[:, None]].T, markersize=MARK_SIZE, zorder=3, **style)
     line_width = max(THINNEST, thickness * MM * points_per_mm)
     axes.add_collection(over_under(*_wires(cloth, period, low - margin, high + margin), line_width, points_per_mm))
     return save_figure(figure, path)
 
 
-def _places(bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float, period: NDArray[Any]) -> list[NDArray[Any]]:
-    """[class] (body, 2) [mm] where the marks of the bodies (body, 2) [mm] of each class stand, side by side if near, also to one
-    of a repeat beside; period: [mm] along weft and warp."""
-    size = np.diag(period)
+def _places(
+    bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float, period: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[np.intp]]:
+    """(body, 2) [mm] where the marks of bodies (body, 2) [mm] stand, and (body,) the number of the stack of each.
 
-    def apart(one: int, others: list[int]) -> NDArray[Any]:
-        between = bodies[others] - bodies[one]
-        return np.asarray(between - size * np.round(between / size))
-
-    moved = bodies.copy()
-    left = list(range(len(bodies)))
-    while left:
-        near: list[int] = []
-        more = left[:1]
-        while more:
-            near += more
-            more = [one for one in left if one not in near and np.linalg.norm(apart(one, near), axis=1).min() < spacing]
-        place = dict(zip(near, bodies[near[0]] + apart(near[0], near), strict=True))
-        near.sort(key=lambda body: (round(place[body][0] / spacing), classes[body]))
-        middle = np.mean([place[body][0] for body in near])
-        moved[near] = [place[body] for body in near]
-        moved[near, 0] = middle + spacing * (np.arange(len(near)) - 0.5 * (len(near) - 1))
-        left = [body for body in left if body not in near]
-    return [moved[classes == number] for number in np.unique(classes)]
+    Where they would meet, also those of a repeat beside, they stand one above the other: side by side they read as a word.
+    period: [mm] along weft and warp.
+    """
+    size, stack = np.diag(period), np.arange(len(bodies))
+    while len(bodies):
+        moved = np.empty_like(bodies)
+        numbers, first, which = np.unique(stack, return_index=True, return_inverse=True)
+        for number, beside in enumerate(first):
+            (mine,) = np.nonzero(which == number)
+            apart = bodies[mine] - bodies[beside]
+            place = bodies[beside] + apart - size * np.round(apart / size)
+            mine = mine[np.lexsort((classes[mine], -np.round(place[:, 1] / spacing)))]
+            moved[mine] = place.mean(axis=0)
+            moved[mine, 1] -= spacing * (np.arange(len(mine)) - 0.5 * (len(mine) - 1))
+        near = cKDTree(moved % size % size, boxsize=size).query_pairs(NEARLY * spacing, output_type="ndarray")
+        one, other = np.concatenate([near, np.stack([np.arange(len(bodies)), first[which]], axis=1)]).T
+        joined = coo_array((np.ones(len(one)), (one, other)), shape=(len(bodies), len(bodies)))
+        count, stack = connected_components(joined, directed=False)
+        if count == len(numbers):
+            return moved, stack
+    return bodies, stack
 
 
 def _wires(cloth: Cloth, period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

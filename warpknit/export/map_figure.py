@@ -34,6 +34,7 @@ SHARES, FORCES = "% of pairs", ("N/m", "Pa")  # units
 BEYOND_LIMIT = 1.25  # of the largest force below the elastic limit: last colour
 LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
+LIMIT_WIDTH = 2.4  # [pt]
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
 LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
@@ -240,6 +241,8 @@ def _draw_marks(
 ) -> list[Any]:
     """Draw the elastic limit and cells above it, the optimum and other places in the colour of their value; their legend entries.
 
+    The limit lies between the middles of cells, those above it begin at an edge.
+
     of_load: factor of the loads to the axes, and unit there.
     """
     handles: list[Any] = []
@@ -249,14 +252,17 @@ def _draw_marks(
     scale, unit = scale_of("Pa", np.array([marks.yield_stress]))
     limit = f"the elastic limit, {scale * marks.yield_stress:.3g} {unit}"
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
-        axes.contour(x, y, stress, levels=[marks.yield_stress], colors=LIMIT_COLOUR, linewidths=2.4)
+        style = {"colors": LIMIT_COLOUR, "linewidths": LIMIT_WIDTH}
+        if any(np.size(path.vertices) for path in axes.contour(x, y, stress, levels=[marks.yield_stress], **style).get_paths()):
+            label = "elastic limit, between middles of cells"
+            handles.append(Line2D([], [], color=LIMIT_COLOUR, linewidth=LIMIT_WIDTH, label=label))
     if len(above):
         style = {"facecolor": "none", "edgecolor": LIMIT_COLOUR, "hatch": "///", "linewidth": 0.0}
         across, up = _edges(x), _edges(y)
         for row, column in above:
             corner, size = (across[column], up[row]), (np.diff(across)[column], np.diff(up)[row])
             axes.add_patch(Rectangle(corner, *size, zorder=1.5, **style))
-        handles.append(Patch(label=f"above {limit}", **style))
+        handles.append(Patch(label=f"cells above {limit}", **style))
     elif known.count():
         handles.append(Line2D([], [], linestyle="none", label=f"all below {limit}"))
     if marks.jumps:

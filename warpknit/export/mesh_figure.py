@@ -37,7 +37,8 @@ SMALLEST_MARK = 2.0  # [pt]
 LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges and open contacts below; all of the edge above
 LEGEND_COLUMN = 2.5  # [inch]
 ONE_TENSION = 4e-3  # of a tension: what the search of one may leave between weft and warp
-PEAK: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 1.0, "linestyle": "none", "marker": "*"}
+PEAK: dict[str, Any] = {"linestyle": "none", "marker": "*", "markersize": 13, "markerfacecolor": "none"}  # a contact shows in it
+PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [withStroke(linewidth=2.0, foreground="white")]}
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
 RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
@@ -107,12 +108,12 @@ def mesh_figure(
 
 def _draw_peak(axes: Axes, peak: Peak | None) -> None:
     if peak is not None:
-        axes.plot(1e3 * peak.weft, 1e3 * peak.warp, **PEAK, markersize=11, zorder=5)
+        axes.plot(1e3 * peak.weft, 1e3 * peak.warp, **PEAK, zorder=5)
 
 
 def _peak_handle(peak: Peak) -> Line2D:
     """The mark of the largest stress, for a legend."""
-    return Line2D([], [], **PEAK, markersize=9, label=f"largest wire stress: {engineering(peak.stress, 'Pa')}")
+    return Line2D([], [], **PEAK, label=f"largest wire stress: {engineering(peak.stress, 'Pa')}")
 
 
 def _lines(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any]]:

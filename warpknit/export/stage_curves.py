@@ -18,13 +18,17 @@ from numpy.typing import NDArray
 from warpknit.export.plots import GREY, WIDTHS
 
 __all__ = [
-    "History", "columns_of", "draw_curves", "draw_line", "history_rows", "jump_handle", "stage_legend", "stage_slices",
+    "DECADES_DRAWN", "History", "columns_of", "draw_curves", "draw_line", "history_rows", "is_behind_jump", "jump_handles",
+    "stage_legend", "stage_slices",
 ]  # fmt: skip
 
 History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
 FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
-JUMP_STYLE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2}  # no state is interpolated over a jump
+JUMP = "jump to another equilibrium"
+JUMP_STYLE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
+WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a stage than of the next one, that may lie on it; of so many before the last
+LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
     ((0, (5, 1.5)), "s"),
@@ -51,6 +55,11 @@ def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
     return {name: np.array([_number(row.get(name)) for row in rows]) for name in {name for row in rows for name in row}}
 
 
+def is_behind_jump(columns: Mapping[str, NDArray[Any]], count: int) -> NDArray[np.bool_]:
+    """(row,) whether the mesh has jumped to another equilibrium since the row before: the column `jump`, where there is one."""
+    return np.asarray(columns.get("jump", np.zeros(count)) > 0.0)
+
+
 def _number(value: Any) -> float:
     try:
         return float(value)
@@ -70,28 +79,33 @@ def draw_curves(
     abscissa: NDArray[Any],
     stages: Sequence[tuple[str, slice]],
     curves: Sequence[tuple[str, str, NDArray[Any]]],
-    is_logarithmic: bool,
-    jumped: NDArray[np.bool_] | None = None,
+    jumped: NDArray[np.bool_],
+    *,
+    least: float | None = None,
+    nothing: str = "not recorded",
 ) -> None:
-    """Draw one line per quantity (colour) and stage (dashes and marks), dotted to a row that the mesh has `jumped` to."""
+    """Draw one line per quantity (colour) and stage (dashes and marks), dotted to a row that the mesh has `jumped` to.
+
+    least: of the values on a logarithmic axis, smaller ones are not drawn. nothing: what is written where there is no value.
+    """
     handles = []
-    least = DECADES_DRAWN * max((float(values[np.isfinite(values)].max(initial=0.0)) for *_, values in curves), default=0.0)
     for (label, colour, values), width in zip(curves, WIDTHS if len(curves) > 1 else WIDTHS[1:], strict=False):
-        shown = np.isfinite(values) & ((values > least) if is_logarithmic else True)
+        shown = np.isfinite(values) & (least is None or values > least)
         if not shown.any():
             continue
         values = np.where(shown, values, np.nan)
         for number, (_, rows) in enumerate(stages):
             style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
-            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": 2.5 + width}
+            size = 2.5 + width + WIDER_MARK * min(len(stages) - 1 - number, WIDER_MARKS)
+            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": size}
             face = colour if number % 2 == 0 else "white"
-            behind = np.zeros(len(values), dtype=bool) if jumped is None else jumped
-            draw_line(axes, abscissa[rows], values[rows], behind[rows], linewidth=width, markerfacecolor=face, **look)
+            draw_line(axes, abscissa[rows], values[rows], jumped[rows], linewidth=width, markerfacecolor=face, **look)
         if label:
             handles.append(Line2D([], [], color=colour, linewidth=width, label=label))
     if not axes.lines:
-        axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=GREY)
-    elif is_logarithmic:
+        axes.text(0.5, 0.5, nothing, transform=axes.transAxes, ha="center", va="center", color=GREY)
+        axes.set_yticks([])
+    elif least is not None:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         if high < 10.0 * low:
@@ -114,21 +128,27 @@ def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: 
     jumps = np.flatnonzero(jumped[1:]) + 1
     for part in np.split(np.arange(len(values)), jumps):
         axes.plot(abscissa[part], values[part], **look)
-    for point in jumps:
+    for point in jumps[np.isfinite(values[jumps - 1] + values[jumps])]:
         axes.plot(abscissa[point - 1 : point + 1], values[point - 1 : point + 1], color=look["color"], **JUMP_STYLE)
 
 
-def jump_handle(colour: str) -> Line2D:
-    """The dots over a jump, for a legend."""
-    return Line2D([], [], color=colour, label="jump to another equilibrium", **JUMP_STYLE)
+def jump_handles(figure: Figure) -> list[Line2D]:
+    """The dots over a jump, for a legend, where the figure has some."""
+    is_drawn = any(line.get_gid() == JUMP for axes in figure.axes for line in axes.lines)
+    return [Line2D([], [], color=GREY, label=JUMP, **JUMP_STYLE)] if is_drawn else []
 
 
-def stage_legend(figure: Figure, names: Sequence[str], title: str = "stage") -> None:
-    """Legend of the dashes and marks of the stages."""
+def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
+    """Legend of the dashes and marks of the stages, where there are several or a title; and of the dots over a jump."""
+    title = title or ("stage" if len(names) > 1 else "")
     handles = []
-    for number, name in enumerate(names):
+    for number, name in enumerate(names if title else ()):
         style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
         face = GREY if number % 2 == 0 else "white"
         look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
         handles.append(Line2D([], [], color=GREY, label=name, **look))
-    figure.legend(handles=handles, title=title, loc="outside upper center", ncols=min(len(handles), 6), frameon=False)
+    handles += jump_handles(figure)
+    if handles:
+        widest = max(len(str(handle.get_label())) for handle in handles)
+        columns = int(np.clip(LEGEND_WIDTH * figure.get_figwidth() // (widest + HANDLE_WIDTH), 1, 6))
+        figure.legend(handles=handles, title=title, loc="outside upper center", ncols=columns, frameon=False)
