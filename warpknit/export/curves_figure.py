@@ -67,7 +67,8 @@ def curves_figure(
     if _is_by_tension(columns, stages):
         across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
     stress_unit, stress = scaled("Pa", [("", PURPLE, "stress_max_Pa")])
-    force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N")])
+    force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", PURPLE, "elsewhere_force_max_N")])
+    force = force if np.nan_to_num(force[1][2]).any() else force[:1]
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
     panel_curves = (
         ("active contacts [% of pairs]", _contact_curves(column)),
@@ -112,15 +113,12 @@ def curves_figure(
 
 def _contact_curves(column: Callable[[str], NDArray[Any]]) -> list[tuple[str, str, NDArray[Any]]]:
     """Share of the pairs that are active; and two for each contact elsewhere, where there is one, over the number of pairs."""
-    active, percent, elsewhere = column("active_pairs"), column("active_percent"), column("contacts_elsewhere")
-    curves = [("", GREEN, percent)]
-    if (
-        active.max(initial=0.0, where=np.isfinite(active)) > 0.0
-        and elsewhere.max(initial=0.0, where=np.isfinite(elsewhere)) > 0.0
-    ):
-        pairs = active.max() / percent[active.argmax()]
-        curves = [("where wires hook", GREEN, percent), ("elsewhere", PURPLE, 2.0 * elsewhere / pairs)]
-    return curves
+    percent = column("active_percent")
+    active, elsewhere = (np.nan_to_num(column(name)) for name in ("active_pairs", "contacts_elsewhere"))
+    if not (active.any() and elsewhere.any()):
+        return [("", GREEN, percent)]
+    pairs = active.max() / percent[active.argmax()]  # in hundreds
+    return [("where wires hook", GREEN, percent), ("elsewhere", PURPLE, 2.0 * elsewhere / pairs)]
 
 
 def _stage_names(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]]) -> list[str]:
