@@ -144,6 +144,14 @@ def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, s
     return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}; {mesh}"
 
 
+def earlier_state(out: Path) -> str | None:
+    """The state in words of the material card in a directory; None without one that can be read."""
+    try:
+        return str(json.loads((out / CARD).read_text(encoding="utf-8"))["state"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+
+
 def write_card(
     card: MaterialCard,
     scene: Scene,

@@ -18,7 +18,7 @@ from ..runner.branches import jumps_of
 from ..runner.history import mean_tension
 from ..sweep.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
 from ..text import celsius
-from .card_files import write_card
+from .card_files import earlier_state, write_card
 from .curves import CurvePoint
 from .equal_tension import jump_text
 from .fe import FILES, missing_cards, write_fe_cards
@@ -45,11 +45,14 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
     write_table(out / "tension_strain.csv", table)
     if found.card is not None:
+        before = earlier_state(out)
         fe_cards = write_fe_cards(
             found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
         )
         write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
         notes = list(missing_cards(fe_cards))
+        if before not in (None, found.where):
+            notes.append(f"replaced: the earlier material card, for {before}; --out keeps both")
         earlier = [name for name in FILES if name not in fe_cards.values() and (out / name).exists()]
         for name in earlier:
             (out / name).unlink()
