@@ -1,0 +1,91 @@
+"""Pictures of a report against the tension."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from warpknit.export import design_figures
+
+
+def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):
+    """Tension 2 N/m where the stress passes the limit, 1000 N/m behind it; the curves that stay below it carry less."""
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure))
+    beyond = {"stress_max_Pa": [0.0, 5e8, 7e8, 9e9], "tension_weft_N_per_m": [0.0, 1.0, 3.0, 1000.0]}
+    below = {"stress_max_Pa": [0.0, 1e8, 2e8, np.nan], "tension_weft_N_per_m": [0.0, 0.5, 1.0, np.nan]}
+    curves = {}
+    for load, curve in (("equal", beyond), ("weft_alone", below)):
+        strains = {f"strain_{side}": np.linspace(0.0, 0.1, 4) for side in ("weft", "warp")}
+        columns = {name: np.array(values) for name, values in curve.items()} | strains
+        curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4), "jump": np.zeros(4)}
+    design_figures.tension_strain_figure(curves, tmp_path / "a.png", yield_stress=6e8)
+    top = design_figures.BEYOND_LIMIT * 2.0
+    assert drawn[0].axes[0].get_ylim() == pytest.approx((-design_figures.ROOM * top, (1.0 + design_figures.ROOM) * top))
+
+
+def test_curves_of_a_report_are_dotted_over_jumps_as_those_of_a_run(tmp_path, monkeypatch) -> None:
+    """The mesh jumps between 1 and 2 % strain; the legend names the dots only then."""
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    names = ("tension_weft_N_per_m", "tension_warp_N_per_m", "stress_max_Pa", "active_percent")
+    names += ("sheet_resistance_weft_ohm", "sheet_resistance_warp_ohm", "strain_weft", "strain_warp")
+    for jump, dotted in (([0, 0, 1, 0], 2), ([0, 0, 0, 0], 0)):
+        curve = {name: 0.01 * np.arange(1.0, 5.0) for name in names} | {"jump": np.array(jump, dtype=float)}
+        design_figures.tension_strain_figure({"equal": curve}, tmp_path / "curves.png", yield_stress=6e8)
+        design_figures.resistance_figure(curve, tmp_path / "resistance.png")
+        for figure in drawn[-2:]:
+            lines = [line for line in figure.axes[0].lines if line.get_linestyle() == ":"]
+            assert [np.asarray(line.get_xdata()).tolist() for line in lines] == [pytest.approx([2.0, 3.0])] * dotted
+            texts = [text.get_text() for text in figure.legends[0].get_texts()]
+            assert texts.count("jump to another equilibrium") == bool(dotted) and len(set(texts)) == len(texts)
+
+
+def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch) -> None:
+    """Half the tension of the last record before the first change of the active share."""
+    shown = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: shown.append(figure.axes[0].get_xlim()) or path)
+    rows = [
+        {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * (t > 1.0), "stress_max_Pa": 1e8 * t}
+        for t in (1e-3, 1e-2, 1e-1, 1.0, 2.0, 4.0)
+    ]
+    answers = {"contacts": [], "best": None}
+    design_figures.tension_figure(rows, answers, tmp_path / "tension.png", yield_stress=6e8)
+    assert shown[0][0] == pytest.approx(0.5) and shown[0][1] > 4.0
+
+
+@pytest.mark.parametrize("least", [1.0, 0.1, 0.01, 7.5e-4])
+def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    rows = [
+        {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * k, "stress_max_Pa": 1e8 * t}
+        for k, t in enumerate(np.geomspace(least, 7.4, 9).tolist())
+    ]
+    design_figures.tension_figure(rows, {"contacts": [], "best": None}, tmp_path / "tension.png", yield_stress=6e8)
+    drawn[0].draw_without_rendering()
+    axes = drawn[0].axes[0]
+    low, high = axes.get_xlim()
+    labels = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    labels = [label for label in labels if label.get_text() and low <= label.get_position()[0] <= high]
+    boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+    assert len(boxes) > 1
+    assert all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+
+
+@pytest.mark.parametrize("count", [4, 10])
+def test_shares_of_classes_that_are_equal_show_beside_each_other(
+    count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each line is narrower than those beneath it, and no two look alike."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: figures.append(figure) or path)
+    names = "ABCDEFGHIJ"[:count]
+    shares = {f"active_{name}_percent": 100.0 for name in names} | {"active_percent": 100.0}
+    rows = [{"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "stress_max_Pa": 1e8 * t} | shares for t in (1.0, 2.0)]
+    answers = {"contacts": [{"name": name, "closes": None} for name in names], "best": None}
+    design_figures.tension_figure(rows, answers, tmp_path / "tension.png", yield_stress=6e8)
+    lines = figures[0].axes[0].lines
+    assert len(lines) == 1 + count and np.diff([line.get_linewidth() for line in lines]).max() < -0.5
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(lines)
