@@ -273,7 +273,7 @@ def load_run(out: str | os.PathLike[str]) -> Run:
             return Run(directory, summary)
     if holds_killed_run(directory) or any((directory / name).is_file() for name in TABLES):
         raise RunDirectoryError(
-            f"{directory}: given a run that has not ended, allowed: one with a summary; where it was killed, resume=True goes on"
+            f"{directory}: given a run that has not ended, allowed: one with a summary; resume=True goes on from a checkpoint"
         )
     given = "no results" if directory.is_dir() else "a file" if directory.exists() else "no such directory"
     raise RunDirectoryError(f"{directory}: given {given}, allowed: the directory of a run, map, trade or report")
