@@ -18,19 +18,21 @@ PAIR_BLOCK = 64
 STRAIN_MAX = wp.constant(0)  # largest |strain| of an arc
 ERROR_MAX = wp.constant(1)  # largest |strain - tension/EA|
 ERROR_SUM = wp.constant(2)
-TENSION_MAX = wp.constant(3)  # [N]
-TURNING_MAX = wp.constant(4)  # [rad]
-TENSION_SQUARE = wp.constant(5)  # [N2] summed
-TURNING_SQUARE = wp.constant(6)  # [rad2] summed
-WIRE_STRESS = wp.constant(7)  # [N m] 4 entries xx, xy, yx, yy
-WIRE_COLUMNS = 11
+ERROR_SQUARE = wp.constant(3)  # summed
+TENSION_MAX = wp.constant(4)  # [N]
+TURNING_MAX = wp.constant(5)  # [rad]
+TENSION_SQUARE = wp.constant(6)  # [N2] summed
+TURNING_SQUARE = wp.constant(7)  # [rad2] summed
+WIRE_STRESS = wp.constant(8)  # [N m] 4 entries xx, xy, yx, yy
+WIRE_COLUMNS = 12
 
 # columns of the rows of pairs
 CLOSED = wp.constant(0)  # closed pairs
 FORCE_SUM = wp.constant(1)  # [N]
 GAP_MAX = wp.constant(2)  # [m] largest |gap| of a closed pair
-PAIR_STRESS = wp.constant(3)  # [N m] 4 entries
-PAIR_COLUMNS = 7
+GAP_SQUARE = wp.constant(3)  # [m2] summed over closed pairs
+PAIR_STRESS = wp.constant(4)  # [N m] 4 entries
+PAIR_COLUMNS = 8
 
 
 @wp.kernel
@@ -58,10 +60,24 @@ def sum_wires(
     strain_max = wp.float64(0.0)
     error_max = wp.float64(0.0)
     error_sum = wp.float64(0.0)
+    error_square = wp.float64(0.0)
     tension_max = -wp.float64(1.0e30)
     turning_max = wp.float64(0.0)
     tension_square = wp.float64(0.0)
     turning_square = wp.float64(0.0)
+    for k in range(block_count[block]):
+        i = begin + k
+        pull = wp.float64(tension[i])
+        turn = wp.float64(turning[i])
+        error = wp.float64(strain[i]) - pull / true_stiffness
+        strain_max = wp.max(strain_max, wp.abs(wp.float64(strain[i])))
+        error_max = wp.max(error_max, wp.abs(error))
+        error_sum += error
+        error_square += error * error
+        tension_max = wp.max(tension_max, pull)
+        turning_max = wp.max(turning_max, wp.abs(turn))
+        tension_square += pull * pull
+        turning_square += turn * turn
     xx = wp.float64(0.0)
     xy = wp.float64(0.0)
     yx = wp.float64(0.0)
@@ -77,19 +93,10 @@ def sum_wires(
         xy += fx * ay
         yx += fy * ax
         yy += fy * ay
-        pull = wp.float64(tension[i])
-        turn = wp.float64(turning[i])
-        error = wp.float64(strain[i]) - pull / true_stiffness
-        strain_max = wp.max(strain_max, wp.abs(wp.float64(strain[i])))
-        error_max = wp.max(error_max, wp.abs(error))
-        error_sum += error
-        tension_max = wp.max(tension_max, pull)
-        turning_max = wp.max(turning_max, wp.abs(turn))
-        tension_square += pull * pull
-        turning_square += turn * turn
     partial[block, STRAIN_MAX] = strain_max
     partial[block, ERROR_MAX] = error_max
     partial[block, ERROR_SUM] = error_sum
+    partial[block, ERROR_SQUARE] = error_square
     partial[block, TENSION_MAX] = tension_max
     partial[block, TURNING_MAX] = turning_max
     partial[block, TENSION_SQUARE] = tension_square
@@ -126,6 +133,7 @@ def sum_pairs(
     closed = wp.float64(0.0)
     force = wp.float64(0.0)
     gap_max = zero
+    gap_square = wp.float64(0.0)
     xx = wp.float64(0.0)
     xy = wp.float64(0.0)
     yx = wp.float64(0.0)
@@ -135,6 +143,7 @@ def sum_pairs(
             closed += wp.float64(1.0)
             force += wp.float64(pair_force[p])
             gap_max = wp.max(gap_max, wp.abs(pair_gap[p]))
+            gap_square += wp.float64(pair_gap[p]) * wp.float64(pair_gap[p])
             for k in range(4):
                 t = pair_table[p] + pair_slide[p] - 1 + k
                 ax = wp.float64(unit * type(unit)(pair_rest_x[p] - table_x[t]))
@@ -148,6 +157,7 @@ def sum_pairs(
     partial[block, CLOSED] = closed
     partial[block, FORCE_SUM] = force
     partial[block, GAP_MAX] = wp.float64(gap_max)
+    partial[block, GAP_SQUARE] = gap_square
     partial[block, PAIR_STRESS] = xx
     partial[block, PAIR_STRESS + 1] = xy
     partial[block, PAIR_STRESS + 2] = yx

@@ -229,12 +229,12 @@ def test_pulls_move_what_is_near_them() -> None:
 
 @pytest.mark.parametrize("repeats", [[8, 8], pytest.param([16, 16], marks=pytest.mark.slow)])
 def test_a_pulled_edge_costs_few_steps_and_ends_where_more_care_ends(repeats: list[int]) -> None:
-    """The membrane is only a start: the state is that of a run with many small levels and a tenth of the tolerance, by a
-    hundredth of the tension, which is the tolerance."""
+    """The membrane is only a start: the state is that of a run in three levels and to a tenth of the tolerance, by a hundredth of
+    the tension, which is the tolerance. (Four levels may end in another equilibrium, with 2 % less tension.)"""
     width, by = 2.5e-3 * repeats[0], 0.05e-3 * repeats[0]
     pull = [{"at": [1.7e-3 * repeats[0], 0.0], "by": [by, 0.0], "width": width}]
     tensions, steps = [], []
-    for frames, tolerance in ((1, 0.01), (4, 0.001)):
+    for frames, tolerance in ((1, 0.01), (3, 0.001)):
         solver = {**QUICK, "residual_tolerance": tolerance}
         table = {"knit": {"repeats": repeats}, "load": {**LOAD, "pull": pull}, "solver": solver, "output": {"frames": frames}}
         model = build_model(make_scene(table | {"model": {"nodes_per_loop": 12}}))

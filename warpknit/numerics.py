@@ -30,7 +30,7 @@ FORCE_FLOOR = 0.05  # of EI/W^2: lower bound of the force in the residual
 ENERGY_FLOOR = 1e-5  # of EI/W a loop: lower bound of the stored energy in the residual
 LOCAL_ALLOWANCE = 10.0  # allowed largest residual over the tolerance
 AXIAL_ERROR = 2e-5  # allowed error of the axial strain of a softened segment
-# of errors of segments and of contacts in space: allowed rms and largest error over the tolerance. In a small mesh the largest is
+# of errors of segments and of contacts: allowed rms and largest error over the tolerance. In a small mesh the largest is
 # about twice the rms; among many thousands, some next to a clamp are still larger while nothing else changes
 TYPICAL_ALLOWANCE, OUTLIER_ALLOWANCE = 0.5, 5.0
 
@@ -70,10 +70,12 @@ def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, s
     return np.asarray(np.where(is_valid, np.sqrt(damping * np.minimum(np.maximum(mode, slowest), FASTEST_DAMPING)), damping))
 
 
-def error_ratio(square_sum: float, count: int, largest: float, tolerance: float) -> float:
+def error_ratio(
+    square_sum: np.ndarray | float, count: np.ndarray | float, largest: np.ndarray | float, tolerance: float
+) -> np.ndarray:
     """Errors of `count` constraints over what is allowed: the sum of their squares and the largest."""
-    typical = math.sqrt(square_sum / max(count, 1)) / TYPICAL_ALLOWANCE
-    return max(typical, largest / OUTLIER_ALLOWANCE) / tolerance
+    typical = np.sqrt(square_sum / np.maximum(count, 1)) / TYPICAL_ALLOWANCE
+    return np.asarray(np.maximum(typical, np.asarray(largest) / OUTLIER_ALLOWANCE) / tolerance)
 
 
 def thread_count(work: int) -> int:

@@ -31,6 +31,7 @@ class Sums:
     tension_max: np.ndarray  # [wire] [N]
     turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
     error_largest: np.ndarray | float  # largest |strain - tension/EA| over all wires of the mesh
+    error_square: np.ndarray | float  # summed over all segments
     tension_largest: np.ndarray | float  # [N]
     turning_largest: np.ndarray | float  # [rad]
     tension_square: np.ndarray | float  # [N2] over all segments
@@ -38,6 +39,7 @@ class Sums:
     closed: np.ndarray | float  # pairs that carry force
     force_mean: np.ndarray | float  # [N] of those
     gap_max: np.ndarray | float  # [m] largest gap or overlap of those
+    gap_square: np.ndarray | float  # [m2] summed over those
     stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see measure.nominal_stress
 
 
@@ -58,10 +60,10 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
     total, contact = wires.sum(axis=-2), pairs.sum(axis=-2)
     stress = total[..., int(k.WIRE_STRESS) :] + contact[..., int(k.PAIR_STRESS) :]
     stress = stress.reshape(*stress.shape[:-1], 2, 2) + held_stress
-    sums = [total[..., int(k.TENSION_SQUARE)], total[..., int(k.TURNING_SQUARE)]]
-    sums += [contact[..., int(k.CLOSED)], contact[..., int(k.FORCE_SUM)]]
+    sums = [total[..., int(column)] for column in (k.ERROR_SQUARE, k.TENSION_SQUARE, k.TURNING_SQUARE)]
+    sums += [contact[..., int(column)] for column in (k.CLOSED, k.FORCE_SUM, k.GAP_SQUARE)]
     sums += [stress[..., a, b] for a, b in np.ndindex(2, 2)]
-    tension_square, turning_square, closed, force, *stresses = ranks.sum(np.stack(sums))
+    error_square, tension_square, turning_square, closed, force, gap_square, *stresses = ranks.sum(np.stack(sums))
     most = [largest[..., int(column)].max(axis=-1) for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
     *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
     return Sums(
@@ -70,6 +72,7 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
         tension_max=largest[..., int(k.TENSION_MAX)],
         turning_max=largest[..., int(k.TURNING_MAX)],
         error_largest=most[0],
+        error_square=error_square,
         tension_largest=most[1],
         turning_largest=most[2],
         tension_square=tension_square,
@@ -77,6 +80,7 @@ def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray
         closed=closed,
         force_mean=force / np.maximum(1.0, closed),
         gap_max=gap_max,
+        gap_square=gap_square,
         stress=np.stack(stresses, axis=-1).reshape(stress.shape) / panel.area,
     )
 

@@ -10,7 +10,7 @@ from types import EllipsisType
 
 import numpy as np
 
-from ..numerics import AXIAL_ERROR, TURN_ALLOWANCE
+from ..numerics import AXIAL_ERROR, TURN_ALLOWANCE, error_ratio
 from .diagnostics import Sums
 from .model import Model
 from .numerics import contact_along, unit_step_mass
@@ -111,9 +111,10 @@ class MultiplierRules:
 
     def residual_ratio(self, sums: Sums, rows: Rows = ...) -> np.ndarray:
         """Constraint error (...) over its tolerance; lowers the rate where it does not decrease."""
+        segments, gap = self.model.global_model.node_count, PENETRATION_LIMIT * self.model.scene.wire.diameter
         ratio = np.maximum(
-            sums.error_largest / AXIAL_ERROR,
-            sums.gap_max / self.model.scene.wire.diameter / PENETRATION_LIMIT,
+            error_ratio(sums.error_square, segments, sums.error_largest, AXIAL_ERROR),
+            error_ratio(sums.gap_square, sums.closed, sums.gap_max, gap),
         )
         better = ratio < 0.9 * self._best[rows]
         stalled = np.where(better, 0, self._stalled[rows] + 1)

@@ -29,10 +29,10 @@ from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
-CORRECTION_CHECKS = 5  # convergence checks between membrane corrections, at least
-SLOW_DECAY = 0.8  # share of the residual that is left after a check: once more is left, short waves have decayed
+CORRECTION_CHECKS = 4  # convergence checks between membrane corrections, at least; a multiple after some that failed
+# short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
+SETTLED, SLOW_DECAY = 1.5, 0.8
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
-FIRST_IMBALANCE = 4.0  # the same at the first check of a start from a smaller gripped mesh, while short waves disturb it too
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
@@ -229,10 +229,7 @@ class MultilevelRelaxation(Relaxation):
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
         progress.gave_up = not progress.is_prolonged
         progress.imbalance = self._unknown_imbalance if progress.gave_up else 1e30
-        # the long waves of a smaller gripped mesh are others: where they are far from balance, they are corrected at once; a mesh
-        # that starts from one repeat is out of balance at its edge first, in short waves that decay
-        at_once = self.smaller is not None and self.smaller.scene.model.boundary == "gripped"
-        progress.ratio, progress.next_correction = (0.0, 1) if at_once else (1e30, CORRECTION_CHECKS)
+        progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
         self._correction.begin()
         self._lift.begin()
 
@@ -245,11 +242,12 @@ class MultilevelRelaxation(Relaxation):
         progress, membrane = self.progress, self.membrane
         if membrane is None:
             return ratio
-        is_slow = ratio > SLOW_DECAY * progress.ratio or ratio < 1.0
-        progress.ratio = ratio
-        is_due = progress.checks >= progress.next_correction and is_slow
+        residual = progress.residual / self.scene.solver.residual_tolerance
+        is_slow = residual > SLOW_DECAY * progress.ratio or residual < SETTLED
+        progress.ratio = residual
+        is_due = progress.checks >= progress.next_balance and is_slow
         if is_due and (membrane.rim.is_free or not progress.gave_up):
-            progress.next_correction = progress.checks + CORRECTION_CHECKS
+            progress.next_balance = progress.checks + CORRECTION_CHECKS
             self._correct_as_membrane(membrane, ratio)
         return max(ratio, progress.imbalance)
 
@@ -269,7 +267,7 @@ class MultilevelRelaxation(Relaxation):
         """Apply a membrane correction unless the mesh is balanced, well where its residual `ratio` exceeds 1; then also one out
         of the plane."""
         progress, rim = self.progress, membrane.rim
-        least = 1.0 if ratio <= 1.0 else FIRST_IMBALANCE if progress.checks == 1 else MIN_IMBALANCE
+        least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
         pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve_rim if progress.gave_up else membrane.solve
         correction, stress = solve(self.state.gradient, self.stations, pulled)
@@ -280,9 +278,7 @@ class MultilevelRelaxation(Relaxation):
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
-        # of a slack mesh, short waves alone ask for a correction at the first check that is too large for its parts
-        is_early = progress.checks == 1 and MAX_PARTS * correction.max_factor < 1.0
-        if progress.imbalance > least and not is_in_vain and not is_early:
+        if progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction:
             self._move_as_membrane(membrane, correction)
         lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
         if lift is not None:
@@ -295,6 +291,8 @@ class MultilevelRelaxation(Relaxation):
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
             progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
+        # corrections that fail disturb more than they balance: the mesh has longer to balance itself
+        progress.next_correction = progress.checks + CORRECTION_CHECKS * (1 + progress.failed_corrections)
         if progress.gave_up:
             self._move_clamps(correction.scaled(correction.max_factor))
         elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:

@@ -70,7 +70,8 @@ class ContactMultipliers:
 
     def error_ratio(self, contacts: ContactSums) -> float:
         """Overlaps over what is allowed."""
-        return error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, OVERLAP_ERROR * self._thickness)
+        allowed = OVERLAP_ERROR * self._thickness
+        return float(error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, allowed))
 
     def renew(self, contacts: ContactSums, rate: float, *, loading: bool) -> None:
         """Move the offsets by `rate` times the overlaps, and the penalties with the forces; contacts: those of this state."""

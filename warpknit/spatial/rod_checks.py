@@ -36,7 +36,7 @@ class StateSums:
     @property
     def excess_ratio(self) -> float:
         """Errors of axial strains over what is allowed."""
-        return error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR)
+        return float(error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR))
 
 
 class RodChecks:

@@ -12,6 +12,7 @@ from ..mechanics import CellState, MultilevelMechanics
 
 STRAIN = 2e-3  # strain increment of the finite differences
 LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
+UNCERTAINTY = 2.0  # the same over a negative one, which in slack cloth tells how uncertain all are
 OF_BODIES, KEPT = "body_", "response_"  # beginnings of names: of fields of bodies, and in a checkpoint
 
 
@@ -58,7 +59,7 @@ def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperatu
                     change[moving] -= drift
     matrix = tangent.reshape(4, 4)
     eigenvalues, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    eigenvalues = np.maximum(eigenvalues, LEAST_STIFFNESS * eigenvalues.max())
+    eigenvalues = np.maximum(eigenvalues, max(LEAST_STIFFNESS * eigenvalues.max(), -UNCERTAINTY * eigenvalues.min()))
     return Response(
         ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
         _node_of_entry(cell, device),
