@@ -78,7 +78,7 @@ def test_the_step_is_halved_where_a_contact_closes_nearby(kink, step, monkeypatc
         "thermal_force": 0.0,
         "mesh_tension": (1.0, 1.0),
         "areal_mass": 1.0,
-        "stress_extremes": (1.0, 1.0, 0.0),
+        "largest_stress": 1.0,
     }.items():
         monkeypatch.setattr(measure, name, lambda _, value=value: value)
     monkeypatch.setattr(measure, "contacts", lambda _: SimpleNamespace(active_percent=50.0))

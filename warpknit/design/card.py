@@ -164,7 +164,7 @@ def find_card(
         difference_step=differences.step,
         expansion=-np.linalg.solve(differences.stiffness, differences.by_length) * model.scene.wire.expansion,
         areal_mass=measure.areal_mass(base),
-        stress_max=measure.stress_extremes(base)[0],
+        stress_max=measure.largest_stress(base),
         active_percent=measure.contacts(base).active_percent,
         temperature=model.scene.stages[0].temperature,
     )

@@ -66,5 +66,5 @@ def _point(load: str, weft: float, warp: float, state: Observables | None, is_be
     jump = int(is_behind_jump)
     if state is None:
         return CurvePoint(load, weft, warp, None, None, None, None, None, None, jump)
-    active, stress = measure.contacts(state).active_percent, measure.stress_extremes(state)[0]
+    active, stress = measure.contacts(state).active_percent, measure.largest_stress(state)
     return CurvePoint(load, weft, warp, *measure.mesh_tension(state), active, stress, *sheet_resistance(state), jump)

@@ -151,7 +151,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     if (mesh := found.tensioned) is not None:
         frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
         title = state_title(frame, measure.mesh_tension(mesh))
-        peak = Peak(measure.stress_extremes(mesh)[0], *peak_position(mesh).tolist())
+        peak = Peak(measure.largest_stress(mesh), *peak_position(mesh).tolist())
         draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit, peak=peak)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
     behind = {id(after) for case in found.heated for _, after in jumps_of(found.model, case.rows)}

@@ -23,11 +23,13 @@ from .measures import (
     contacts,
     energies,
     energy_scale,
+    exceeded_stress,
     force_scale,
     frame,
     hardened_energy,
     interior_stress,
     largest_contact_force,
+    largest_stress,
     least_force,
     mean_boundary_force,
     mesh_tension,
@@ -45,6 +47,7 @@ from .measures import (
     tension_scale,
     thermal_force,
     wire_stress,
+    yield_share,
 )
 from .observables import Energies, MeshModel, Observables, WireStress
 from .strain import clamp_rotation, couple_of, rotation, stretch, true_stress
@@ -67,11 +70,13 @@ __all__ = [
     "couple_of",
     "energies",
     "energy_scale",
+    "exceeded_stress",
     "force_scale",
     "frame",
     "hardened_energy",
     "interior_stress",
     "largest_contact_force",
+    "largest_stress",
     "least_force",
     "mean_boundary_force",
     "mesh_tension",
@@ -92,4 +97,5 @@ __all__ = [
     "thermal_force",
     "true_stress",
     "wire_stress",
+    "yield_share",
 ]

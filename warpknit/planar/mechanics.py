@@ -225,7 +225,7 @@ class PlanarMechanics:
         return self.diagnostics.sums().stress
 
     def causes(self) -> str:
-        strength, stress = self.model.scene.wire.tensile_strength, measure.stress_extremes(self.observe())[0]
+        strength, stress = self.model.scene.wire.tensile_strength, measure.largest_stress(self.observe())
         causes = strength_exceeded(stress, strength)
         if self.residual.is_lost_in_round_off(self.diagnostics.sums(), self.state.wire_axial.numpy()):
             name = self.model.precision.name

@@ -306,7 +306,7 @@ class SpatialMechanics:
 
     def causes(self) -> str:
         observed, strength = self.observe(), self.model.scene.wire.tensile_strength
-        return self.strip.ranks.from_first(lambda: strength_exceeded(measure.stress_extremes(observed)[0], strength))
+        return self.strip.ranks.from_first(lambda: strength_exceeded(measure.largest_stress(observed), strength))
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """Whether the mesh is as knitted, stress-free and without overlaps; overlaps are added to `notes`."""
