@@ -241,7 +241,7 @@ class PlanarObservables(HostState):
 
     # --- places, from the corner of the mesh
 
-    @property
+    @cached_property
     def node_position(self) -> np.ndarray:
         """(node, 3) [m] in the frame of `stretch`; z is the rest height."""
         rest = self._node_rest()
