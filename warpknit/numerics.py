@@ -71,11 +71,18 @@ def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, s
 
 
 def error_ratio(
-    square_sum: np.ndarray | float, count: np.ndarray | float, largest: np.ndarray | float, tolerance: float
+    square_sum: np.ndarray | float,
+    count: np.ndarray | float,
+    largest: np.ndarray | float,
+    tolerance: float,
+    allowance: float = OUTLIER_ALLOWANCE,
 ) -> np.ndarray:
-    """Errors of `count` constraints over what is allowed: the sum of their squares and the largest."""
+    """Errors of `count` constraints over what is allowed: the sum of their squares and the largest.
+
+    allowance: of the largest error over the tolerance.
+    """
     typical = np.sqrt(square_sum / np.maximum(count, 1)) / TYPICAL_ALLOWANCE
-    return np.asarray(np.maximum(typical, np.asarray(largest) / OUTLIER_ALLOWANCE) / tolerance)
+    return np.asarray(np.maximum(typical, np.asarray(largest) / allowance) / tolerance)
 
 
 def thread_count(work: int) -> int:

@@ -10,7 +10,7 @@ from types import EllipsisType
 
 import numpy as np
 
-from ..numerics import AXIAL_ERROR, TURN_ALLOWANCE, error_ratio
+from ..numerics import AXIAL_ERROR, OUTLIER_ALLOWANCE, TURN_ALLOWANCE, error_ratio
 from .diagnostics import Sums
 from .model import Model
 from .numerics import contact_along, unit_step_mass
@@ -21,6 +21,7 @@ MIN_RATE = 0.02
 RATE_PATIENCE = 10  # updates without progress before the rate is lowered, against oscillation
 PENETRATION_LIMIT = 0.004  # wire diameters of overlap allowed in equilibrium
 PENETRATION_STIFFEN = 0.05  # wire diameters at which the contact penalty is doubled
+SMALL_MESH = 1_000  # nodes up to which every segment and contact meets the tolerance; beyond, outliers may exceed it
 SOFTENING_STRAIN = 0.02  # softened axial strain at which a wire's softening is halved
 TAUT_FACTOR = 4.0
 TAUT_PROGRESS = 0.8  # a wire whose stretch error does not fall to this share of itself counts as taut,
@@ -112,9 +113,10 @@ class MultiplierRules:
     def residual_ratio(self, sums: Sums, rows: Rows = ...) -> np.ndarray:
         """Constraint error (...) over its tolerance; lowers the rate where it does not decrease."""
         segments, gap = self.model.global_model.node_count, PENETRATION_LIMIT * self.model.scene.wire.diameter
+        allowance = min(max(1.0, (segments / SMALL_MESH) ** 0.25), OUTLIER_ALLOWANCE)
         ratio = np.maximum(
-            error_ratio(sums.error_square, segments, sums.error_largest, AXIAL_ERROR),
-            error_ratio(sums.gap_square, sums.closed, sums.gap_max, gap),
+            error_ratio(sums.error_square, segments, sums.error_largest, AXIAL_ERROR, allowance),
+            error_ratio(sums.gap_square, sums.closed, sums.gap_max, gap, allowance),
         )
         better = ratio < 0.9 * self._best[rows]
         stalled = np.where(better, 0, self._stalled[rows] + 1)
