@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from warpknit.planar.state import State, initial_state
 from warpknit.planar.state_variables import state_variables
 from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
-from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
+from warpknit.solve.multilevel import CORRECTION_CHECKS, MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 from warpknit.transfer.response import STRAIN, zero_response
@@ -219,3 +220,17 @@ def test_interrupted_start_goes_on_to_the_same_bits(stop_at: int) -> None:
     for name, value in expected.items():
         assert np.array_equal(value, part["state"][name]), name
     assert expected["control"][int(c.STEP)] > 0
+
+
+@pytest.mark.parametrize(("gave_up", "wait"), [(False, 4 * CORRECTION_CHECKS), (True, 0)])
+def test_corrections_wait_after_failed_ones_and_those_of_an_edge_alone_do_not(gave_up: bool, wait: int) -> None:
+    """The third in a row that failed: the next comes four times later. An edge moves by itself at every balance."""
+    progress = Progress(checks=100, gave_up=gave_up, failed_corrections=2, least_imbalance=1.0, imbalance=1.0)
+    moved: list[Correction] = []
+    factor = SimpleNamespace(next_factor=lambda _vector, most: most)
+    drive = SimpleNamespace(progress=progress, _correction=factor, _move_clamps=moved.append)
+    drive._move_in_parts = lambda _membrane, correction: moved.append(correction)
+    correction = Correction(np.ones((1, 2)), np.ones((1, 2)))
+    MultilevelRelaxation._move_as_membrane(drive, None, correction)
+    assert len(moved) == 1 and progress.failed_corrections == 3
+    assert progress.next_correction == (100 + wait if wait else 0)

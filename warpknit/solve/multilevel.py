@@ -291,8 +291,6 @@ class MultilevelRelaxation(Relaxation):
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
             progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
-        # corrections that fail disturb more than they balance: the mesh has longer to balance itself
-        progress.next_correction = progress.checks + CORRECTION_CHECKS * (1 + progress.failed_corrections)
         if progress.gave_up:
             self._move_clamps(correction.scaled(correction.max_factor))
         elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
@@ -300,6 +298,8 @@ class MultilevelRelaxation(Relaxation):
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
             progress.gave_up, progress.imbalance = True, self._unknown_imbalance
         else:
+            # corrections that fail disturb more than they balance: the mesh has longer to balance itself
+            progress.next_correction = progress.checks + CORRECTION_CHECKS * (1 + progress.failed_corrections)
             # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
             most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
             self._move_in_parts(membrane, correction.scaled(self._correction.next_factor(correction.vector, most)))

@@ -73,7 +73,7 @@ class Progress:
     # large meshes
     ratio: float = 1e30  # residual over its tolerance at the last check
     next_balance: int = 0  # check from which the balance as a membrane is due
-    next_correction: int = 0  # the same of a correction of it
+    next_correction: int = 0  # check from which the mesh may be moved as a membrane again
     least_imbalance: float = 1e30  # smallest so far in the level
     failed_corrections: int = 0  # corrections since the smallest imbalance decreased
     is_prolonged: bool = True  # the level starts from the smaller mesh
