@@ -267,28 +267,30 @@ def test_camera_sees_every_frame(stage: Usd.Stage) -> None:
 def test_contacts_elsewhere_are_points_whose_number_changes(
     tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame], points_per_tile: int
 ) -> None:
-    """Each with its force and wires, in the tile of its first wire; without contacts they are empty; in the plane none."""
+    """Each with its force and wires, in the tile of its first wire; in place of none a point of no width and no wire."""
     frames = [make_space_frame(index, count) for index, count in enumerate((0, 9, 4, 0))]
     stage = Usd.Stage.Open(str(write(tmp_path, space_layout, frames, points_per_tile=points_per_tile).path))
     shapes = [shape for shape in prims(stage, UsdGeom.Points) if shape.GetPrim().GetName() == "ContactsElsewhere"]
     check_frames(stage, space_layout, frames)
     assert len(shapes) == len(prims(stage, UsdGeom.BasisCurves)) and (len(shapes) > 1) == (points_per_tile == 100)
     for frame in frames:
-        points, force, first, second = (
+        points, force, first, second, width = (
             np.concatenate([read(shape) for shape in shapes])
             for read in (
                 lambda shape, time=frame.index: world_points(shape, time).reshape(-1, 3),
                 *(lambda shape, time=frame.index, name=name: primvar(shape, f"warpknit:{name}", time)
                   for name in ("normalForce", "wireA", "wireB")),
+                lambda shape, time=frame.index: np.array(shape.GetWidthsAttr().Get(time)),
             )
         )  # fmt: skip
-        order, given = np.argsort(force), np.argsort(frame.elsewhere_force)
+        assert np.allclose(width, np.where(first < 0, 0.0, 2.5 * 0.015)) and np.all(force[first < 0] == 0.0)
+        order, given = np.argsort(force)[np.count_nonzero(first < 0) :], np.argsort(frame.elsewhere_force)
         assert np.allclose(force[order], frame.elsewhere_force[given], rtol=FLOAT32_STEP)
         assert np.array_equal(np.stack([first, second], axis=1)[order], frame.elsewhere_wires[given])
         assert np.allclose(points[order], frame.elsewhere_position[given], rtol=0.0, atol=FLOAT32_STEP * REACH)
         for shape in shapes:
             low, high = np.array(shape.GetExtentAttr().Get(frame.index))
-            for point in np.array(shape.GetPointsAttr().Get(frame.index)):
-                assert np.all(low < point) and np.all(high > point)
+            points = np.array(shape.GetPointsAttr().Get(frame.index))
+            assert np.all(low <= points) and np.all(high >= points)
     wires = {wire for shape in prims(stage, UsdGeom.BasisCurves)[:1] for wire in primvar(shape, "warpknit:wireId").tolist()}
-    assert set(primvar(shapes[0], "warpknit:wireA", 1)) <= wires
+    assert set(primvar(shapes[0], "warpknit:wireA", 1)) <= wires | {-1}

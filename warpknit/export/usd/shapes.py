@@ -61,6 +61,7 @@ MOVING: Mapping[str, Attributes] = {
     },
     "ContactsElsewhere": {
         "points": (POINT3, ""),
+        "widths": (FLOATS, "vertex"),
         "extent": (EXTENT, ""),
         "primvars:warpknit:normalForce": (FLOATS, "vertex"),
         "primvars:warpknit:wireA": (INTS, "vertex"),
@@ -109,10 +110,16 @@ def contact_values(points: NDArray[Any], force: NDArray[Any], active: NDArray[An
 
 
 def elsewhere_values(points: NDArray[Any], force: NDArray[Any], wires: NDArray[Any], width: float) -> Values:
-    """`points` [contact, 3] [mm] from the tile's origin, `force` [contact] [N] and `wires` [contact, 2] of a record."""
+    """`points` [contact, 3] [mm] from the tile's origin, `force` [contact] [N] and `wires` [contact, 2] of a record.
+
+    In place of none a point of no width and no wires, -1: Cycles of Blender 5.0 ends at points that are empty.
+    """
+    if not len(points):
+        points, force, wires, width = np.zeros((1, 3), dtype=np.float32), np.zeros(1), np.full((1, 2), -1), 0.0
     return {
         "points": Vt.Vec3fArray.FromNumpy(points),
-        "extent": _extent(points, width) if len(points) else Vt.Vec3fArray(2),
+        "widths": Vt.FloatArray(len(points), width),
+        "extent": _extent(points, width),
         "primvars:warpknit:normalForce": Vt.FloatArray.FromNumpy(force.astype(np.float32)),
         "primvars:warpknit:wireA": _ints(wires[:, 0]),
         "primvars:warpknit:wireB": _ints(wires[:, 1]),
@@ -196,9 +203,8 @@ def define_contacts(
     return contacts
 
 
-def define_elsewhere(stage: Usd.Stage, path: Sdf.Path, width: float) -> UsdGeom.Gprim:
+def define_elsewhere(stage: Usd.Stage, path: Sdf.Path) -> UsdGeom.Gprim:
     contacts = UsdGeom.Points.Define(stage, path)
-    _set_width(contacts, width)
     contacts.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([ELSEWHERE_COLOUR])
     return contacts
 

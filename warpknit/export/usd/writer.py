@@ -342,7 +342,7 @@ class StageWriter:
                     wires = self.layout.body_wires[tile.bodies]
                     shapes.append(define_contacts(stage, prim, tile.bodies, wires, MARKER_WIDTH * width))
                 if counts is None and self.layout.in_space:
-                    shapes.append(define_elsewhere(stage, _elsewhere(tile.name), MARKER_WIDTH * width))
+                    shapes.append(define_elsewhere(stage, _elsewhere(tile.name)))
                 for shape in shapes:
                     shape.CreatePurposeAttr(purpose)
         assert self._surface is not None
