@@ -40,7 +40,7 @@ KNITS = {
     "reverse locknit": [{"chain": "1-0/1-2"}, {"chain": "2-3/1-0"}],
 }
 ARRAYS = ("position", "director", "segment_tangent", "tension", "moment", "twist_change", "segment_force", "force", "chord",
-          "pair_force", "body_near")  # fmt: skip
+          "pair_force", "body_near", "elsewhere_position", "elsewhere_force", "elsewhere_wires")  # fmt: skip
 OF_CONTACTS = ("first", "second", "place", "shift", "force", "friction", "normal", "overlap")
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from reference.interrupted import assert_parts_are_the_whole
-from warpknit import measure
+from warpknit import load_run, measure
 from warpknit.cli import main
 from warpknit.errors import SceneError
-from warpknit.frame import Frame, WireLayout
+from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.host import fetch, store
 from warpknit.model import build_model
 from warpknit.runner.history import Row, row_of
@@ -127,6 +127,30 @@ def test_states_are_in_space_and_whole(finished: Path) -> None:
     assert np.abs(last.node_position[:, 2] - first.node_position[:, 2]).max() > 1e-9
     assert last.strain_weft == pytest.approx(0.01)
     assert (finished / "scene.usda").exists() and (finished / "figures" / "mesh.png").exists()
+
+
+def test_contacts_elsewhere_of_a_tight_knit_have_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tricot, with interruptions: in each record as many as the history says, up to its largest force. Where two wires touch
+    the place is half a thickness from the drawn curves of both, but for the height of an arc above the pieces of a curve."""
+    knit = {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"}
+    table = {"wire": {"material": "molybdenum", "diameter": 30e-6}, "knit": knit, "solver": {"preset": "draft"}}
+    table |= {"model": {"kind": "spatial", "boundary": "periodic"}, "load": {"strain_weft": 0.06, "strain_warp": 0.06}}
+    scene = load_scene(table | {"output": {"frames": 6, "figures": False, "usd": False}})
+    run = load_run(assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=23))
+    layout, states = drawn_layout(run.layout), list(run.states)
+    assert [len(state.elsewhere_force) for state in states] == run.history["contacts_elsewhere"].tolist()
+    largest = [state.elsewhere_force.max(initial=0.0) for state in states]
+    assert largest == run.history["elsewhere_force_max_N"].tolist() and largest[0] == 0.0 < largest[-1]
+    last = states[-1]
+    points, tile = curve_position(layout, drawn_frame(run.layout, last)), last.deformation @ np.diag(layout.period)
+    images = [np.append(tile @ [i, j], 0.0) for i in range(-3, 4) for j in range(-3, 4)]
+    for place, wires in zip(last.elsewhere_position, last.elsewhere_wires, strict=True):
+        for wire in wires:
+            curve = points[layout.curve_start[wire] : layout.curve_start[wire + 1]]
+            edge, away = np.diff(curve, axis=0), place + np.array(images)[:, None] - curve[:-1]
+            share = np.clip(np.sum(away * edge, axis=2) / np.sum(edge**2, axis=1), 0.0, 1.0)
+            distance = np.linalg.norm(away - share[:, :, None] * edge, axis=2).min()
+            assert distance == pytest.approx(0.5 * layout.diameter, rel=0.1)
 
 
 def test_a_compressed_mesh_is_not_warned_of_the_plane() -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import bpy  # type: ignore[import-not-found]
 
@@ -28,6 +29,21 @@ def import_scene(path: str) -> None:
     for shape in bpy.data.objects:
         if shape.type in ("CURVES", "POINTCLOUD", "MESH") and not shape.data.materials:  # Blender binds those of meshes only
             shape.data.materials.append(material)
+        if shape.type == "POINTCLOUD":  # points whose number changes lose it
+            modifier = shape.modifiers.new("Material", "NODES")
+            modifier.node_group = set_material(material)
+
+
+def set_material(material: Any) -> Any:
+    """Geometry nodes that give points a material."""
+    group = bpy.data.node_groups.new("Material", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    begin, node, end = (group.nodes.new(kind) for kind in ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+    node.inputs["Material"].default_value = material
+    group.links.new(begin.outputs[0], node.inputs["Geometry"])
+    group.links.new(node.outputs["Geometry"], end.inputs[0])
+    return group
 
 
 def render(path: str, *, frame: int | None, size: tuple[int, int]) -> None:

@@ -46,7 +46,7 @@ class WireLayout:
         body_class        [body]              class of the contact: 0 = A, 1 = B, ...; empty where unknown
         rhombus_bodies    [k]                 bodies around the central opening; may be empty
         curve_parts                           straight pieces of the drawn curve between two nodes
-        wire_count, node_count, body_count
+        wire_count, node_count, body_count, in_space
 
     A body is a place where two wires hook each other.
     """
@@ -107,6 +107,11 @@ class WireLayout:
     def body_count(self) -> int:
         return int(self.body_wires.shape[0])
 
+    @property
+    def in_space(self) -> bool:
+        """Whether wires touch without bodies between them, and so also where no wires hook."""
+        return self.body_radius == 0.0
+
     @cached_property
     def curve_node(self) -> Integers:
         """[point]  the node at each point of the drawn curves; a closed wire repeats its first node at its end."""
@@ -157,8 +162,12 @@ class Frame:
         body_active       [body]              whether both pairs are active
         deformation       [2, 2]              mean deformation gradient, of strains and shear
         between           [node, curve_parts - 1, 3] [m]  points of the drawn curve to the next node, relative to the node
+        elsewhere_position  [contact, 3] [m]  active contacts where no wires hook; empty in the plane and in old files
+        elsewhere_force     [contact] [N]     their normal force
+        elsewhere_wires     [contact, 2]      the wires that touch; twice the same where a wire touches itself
 
-    Nodes, wires and bodies are those of the `WireLayout` of the run. Contacts where no wires hook are not in a frame.
+    Nodes, wires and bodies are those of the `WireLayout` of the run. The number of contacts elsewhere differs from record to
+    record; on a periodic tile such a contact lies where its first wire is drawn, and its second may be an image.
     """
 
     __repr__ = short_repr
@@ -177,13 +186,16 @@ class Frame:
     pair_active: NDArray[np.bool_]  # [pair]
     # [node, curve_parts - 1, 3] [m]  points on the curve to the next node, relative to the node; empty for nodes only
     between: Floats = field(default_factory=lambda: np.zeros((0, 0, 3), dtype=np.float32))
+    elsewhere_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # [contact, 3] [m]  where no wires hook
+    elsewhere_force: Floats = field(default_factory=lambda: np.zeros(0))  # [contact] [N]
+    elsewhere_wires: Integers = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))  # [contact, 2]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "index", int(self.index))
         object.__setattr__(self, "stage", str(self.stage))
         for name in ("load_factor", "strain_weft", "strain_warp", "shear", "temperature"):
             object.__setattr__(self, name, float(getattr(self, name)))
-        nodes, bodies = np.shape(self.node_position)[0], np.shape(self.body_position)[0]
+        nodes, bodies, elsewhere = (len(x) for x in (self.node_position, self.body_position, self.elsewhere_position))
         for name, shape in (
             ("node_position", (nodes, 3)),
             ("node_stress", (nodes,)),
@@ -191,6 +203,9 @@ class Frame:
             ("pair_force", (2 * bodies,)),
             ("pair_active", (2 * bodies,)),
             ("between", (nodes if np.size(self.between) else 0, np.shape(self.between)[1], 3)),
+            ("elsewhere_position", (elsewhere, 3)),
+            ("elsewhere_force", (elsewhere,)),
+            ("elsewhere_wires", (elsewhere, 2)),
         ):
             array = np.asarray(getattr(self, name), dtype=np.bool_ if name == "pair_active" else None)
             if array.shape != shape:
@@ -230,6 +245,8 @@ class Frame:
         ):
             if given != expected:
                 raise ValueError(f"frame {self.index}: {given} {name}, but the layout has {expected}")
+        if np.any((self.elsewhere_wires < 0) | (self.elsewhere_wires >= layout.wire_count)):
+            raise ValueError(f"frame {self.index}: elsewhere_wires must lie in 0 .. {layout.wire_count - 1}")
         if layout.curve_parts > 1 and self.between.shape[1] != layout.curve_parts - 1:
             raise ValueError(f"frame {self.index}: {self.between.shape[1]} places between nodes, not {layout.curve_parts - 1}")
 

@@ -1,6 +1,7 @@
 """A small made-up mesh: six open zigzag wires, a closed one, and a body between neighbours at every second corner."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,5 +55,24 @@ def make_frame(layout: WireLayout) -> Callable[..., Frame]:
             pair_force=force,
             pair_active=force > 0.0,
         )
+
+    return make
+
+
+@pytest.fixture
+def space_layout(layout: WireLayout) -> WireLayout:
+    """The same wires in space."""
+    return replace(layout, body_radius=0.0)
+
+
+@pytest.fixture
+def make_space_frame(make_frame: Callable[..., Frame]) -> Callable[..., Frame]:
+    """A frame with contacts elsewhere, at nodes: by default as many as its index says."""
+
+    def make(index: int, count: int | None = None) -> Frame:
+        frame, contact = make_frame(index), np.arange(index if count is None else count)
+        wires = np.stack([contact % 7, (contact + 1) % 7], axis=1)
+        position = np.resize(frame.node_position[3::7], (contact.size, 3))
+        return replace(frame, elsewhere_position=position, elsewhere_force=1e-5 * (1.0 + contact), elsewhere_wires=wires)
 
     return make

@@ -89,3 +89,19 @@ def test_a_white_plane_is_bright_and_not_burnt_out(tmp_path: Path, stage: Path, 
     script.write_text(WHITE_PLANE)
     image = picture(blender, script, stage, tmp_path / "b.png", TOOL.parent)
     assert np.median(image) == pytest.approx(0.9, abs=0.08)
+
+
+@pytest.mark.slow
+def test_contacts_elsewhere_are_blue_in_the_records_that_have_some(
+    tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame], blender: str
+) -> None:
+    """And a record without any, as the last one here, is rendered: Cycles ends at points that are empty."""
+    layout = replace(space_layout, diameter=1e-4)
+    writer = StageWriter(tmp_path, layout, scene_name="zigzag", scene_hash="0", version="1.0", colour_stress_max=LIMIT)
+    for index, count in enumerate((0, 40, 0)):
+        writer.add_frame(make_space_frame(index, count))
+    writer.close(complete=True)
+    for frame, shows in ((1, True), (2, False)):
+        image = picture(blender, TOOL, writer.path, tmp_path / f"{frame}.png", "--size", "240", "180", "--frame", str(frame))
+        is_blue = image[..., 2] > image[..., 0] + 0.2
+        assert is_blue.any() == shows

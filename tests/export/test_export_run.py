@@ -136,3 +136,17 @@ def test_a_damaged_file_is_named_before_anything_else(run_dir: Path, name: str, 
         shutil.rmtree(run_dir / "states")
     with pytest.raises(ExportError, match=name):
         export_run(run_dir, "csv")
+
+
+def test_contacts_elsewhere_are_a_table_in_space(
+    run_dir: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame]
+) -> None:
+    space_layout.save(run_dir / "layout.npz")
+    frame = make_space_frame(3)
+    frame.save(run_dir / "states" / "state_000003.npz")
+    assert len(names(run_dir, export_run(run_dir, "csv"))) == 12
+    table = np.genfromtxt(run_dir / "tables" / "elsewhere_000003.csv", delimiter=",", names=True)
+    assert np.array_equal(np.stack([table["wire_a"], table["wire_b"]], axis=1), frame.elsewhere_wires)
+    assert np.array_equal(np.stack([table["x_m"], table["y_m"], table["z_m"]], axis=1), frame.elsewhere_position)
+    assert np.array_equal(table["force_N"], frame.elsewhere_force)
+    assert (run_dir / "tables" / "elsewhere_000002.csv").read_text().split() == ["wire_a,wire_b,x_m,y_m,z_m,force_N"]

@@ -23,6 +23,19 @@ def test_saved_records_come_back(tmp_path: Path, layout: WireLayout, make_frame:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["layout.npz", "state.npz"]
 
 
+def test_contacts_elsewhere_come_back_and_old_states_have_none(
+    tmp_path: Path, layout: WireLayout, make_space_frame: Callable[..., Frame]
+) -> None:
+    frame = make_space_frame(3)
+    frame.save(tmp_path / "state.npz")
+    assert equal(Frame.load(tmp_path / "state.npz"), frame) and frame.elsewhere_wires.shape == (3, 2)
+    with np.load(tmp_path / "state.npz") as archive:
+        np.savez(tmp_path / "old.npz", **{name: archive[name] for name in archive if not name.startswith("elsewhere_")})
+    assert equal(Frame.load(tmp_path / "old.npz"), make_space_frame(3, 0))
+    with pytest.raises(ValueError, match=r"frame 3: elsewhere_wires must lie in 0 \.\. 6"):
+        replace(frame, elsewhere_wires=frame.elsewhere_wires + 5).require_layout(layout)
+
+
 def test_foreign_file_is_refused(tmp_path: Path, layout: WireLayout) -> None:
     layout.save(tmp_path / "layout.npz")
     (tmp_path / "text.npz").write_text("hello")

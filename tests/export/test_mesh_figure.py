@@ -135,3 +135,26 @@ def test_a_contact_under_the_largest_stress_shows(
         near = image[::-1][up - 9 : up + 10, across - 9 : across + 10, :3]
         blue.append(np.count_nonzero(np.abs(near - (0.0, 0x72 / 255, 0xB2 / 255)).max(axis=2) < 0.1))
     assert blue[1] > blue[0] / 4 > 0
+
+
+@pytest.mark.parametrize("count", [0, 5])
+@pytest.mark.parametrize("bodies", [True, False])
+def test_contacts_elsewhere_are_diamonds_where_there_are_some(
+    count: int, bodies: bool, tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """At their places [mm], once in a mesh without copies, and in the legend; also where no wires hook at all."""
+    layout, frame = replace(space_layout, wire_closed=np.zeros(7, dtype=bool)), make_space_frame(2, count)
+    if not bodies:
+        layout = replace(layout, body_wires=np.empty((0, 2)), rhombus_bodies=np.empty(0))
+        frame = replace(frame, body_position=np.empty((0, 3)), pair_force=np.empty(0), pair_active=np.empty(0, bool))
+    figures: list[Figure] = []
+    monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "a mesh")
+    monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", 100)
+    mesh_figure.mesh_figure(layout, frame, tmp_path / "map.png", "a mesh")
+    drawn = [line.get_xydata() for line in figures[0].axes[0].lines if line.get_marker() == "D"]
+    assert len(drawn) == 1 and np.allclose(drawn[0], 1e3 * frame.elsewhere_position[:, :2], rtol=1e-12)
+    told = [[text.get_text() for legend in figure.legends for text in legend.get_texts()] for figure in figures]
+    for texts, not_drawn in zip(told, ("", ", not drawn"), strict=True):
+        assert (f"active contacts elsewhere: {count}{not_drawn}" in texts) == (count > 0)

@@ -29,8 +29,9 @@ def stage(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> Usd.Stage:
 
 def check_frames(stage: Usd.Stage, layout: WireLayout, frames: list[Frame]) -> None:
     """Points, stress and contact state equal what was given, to float32."""
+    contacts = [shape for shape in prims(stage, UsdGeom.Points) if shape.GetPrim().GetName() == "Contacts"]
     for frame in frames:
-        wires, contacts = prims(stage, UsdGeom.BasisCurves), prims(stage, UsdGeom.Points)
+        wires = prims(stage, UsdGeom.BasisCurves)
         points = np.concatenate([world_points(shape, frame.index) for shape in wires])
         assert np.allclose(points, curve_position(layout, frame), rtol=0.0, atol=FLOAT32_STEP * REACH)
         stress = np.concatenate([primvar(shape, "warpknit:stress", frame.index) for shape in wires])
@@ -55,9 +56,10 @@ def check_frames(stage: Usd.Stage, layout: WireLayout, frames: list[Frame]) -> N
 @pytest.mark.parametrize("level", ["full", "k8", "surface"])
 @pytest.mark.parametrize("points_per_tile", [500_000, 100])
 def test_validators_report_no_error(
-    tmp_path: Path, layout: WireLayout, frames: list[Frame], level: str, points_per_tile: int
+    tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame], level: str, points_per_tile: int
 ) -> None:
-    writer = write(tmp_path, layout, frames, points_per_tile=points_per_tile, colour_stress_max=5e8)
+    frames = [make_space_frame(index) for index in FRAMES]
+    writer = write(tmp_path, space_layout, frames, points_per_tile=points_per_tile, colour_stress_max=5e8)
     stage = Usd.Stage.Open(str(writer.path))
     assert stage.GetPrimAtPath("/World/Panel").GetVariantSet("lod").SetVariantSelection(level)
     for plugin in Plug.Registry().GetAllPlugins():
@@ -259,3 +261,36 @@ def test_camera_sees_every_frame(stage: Usd.Stage) -> None:
         assert frustum.Intersects(bounds)
         box = bounds.ComputeAlignedRange()
         assert all(frustum.Intersects(Gf.Vec3d(box.GetCorner(corner))) for corner in range(8))
+
+
+@pytest.mark.parametrize("points_per_tile", [500_000, 100])
+def test_contacts_elsewhere_are_points_whose_number_changes(
+    tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame], points_per_tile: int
+) -> None:
+    """Each with its force and wires, in the tile of its first wire; in place of none a point of no width and no wire."""
+    frames = [make_space_frame(index, count) for index, count in enumerate((0, 9, 4, 0))]
+    stage = Usd.Stage.Open(str(write(tmp_path, space_layout, frames, points_per_tile=points_per_tile).path))
+    shapes = [shape for shape in prims(stage, UsdGeom.Points) if shape.GetPrim().GetName() == "ContactsElsewhere"]
+    check_frames(stage, space_layout, frames)
+    assert len(shapes) == len(prims(stage, UsdGeom.BasisCurves)) and (len(shapes) > 1) == (points_per_tile == 100)
+    for frame in frames:
+        points, force, first, second, width = (
+            np.concatenate([read(shape) for shape in shapes])
+            for read in (
+                lambda shape, time=frame.index: world_points(shape, time).reshape(-1, 3),
+                *(lambda shape, time=frame.index, name=name: primvar(shape, f"warpknit:{name}", time)
+                  for name in ("normalForce", "wireA", "wireB")),
+                lambda shape, time=frame.index: np.array(shape.GetWidthsAttr().Get(time)),
+            )
+        )  # fmt: skip
+        assert np.allclose(width, np.where(first < 0, 0.0, 2.5 * 0.015)) and np.all(force[first < 0] == 0.0)
+        order, given = np.argsort(force)[np.count_nonzero(first < 0) :], np.argsort(frame.elsewhere_force)
+        assert np.allclose(force[order], frame.elsewhere_force[given], rtol=FLOAT32_STEP)
+        assert np.array_equal(np.stack([first, second], axis=1)[order], frame.elsewhere_wires[given])
+        assert np.allclose(points[order], frame.elsewhere_position[given], rtol=0.0, atol=FLOAT32_STEP * REACH)
+        for shape in shapes:
+            low, high = np.array(shape.GetExtentAttr().Get(frame.index))
+            points = np.array(shape.GetPointsAttr().Get(frame.index))
+            assert np.all(low <= points) and np.all(high >= points)
+    wires = {wire for shape in prims(stage, UsdGeom.BasisCurves)[:1] for wire in primvar(shape, "warpknit:wireId").tolist()}
+    assert set(primvar(shapes[0], "warpknit:wireA", 1)) <= wires | {-1}

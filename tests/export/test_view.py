@@ -178,6 +178,26 @@ def test_a_click_tells_numbers_that_follow_the_record(
     assert viewer.picked.content == viewers().ASK
 
 
+def test_a_click_tells_a_contact_elsewhere_and_follows_its_wires(
+    space_layout: WireLayout, make_space_frame: Callable[..., Frame], tmp_path: Path, open_view: Callable[[Path], Any]
+) -> None:
+    """Numbers of the record that is shown; in one where these wires do not touch elsewhere, none. The scale reaches its force."""
+    layout = replace(space_layout, wire_closed=np.zeros(7, dtype=bool), body_class=np.zeros(space_layout.body_count))
+    frames = [
+        make_space_frame(0, 2),
+        make_space_frame(1, 0),
+        replace(make_space_frame(2, 4), elsewhere_force=np.arange(4) * 1e-2),
+    ]
+    viewer = open_view(write_run(tmp_path, layout, frames))
+    viewer.pick(*above(viewer, 1e3 * frames[2].elsewhere_position[1]))
+    assert "**contact elsewhere**, active  \nforce 10 mN  \nwires 1 and 2  \n" in viewer.picked.content
+    assert "4 contacts elsewhere" in viewer.title.content and viewer.largest_force == pytest.approx(3e4)
+    viewer.show(1)
+    assert viewer.picked.content == viewers().ASK and "elsewhere" not in viewer.title.content
+    viewer.show(0)
+    assert "force 20 uN  \nwires 1 and 2" in viewer.picked.content
+
+
 def test_colours_are_those_of_the_bars(
     layout: WireLayout, make_frame: Callable[..., Frame], tmp_path: Path, open_view: Callable[[Path], Any]
 ) -> None:

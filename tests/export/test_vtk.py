@@ -62,3 +62,23 @@ def test_number_that_is_not_finite_is_refused(tmp_path: Path, layout: WireLayout
     with pytest.raises(ValueError, match=r"node_stress is not finite at \(7,\)"):
         write_vtk(tmp_path, layout, [replace(frames[0], node_stress=stress)])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_contacts_elsewhere_are_a_series_in_space(
+    tmp_path: Path, layout: WireLayout, space_layout: WireLayout, make_space_frame: Callable[..., Frame]
+) -> None:
+    """With a file for a record without any, in whose place another record's would be shown; none in the plane."""
+    frames = [make_space_frame(index) for index in FRAMES]
+    paths = {path.name: path for path in write_vtk(tmp_path, space_layout, frames)}
+    for frame in frames:
+        assert f'timestep="{frame.index}"' in paths["elsewhere.pvd"].read_text()
+        path = paths[f"elsewhere_{frame.index:06d}.vtu"]
+        assert f'NumberOfPoints="{frame.index}" NumberOfCells="{frame.index}"' in path.read_text()
+        if not frame.index:
+            continue  # meshio writes what is empty, and does not read it
+        mesh = meshio.read(path)
+        np.testing.assert_array_equal(mesh.points, frame.elsewhere_position)
+        assert mesh.cells_dict["vertex"].ravel().tolist() == list(range(frame.index))
+        for name, values in zip(("force", "wire_a", "wire_b"), (frame.elsewhere_force, *frame.elsewhere_wires.T), strict=True):
+            np.testing.assert_array_equal(mesh.point_data[name], values)
+    assert not [path for path in write_vtk(tmp_path / "plane", layout, frames) if "elsewhere" in path.name]

@@ -62,7 +62,16 @@ def is_gone(pid: int) -> bool:
     return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
 
 
-def test_it_leaves_the_same_files(directory: Path, tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
+@pytest.mark.parametrize("in_space", [False, True])
+def test_it_leaves_the_same_files(
+    in_space: bool, tmp_path: Path, layout: WireLayout, space_layout: WireLayout, frames: list[Frame],
+    make_space_frame: Callable[..., Frame],
+) -> None:  # fmt: skip
+    """Also of records with contacts elsewhere, of which there are more than nodes, then none."""
+    directory = tmp_path / "run"
+    if in_space:
+        layout, frames = space_layout, [make_space_frame(index, count) for index, count in enumerate((0, 2, 20_000, 0))]
+    layout.save(directory / "layout.npz")
     write(WriterProcess(directory, layout, STAGE), frames)
     write(FrameFiles(tmp_path / "here", layout, STAGE), frames)
     expected = {path.relative_to(tmp_path / "here") for path in (tmp_path / "here").rglob("*") if path.is_file()}

@@ -41,6 +41,7 @@ PEAK: dict[str, Any] = {"linestyle": "none", "marker": "*", "markersize": 13, "m
 PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [withStroke(linewidth=2.0, foreground="white")]}
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
+ELSEWHERE: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "#F0E442", "markeredgecolor": "black"}
 RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
@@ -62,7 +63,7 @@ def mesh_figure(
     yield_stress: float | None = None,
     peak: Peak | None = None,
 ) -> Path:
-    """Draw the deformed mesh in plan view: wires coloured by stress, active and open contacts, the central rhombus.
+    """Draw the deformed mesh in plan view: wires coloured by stress, contacts, the central rhombus.
 
     A periodic tile is drawn in copies that fill the picture. The origin is the corner of the mesh, as in the tables.
     `yield_stress` [Pa]: stress beyond it is drawn in cyan. peak: the largest stress and its place, which is marked.
@@ -101,7 +102,8 @@ def mesh_figure(
         pieces, number = copied(pieces, offsets, *_with_margin(low, high))
         edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
         axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
-    _draw_contacts(axes, layout, frame, bodies, offsets, spacing * points_per_mm, shows_open)
+    room = spacing if layout.body_count else _spacing(lines.reshape(-1, 3)[:, :2], frame.elsewhere_force.size)
+    _draw_contacts(axes, layout, frame, bodies, offsets, room * points_per_mm, shows_open)
     _draw_peak(axes, peak)
     return save_figure(figure, path)
 
@@ -197,6 +199,8 @@ def _mesh_map(
     if rhombus.size:
         ring = {**ring, "markeredgecolor": "black", "markeredgewidth": 1.5}
         handles.append(Line2D([], [], **ring, label="central rhombus"))
+    if count := frame.elsewhere_force.size:
+        handles.append(Line2D([], [], linestyle="none", label=f"active contacts elsewhere: {count}, not drawn"))
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return save_figure(figure, path)
@@ -233,6 +237,8 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
         label, is_drawn = f"{name} {kind}: {np.count_nonzero(chosen)}", name == "active" or shows_open
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
         handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
+    if count := frame.elsewhere_force.size:
+        handles.append(Line2D([], [], label=f"active contacts elsewhere: {count}", **ELSEWHERE, markersize=5.5))
     if layout.body_count and layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
     elif layout.rhombus_bodies.size:
@@ -256,11 +262,13 @@ def _draw_contacts(
 ) -> None:
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus.
 
-    spacing [pt] of the contacts.
+    Active contacts elsewhere are diamonds. spacing [pt] of the contacts.
     """
+    size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
+    elsewhere = (1e3 * frame.elsewhere_position[:, None, :2] + offsets).reshape(-1, 2)
+    axes.plot(*elsewhere.T, **ELSEWHERE, markersize=0.8 * size, markeredgewidth=0.12 * size, zorder=3.5)
     if not layout.body_count:
         return
-    size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
     for chosen, name, edge, look in reversed(
         _kinds(frame)
     ):  # the circle of an open contact shows about an active one at its place

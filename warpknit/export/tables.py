@@ -1,4 +1,4 @@
-"""A run as tables: for each frame one of its contacts, a row a body, and one of its wires.
+"""A run as tables: for each frame one of its contacts, a row a body, one of its wires, and in space one of contacts elsewhere.
 
 SI units, said in the headings.
 """
@@ -16,7 +16,7 @@ from warpknit.files import write_table
 from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.knit.clasp_classes import CLASS_NAMES
 
-__all__ = ["contact_table", "export_tables", "wire_table", "write_tables"]
+__all__ = ["contact_table", "elsewhere_table", "export_tables", "wire_table", "write_tables"]
 
 
 def export_tables(record: RunRecord) -> list[Path]:
@@ -25,11 +25,14 @@ def export_tables(record: RunRecord) -> list[Path]:
 
 
 def write_tables(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
-    """Write contacts_######.csv and wires_######.csv for every frame; the paths."""
+    """Write contacts_######.csv, wires_######.csv and in space elsewhere_######.csv for every frame; the paths."""
     paths = []
     for frame in frames:
         frame.require_finite()
-        for name, table in (("contacts", contact_table(layout, frame)), ("wires", wire_table(layout, frame))):
+        tables = {"contacts": contact_table(layout, frame), "wires": wire_table(layout, frame)}
+        if layout.in_space:
+            tables["elsewhere"] = elsewhere_table(frame)
+        for name, table in tables.items():
             paths.append(write_table(Path(directory) / f"{name}_{frame.index:06d}.csv", table))
     return paths
 
@@ -56,6 +59,12 @@ def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
         "active_b": frame.pair_active[1::2].astype(int),
         "central_rhombus": np.isin(body, layout.rhombus_bodies).astype(int),
     }
+
+
+def elsewhere_table(frame: Frame) -> dict[str, NDArray[Any]]:
+    """Columns, a value an active contact where no wires hook."""
+    (wire_a, wire_b), (x, y, z) = frame.elsewhere_wires.T, frame.elsewhere_position.T
+    return {"wire_a": wire_a, "wire_b": wire_b, "x_m": x, "y_m": y, "z_m": z, "force_N": frame.elsewhere_force}
 
 
 def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:

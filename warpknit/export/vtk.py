@@ -5,6 +5,8 @@
     contacts.pvd    -> contacts_######.vtu    one vertex a contact body; `force`, `force_a`, `force_b` [N], `active`
                                               (both pairs closed), `active_pairs` (0, 1 or 2), `wire_a`, `wire_b`,
                                               `rhombus`
+    elsewhere.pvd   -> elsewhere_######.vtu   in space: one vertex an active contact where no wires hook; `force` [N], `wire_a`,
+                                              `wire_b`
 
 SI units: lengths in m. The time is the index of the frame. Open the two .pvd files.
 """
@@ -39,7 +41,7 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
     line_wire = np.repeat(np.arange(layout.wire_count, dtype=np.int32), np.diff(layout.curve_start) - 1)
     is_rhombus = np.zeros(layout.body_count, dtype=np.int32)
     is_rhombus[layout.rhombus_bodies] = 1
-    series: dict[str, list[tuple[int, Path]]] = {"wires": [], "contacts": []}
+    series: dict[str, list[tuple[int, Path]]] = {"wires": [], "contacts": [], "elsewhere": []}
     for frame in frames:
         frame.require_layout(layout)
         frame.require_finite()
@@ -66,8 +68,18 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
                 "rhombus": is_rhombus,
             },
         )
-        for name, mesh in (("wires", wires), ("contacts", contacts)):
-            if mesh.points.size:
+        elsewhere = meshio.Mesh(
+            np.asarray(frame.elsewhere_position, dtype=float),
+            [("vertex", np.arange(frame.elsewhere_force.size)[:, None])],
+            point_data={
+                "force": np.asarray(frame.elsewhere_force, dtype=float),
+                "wire_a": frame.elsewhere_wires[:, 0].astype(np.int32),
+                "wire_b": frame.elsewhere_wires[:, 1].astype(np.int32),
+            },
+        )
+        for name, mesh in (("wires", wires), ("contacts", contacts), ("elsewhere", elsewhere)):
+            # without a file ParaView shows the contacts of another record
+            if layout.in_space if name == "elsewhere" else mesh.points.size:
                 path = directory / f"{name}_{frame.index:06d}.vtu"
                 _write_mesh(path, mesh)
                 series[name].append((frame.index, path))

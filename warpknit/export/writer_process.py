@@ -82,7 +82,8 @@ class WriterProcess(FrameWriter):
         first = 0
         for entry in fields(Frame):
             value = getattr(frame, entry.name)
-            if isinstance(value, np.ndarray):
+            # contacts elsewhere, which may be any number, go through the pipe
+            if isinstance(value, np.ndarray) and not entry.name.startswith("elsewhere_"):
                 target = np.ndarray(value.shape, value.dtype, buffer=self._memory, offset=first)
                 target[...] = value
                 value = (value.shape, value.dtype.str, first)

@@ -289,4 +289,7 @@ def frame(r: Observables, *, index: int, stage: str, load_factor: float, tempera
         pair_force=r.pair_force,
         pair_active=pair_active(r),
         between=r.between,
+        elsewhere_position=r.elsewhere_position - r.corner,
+        elsewhere_force=r.elsewhere_force,
+        elsewhere_wires=r.elsewhere_wires,
     )

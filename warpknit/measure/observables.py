@@ -207,7 +207,19 @@ class Observables(Protocol):
 
     @property
     def contact_elsewhere(self) -> np.ndarray | None:
-        """[contact] [N] forces of active contacts outside the hooks of the knit, in no order; None in the plane."""
+        """[contact] [N] `elsewhere_force`; None in the plane."""
+
+    @property
+    def elsewhere_force(self) -> np.ndarray:
+        """[contact] [N] forces of active contacts outside the hooks of the knit; empty in the plane."""
+
+    @property
+    def elsewhere_position(self) -> np.ndarray:
+        """(contact, 3) [m] places of these contacts in the frame of `stretch`."""
+
+    @property
+    def elsewhere_wires(self) -> np.ndarray:
+        """(contact, 2) the two wires of these contacts."""
 
     @property
     def contact_places(self) -> ContactPlaces:

@@ -180,6 +180,8 @@ class PlanarObservables(HostState):
     def contact_elsewhere(self) -> None:
         """None: planar wires touch only at bodies."""
 
+    elsewhere_position, elsewhere_force, elsewhere_wires = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 2), dtype=np.int64)
+
     @property
     def contact_places(self) -> ContactPlaces:
         """One place for each body both of whose pairs are active."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "z")  # weft, warp, normal
 PLACES = ("stage", "load_factor")  # columns that say where in the load history a record is
-# of a frame: dimensions after the record, and unit
+# of a frame: dimensions after the record, and unit; contacts elsewhere have another number in each record
 FIELDS = {
     "node_position": (("node", "axis"), "m"),
     "node_stress": (("node",), "Pa"),

@@ -26,15 +26,15 @@ def site_places(r: Any) -> np.ndarray:
     order = order[site[order] != NOWHERE]
     number, first = np.unique(site[order], return_index=True)
     strongest = order[first]
-    place[number] = _touched(r, strongest, sign[strongest])
+    place[number] = touched_places(r, strongest, sign[strongest])
     apart = np.flatnonzero(np.isnan(place[:, 0]))
     place[apart] = _nearest(r, apart)
     return place
 
 
-def _touched(r: Any, contact: np.ndarray, sign: np.ndarray) -> np.ndarray:
+def touched_places(r: Any, contact: np.ndarray, sign: np.ndarray | float = 1.0) -> np.ndarray:
     """(contact, 3) [m] places of contacts; sign: 1 where the first wire of one is the first wire of the site, else -1."""
-    t = r.touching
+    t, sign = r.touching, np.broadcast_to(sign, len(contact))
     side = np.where(sign > 0.0, 0, 1)
     node = np.where(side == 0, t.first[contact], t.second[contact])
     half = 0.5 * (r.length_factor * r.model.rods.section.thickness - t.overlap[contact])

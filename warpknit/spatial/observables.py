@@ -22,7 +22,7 @@ from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
 from ..text import short_repr
-from .contact_places import contact_places, site_places
+from .contact_places import contact_places, site_places, touched_places
 from .contacts import Contacts
 from .hook_contact import hook_contact
 from .model import SpatialModel
@@ -148,11 +148,30 @@ class SpatialObservables(Boundary):
         found[site[site != NOWHERE]] = True
         return found
 
+    @cached_property
+    def _elsewhere(self) -> np.ndarray:
+        """Active contacts without a site among `touching`, in the order of their segments."""
+        t = self.touching
+        found = np.flatnonzero((self.touching_site[0] == NOWHERE) & (t.force > active_threshold(self.model)))
+        return found[np.lexsort((t.place[found, 0], t.second[found], t.first[found]))]
+
     @property
-    def contact_elsewhere(self) -> np.ndarray:
+    def elsewhere_force(self) -> np.ndarray:
         """[contact] [N] forces of active contacts without a site."""
-        force = self.touching.force[self.touching_site[0] == NOWHERE]
-        return force[force > active_threshold(self.model)]
+        return self.touching.force[self._elsewhere]
+
+    contact_elsewhere = elsewhere_force
+
+    @property
+    def elsewhere_position(self) -> np.ndarray:
+        """(contact, 3) [m] places of active contacts without a site, in the tile in which the first wire is drawn."""
+        return touched_places(self, self._elsewhere) @ self._turn.T
+
+    @property
+    def elsewhere_wires(self) -> np.ndarray:
+        """(contact, 2) wires of active contacts without a site."""
+        nodes = np.stack([self.touching.first, self.touching.second], axis=1)
+        return np.asarray(self.model.rods.wire_of[nodes[self._elsewhere]])
 
     @property
     def pairs_at_reach_end(self) -> int:

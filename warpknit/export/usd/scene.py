@@ -17,7 +17,7 @@ __all__ = [
 
 TOPOLOGY, MANIFEST, FRAMES = "wires.topology.usdc", "wires.manifest.usda", "frames"
 # A part is a prim at the root of the layers other than scene.usda; a level of detail is made of parts.
-FULL, K8, CONTACTS, SURFACE = "Full", "K8", "Contacts", "Surface"
+FULL, K8, CONTACTS, SURFACE = "Full", "K8", "Contacts", "Surface"  # contacts: where wires hook, and elsewhere
 LEVELS = {"full": (FULL, CONTACTS, SURFACE), "k8": (K8, CONTACTS, SURFACE), "surface": (SURFACE,)}
 SHOWN_POINTS = 5_000_000  # a stage opens at the finest level of no more points
 PANEL = "/World/Panel"

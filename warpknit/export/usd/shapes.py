@@ -16,8 +16,10 @@ __all__ = [
     "contact_values",
     "declare",
     "define_contacts",
+    "define_elsewhere",
     "define_surface",
     "define_wires",
+    "elsewhere_values",
     "stress_colour",
     "surface_values",
     "wire_values",
@@ -27,6 +29,7 @@ COLOURS = 256  # entries of the table
 ROW = 2048  # points whose coordinates are compared at once
 GOLD = Gf.Vec3f(1.0, 0.77, 0.34)
 OPEN_COLOUR, ACTIVE_COLOUR = Gf.Vec3f(0.75, 0.75, 0.75), Gf.Vec3f(0.8, 0.02, 0.02)
+ELSEWHERE_COLOUR = Gf.Vec3f(0.0, 0.17, 0.45)
 # Gold at rest to dark violet at the limit: lightness falls steadily, so it reads without colour vision. Linear RGB.
 STRESS_COLOURS = np.array([GOLD, (0.90, 0.33, 0.10), (0.60, 0.08, 0.10), (0.22, 0.02, 0.16), (0.03, 0.005, 0.10)])
 
@@ -55,6 +58,14 @@ MOVING: Mapping[str, Attributes] = {
         "primvars:warpknit:normalForceA": (FLOATS, "vertex"),
         "primvars:warpknit:normalForceB": (FLOATS, "vertex"),
         COLOUR_INDEX: (INTS, ""),
+    },
+    "ContactsElsewhere": {
+        "points": (POINT3, ""),
+        "widths": (FLOATS, "vertex"),
+        "extent": (EXTENT, ""),
+        "primvars:warpknit:normalForce": (FLOATS, "vertex"),
+        "primvars:warpknit:wireA": (INTS, "vertex"),
+        "primvars:warpknit:wireB": (INTS, "vertex"),
     },
     "Surface": {
         "points": (POINT3, ""),
@@ -95,6 +106,23 @@ def contact_values(points: NDArray[Any], force: NDArray[Any], active: NDArray[An
         "primvars:warpknit:normalForceA": Vt.FloatArray.FromNumpy(np.ascontiguousarray(force[:, 0])),
         "primvars:warpknit:normalForceB": Vt.FloatArray.FromNumpy(np.ascontiguousarray(force[:, 1])),
         COLOUR_INDEX: Vt.IntArray.FromNumpy(both),
+    }
+
+
+def elsewhere_values(points: NDArray[Any], force: NDArray[Any], wires: NDArray[Any], width: float) -> Values:
+    """`points` [contact, 3] [mm] from the tile's origin, `force` [contact] [N] and `wires` [contact, 2] of a record.
+
+    In place of none a point of no width and no wires, -1: Cycles of Blender 5.0 ends at points that are empty.
+    """
+    if not len(points):
+        points, force, wires, width = np.zeros((1, 3), dtype=np.float32), np.zeros(1), np.full((1, 2), -1), 0.0
+    return {
+        "points": Vt.Vec3fArray.FromNumpy(points),
+        "widths": Vt.FloatArray(len(points), width),
+        "extent": _extent(points, width),
+        "primvars:warpknit:normalForce": Vt.FloatArray.FromNumpy(force.astype(np.float32)),
+        "primvars:warpknit:wireA": _ints(wires[:, 0]),
+        "primvars:warpknit:wireB": _ints(wires[:, 1]),
     }
 
 
@@ -172,6 +200,12 @@ def define_contacts(
     for name, column in (("wireA", 0), ("wireB", 1)):
         _set_primvar(contacts, f"warpknit:{name}", UsdGeom.Tokens.vertex, _ints(body_wires[:, column]))
     contacts.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set([OPEN_COLOUR, ACTIVE_COLOUR])
+    return contacts
+
+
+def define_elsewhere(stage: Usd.Stage, path: Sdf.Path) -> UsdGeom.Gprim:
+    contacts = UsdGeom.Points.Define(stage, path)
+    contacts.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([ELSEWHERE_COLOUR])
     return contacts
 
 

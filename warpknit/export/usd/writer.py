@@ -31,8 +31,10 @@ from warpknit.export.usd.shapes import (
     contact_values,
     declare,
     define_contacts,
+    define_elsewhere,
     define_surface,
     define_wires,
+    elsewhere_values,
     surface_values,
     wire_values,
 )
@@ -44,7 +46,7 @@ from warpknit.frame import Frame, WireLayout, curve_position
 
 __all__ = ["StageWriter"]
 
-LAYOUT = "tiles, lod: full, k8, surface"  # an earlier stage that says something else is not gone on with
+LAYOUT = "tiles, lod: full, k8, surface; contacts elsewhere"  # an earlier stage that says something else is not gone on with
 MARKER_WIDTH = 2.5  # diameters: a sphere about a clasp that reaches the centres of wires 1.25 diameters away
 UNITS = {"length": "mm", "stress": "Pa", "force": "N", "temperature": "K", "strain": "1"}
 LOADS = {
@@ -291,6 +293,12 @@ class StageWriter:
                 from_origin(frame.body_position[tile.bodies], tile.origin, points)
                 values = contact_values(points, force[tile.bodies], active[tile.bodies], MARKER_WIDTH * width)
                 yield self._seen(tile, _prim(CONTACTS, tile.name), values)
+            if layout.in_space:
+                mine = np.isin(frame.elsewhere_wires[:, 0], tile.wires)
+                place, wires = frame.elsewhere_position[mine], frame.elsewhere_wires[mine]
+                points = from_origin(place, tile.origin, np.empty(place.shape, dtype=np.float32))
+                values = elsewhere_values(points, frame.elsewhere_force[mine], wires, MARKER_WIDTH * width)
+                yield self._seen(tile, _elsewhere(tile.name), values)
 
     def _sheet_values(self, frame: Frame, kept: Mapping[Sdf.Path, Values]) -> Values:
         """What moves of the sheet, from the values of the kept points of the tiles."""
@@ -327,14 +335,16 @@ class StageWriter:
                 prim = _prim(part, tile.name)
                 xform = UsdGeom.Xform.Define(stage, prim.GetParentPath())
                 xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*tile.origin.tolist()))
+                shapes = []
                 if counts is not None:
-                    shape = define_wires(stage, prim, tile.wires, counts, width, shows_stress=shows_stress)
+                    shapes.append(define_wires(stage, prim, tile.wires, counts, width, shows_stress=shows_stress))
                 elif tile.bodies.size:
                     wires = self.layout.body_wires[tile.bodies]
-                    shape = define_contacts(stage, prim, tile.bodies, wires, MARKER_WIDTH * width)
-                else:
-                    continue
-                shape.CreatePurposeAttr(purpose)
+                    shapes.append(define_contacts(stage, prim, tile.bodies, wires, MARKER_WIDTH * width))
+                if counts is None and self.layout.in_space:
+                    shapes.append(define_elsewhere(stage, _elsewhere(tile.name)))
+                for shape in shapes:
+                    shape.CreatePurposeAttr(purpose)
         assert self._surface is not None
         faces, pairs = self._surface.face_vertices, self._surface.pair_counts
         sheet = define_surface(stage, _prim(SURFACE), faces, pairs, shows_stress=shows_stress)
@@ -378,6 +388,11 @@ def _prim(part: str, tile: str | None = None) -> Sdf.Path:
     if tile is None:
         return Sdf.Path(f"/{part}/{SURFACE}")
     return Sdf.Path(f"/{part}/{tile}/{'Contacts' if part == CONTACTS else 'Wires'}")
+
+
+def _elsewhere(tile: str) -> Sdf.Path:
+    """Path of the contacts of a tile where no wires hook, beside those where they do."""
+    return Sdf.Path(f"/{CONTACTS}/{tile}/ContactsElsewhere")
 
 
 def _load(frame: Frame) -> dict[str, Any]:

@@ -33,10 +33,10 @@ class Drawing:
     wire: Integers  # [point]
     index: Integers  # [point] in the drawn curves of the run
     start: Integers  # [piece + 1] points of piece p are start[p]:start[p + 1]
-    place: Floats  # (contact, 3) [mm]
+    place: Floats  # (contact, 3) [mm] where wires hook, and active contacts elsewhere
     force: Floats  # [contact] [uN] between the two wires
     is_active: np.ndarray  # [contact] bool
-    number: Integers  # [contact] in the run
+    number: Integers  # [contact] of the body; elsewhere body_count + first wire * wire_count + second wire
 
     @cached_property
     def segment(self) -> Integers:
@@ -128,7 +128,7 @@ class Drawing:
 
 def drawing_of(layout: WireLayout, frame: Frame) -> Drawing:
     """The drawing of a record; a small periodic tile is drawn in copies, about as wide as high, up to the edge of a rectangle."""
-    curves, drawn = drawn_layout(layout), drawn_frame(layout, frame)
+    curves, drawn, elsewhere = drawn_layout(layout), drawn_frame(layout, frame), frame.elsewhere_wires
     drawing = Drawing(
         radius=0.5e3 * layout.diameter,
         points=1e3 * np.asarray(curve_position(curves, drawn), dtype=float),
@@ -136,10 +136,10 @@ def drawing_of(layout: WireLayout, frame: Frame) -> Drawing:
         wire=np.repeat(np.arange(curves.wire_count), np.diff(curves.curve_start)),
         index=np.arange(len(curves.curve_node)),
         start=curves.curve_start,
-        place=1e3 * np.asarray(frame.body_position, dtype=float),
-        force=1e6 * np.asarray(frame.body_force, dtype=float),
-        is_active=frame.body_active,
-        number=np.arange(layout.body_count),
+        place=1e3 * np.concatenate([frame.body_position, frame.elsewhere_position], dtype=float),
+        force=1e6 * np.concatenate([frame.body_force, frame.elsewhere_force], dtype=float),
+        is_active=np.append(frame.body_active, np.ones(len(elsewhere), dtype=bool)),
+        number=np.append(np.arange(layout.body_count), layout.body_count + elsewhere @ [layout.wire_count, 1]),
     )
     if not layout.wire_closed.any():
         return drawing

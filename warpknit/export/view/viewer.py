@@ -234,7 +234,9 @@ class Viewer:
             places, numbers = (shown.place, shown.number) if is_contact else (shown.points, shown.index)
             if len(same := np.flatnonzero(numbers == number)):  # several in copies of a tile
                 here = int(same[np.argmin(np.linalg.norm(places[same] - near, axis=1))])
-                name = f"contact {number}" if is_contact else f"wire {shown.wire[here]}"
+                name = f"wire {shown.wire[here]}"
+                if is_contact:
+                    name = f"contact {number}" if number < self.layout.body_count else "contact elsewhere"
                 self._chosen, place = (is_contact, number, places[here]), places[here] - self.middle
                 numerals = self._contact_text(shown, here) if is_contact else self._wire_text(shown, here)
                 text = f"**{name}**{numerals}  \n{_place_text(place)}"
@@ -246,13 +248,18 @@ class Viewer:
         visible = self._shows_contacts
         space = np.sqrt(np.prod(np.ptp(shown.points[:, :2], axis=0)) / max(len(shown.place), 1))
         self._ball = size = max(CONTACT_SIZE * shown.radius, min(CONTACT_SHARE * self._distance(), CONTACT_SPACE * float(space)))
-        ball = trimesh.creation.icosphere(subdivisions=2, radius=size)
-        place = shown.place - self.middle if visible else np.zeros((1, 3))
-        colour = self._force_colours(shown) if visible else OPEN[None]
-        self.server.scene.add_batched_meshes_simple(
-            "/contacts", ball.vertices, ball.faces, np.tile([1.0, 0.0, 0.0, 0.0], (len(place), 1)), place,
-            batched_colors=_linear(colour), visible=visible, cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
+        is_elsewhere = shown.number >= self.layout.body_count
+        for name, chosen, shape in (
+            ("/contacts", ~is_elsewhere, trimesh.creation.icosphere(subdivisions=2, radius=size)),
+            ("/elsewhere", is_elsewhere, trimesh.creation.box(extents=(1.5 * size,) * 3)),
+        ):
+            is_visible = visible and bool(chosen.any())
+            place = shown.place[chosen] - self.middle if is_visible else np.zeros((1, 3))
+            colour = self._force_colours(shown)[chosen] if is_visible else OPEN[None]
+            self.server.scene.add_batched_meshes_simple(
+                name, shape.vertices, shape.faces, np.tile([1.0, 0.0, 0.0, 0.0], (len(place), 1)), place,
+                batched_colors=_linear(colour), visible=is_visible, cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
 
     def _stress_colours(self, shown: Drawing) -> np.ndarray:
         """(point, 3) colours 0 .. 255 by stress; beyond the scale they are those of its end, or of yield."""
@@ -270,6 +277,8 @@ class Viewer:
         """Load, tension and active contacts of the record, as Markdown."""
         active = self.frame.body_active
         contacts = f"{np.count_nonzero(active):,} of {len(active):,} contacts active\n" if len(active) else ""
+        if elsewhere := self.frame.elsewhere_force.size:
+            contacts += f"{elsewhere:,} contacts elsewhere (cubes)\n"
         state = state_title(self.frame, self._tension(), names_stage=True).replace("   ", "\n")
         return f"**{state}**\n{contacts}".replace("\n", "  \n")
 
@@ -282,11 +291,13 @@ class Viewer:
         return tension_of(next((row for row in rows if row.get("index") == str(self.frame.index)), None))
 
     def _contact_text(self, shown: Drawing, contact: int) -> str:
-        number = int(shown.number[contact])
-        wires = list(dict.fromkeys(self.layout.body_wires[number].tolist()))
+        number, bodies = int(shown.number[contact]), self.layout.body_count
+        is_hook = number < bodies
+        wires = self.layout.body_wires[number].tolist() if is_hook else divmod(number - bodies, self.layout.wire_count)
+        wires = list(dict.fromkeys(wires))
         touching = f"wire {wires[0]}" if len(wires) == 1 else f"wires {wires[0]} and {wires[1]}"
         kind, force = "active" if shown.is_active[contact] else "open", engineering(1e-6 * float(shown.force[contact]), "N")
-        if self.layout.body_class.size:
+        if is_hook and self.layout.body_class.size:
             kind += f", class {CLASS_NAMES[self.layout.body_class[number]]}"
         return f", {kind}  \nforce {force}  \n{touching}"
 
@@ -312,7 +323,8 @@ class Viewer:
             frame = read_frame(path, self.layout)
             self.highest = max(self.highest, 1e-6 * float(np.percentile(frame.node_stress, STRESS_SHARE)))
             self.peak = max(self.peak, 1e-6 * float(np.max(frame.node_stress)))
-            self.largest_force = max(self.largest_force, 1e6 * float(np.max(frame.body_force, initial=0.0)))
+            forces = np.append(frame.body_force, frame.elsewhere_force)
+            self.largest_force = max(self.largest_force, 1e6 * float(np.max(forces, initial=0.0)))
         self._ranged = len(paths)
 
     def _bars(self) -> np.ndarray:
