@@ -18,7 +18,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..sweep.contact_map import read_map
 from ..sweep.sweep import run_map as sweep_scene
-from .carried_out import Directory, Source, carried_out
+from .carried_out import INTERRUPTED, Directory, Source, carried_out
 
 
 def make_report(
@@ -59,7 +59,12 @@ def make_report(
         asked = ReportRequest(positive("tension", tension, "tension"), known, codes_of(cards))
     loaded = load_scene(scene, command="report")
     return carried_out(
-        loaded, out, quiet, lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result
+        loaded,
+        out,
+        quiet,
+        lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result,
+        resume=True,
+        force=force,
     )
 
 
@@ -84,7 +89,7 @@ class Report:
 
     result: CommandResult
     notes: tuple[str, ...]
-    page: Findings | None  # None where the map was interrupted
+    page: Findings | None  # None where the map or the page was interrupted
 
 
 def report_command(
@@ -105,8 +110,8 @@ def report_command(
     rows = read_map(out / "map.csv", out / "map_details.csv")
     try:
         page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
-    except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"interrupted; the map is kept in {out}, and the same command goes on from there") from interrupt
+    except KeyboardInterrupt:
+        return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
     if not page.earlier_kept:
         write_fit(fitted, out)
     if asked.tension is not None and page.card is None:

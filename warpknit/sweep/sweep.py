@@ -170,7 +170,7 @@ class _Mapper:
             return None
         return (
             f"the map is incomplete: {done} of {wanted} pairs of {self.sweep.quantity} are done, and the optimum is the best of"
-            " these; --resume goes on"
+            " these"
         )
 
     def estimate(self, size: Size) -> None:
