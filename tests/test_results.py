@@ -18,6 +18,7 @@ import warpknit
 from warpknit.cli import main
 from warpknit.commands import report
 from warpknit.commands.run import percentage
+from warpknit.design.findings import DEFAULT_SWEEP
 from warpknit.errors import DeviceError, Diverged, ExportError, InputError, RunDirectoryError
 from warpknit.frame import Frame
 from warpknit.results import Run, Table
@@ -344,12 +345,14 @@ def test_an_interrupted_report_says_how_the_call_goes_on(
         raise KeyboardInterrupt
 
     finished = CommandResult(0, {"stop_reason": "finished"})
-    monkeypatch.setattr(report, "sweep_scene", lambda *_, **__: finished)
+    sweeps: list[object] = []
+    monkeypatch.setattr(report, "sweep_scene", lambda scene, **_: sweeps.append(scene.sweep) or finished)
     monkeypatch.setattr(report, "read_map", lambda *_: [])
     monkeypatch.setattr(report, "write_report", stop)
     kept = f"interrupted; the map is kept in {tmp_path / 'r'}; continue with the same"
     with pytest.raises(KeyboardInterrupt, match=f"^{re.escape(kept)} call{said}$"):
-        warpknit.make_report(CELL.with_name("contact_map.toml"), tmp_path / "r", force=force, quiet=True)
+        warpknit.make_report(cell(), tmp_path / "r", force=force, quiet=True)
     options = ["--out", str(tmp_path / "r"), "--quiet", *(["--force"] if force else [])]
-    done = CliRunner().invoke(main, ["report", str(CELL.with_name("contact_map.toml")), *options])
+    done = CliRunner().invoke(main, ["report", str(CELL), *options])
+    assert sweeps == 2 * [DEFAULT_SWEEP], "a scene without [sweep] has that of a report, on both ways"
     assert done.exit_code == 130 and done.stderr == f"warpknit: {kept} command{said.replace('force=True', '--force')}\n"

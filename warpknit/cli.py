@@ -92,7 +92,12 @@ def open_scene(
     from warpknit.scene.capabilities import refuse
 
     loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
-    refuse(loaded, command, ranks=ranks)
+    if command == "report":
+        from warpknit.design.report import report_scene
+
+        report_scene(loaded, ranks=ranks)  # which has a sweep by default
+    else:
+        refuse(loaded, command, ranks=ranks)
     return loaded, Path(out) if out else default_directory(loaded)
 
 

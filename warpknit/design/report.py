@@ -50,10 +50,10 @@ WAY = 0.6  # of the time of a card: the way to the optimum
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
 
 
-def report_scene(scene: Scene) -> Scene:
+def report_scene(scene: Scene, *, ranks: int = 1) -> Scene:
     """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
     scene = replace(scene, sweep=scene.sweep or DEFAULT_SWEEP)
-    refuse(scene, "report")
+    refuse(scene, "report", ranks=ranks)
     return scene
 
 
