@@ -107,6 +107,7 @@ def test_the_answers_come_first(reports):
     assert closes["B"]["tension_weft_N_per_m"] == pytest.approx(closes["B"]["tension_warp_N_per_m"], rel=0.05)
     low, high = (answers["best"][end]["tension_weft_N_per_m"] for end in ("low", "high"))
     assert low < answers["best"]["tension_weft_N_per_m"] < high
+    assert f"stress at {100.0 * answers['best']['stress_over_limit']:.0f} % of the elastic limit" in page
     served = {point["tension_N_per_m"]: point["active_percent"] for point in answers["service"]}
     assert served[0.06] == pytest.approx(200.0 / 3.0) and served[4.9] is None
     assert "first yield at" in page and "contacts B close at" in page

@@ -48,6 +48,9 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
                                       shows does not count. Stages that go on loading at one temperature count as one
+    best.stress_over_limit            this stress over the elastic limit
+    best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire
+                                      does not yield, at an unknown tension, or at another temperature
     best.stage                        the stage of this state
     best.stages                       number of stages among the records up to first yield, all of which are searched
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
@@ -76,7 +79,7 @@ from ..measure.contact_classes import classes_of
 from ..scene import Stage
 from ..scene.model_choice import tension_error
 from ..solve.tension import TOLERANCE
-from .best_tension import best_tension
+from .best_tension import best_tension, margin
 from .branches import Jump
 from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
 from .history import Row, mean_tension, stages_of
@@ -114,6 +117,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     yields = _yielding_record(inner, limit)
     known = inner if yields is None else inner[: yields + 1]  # what is loaded further does not change the best tension
     until = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, len(known)) for one in classes}
+    best = best_tension(known, limit, classes, until, inner_jumps)
     return {
         "contacts": [
             {
@@ -135,7 +139,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
         "tension_error_percent": tension_error(model.scene),
         "heat": heat_of(rows, model.scene.stages, model.scene.wire.expansion),
-        "best": best_tension(known, limit, classes, until, inner_jumps),
+        "best": None if best is None else best | margin(best, limit, inner_yield),
     }
 
 
