@@ -93,7 +93,7 @@ def open_scene(
 
     loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
     if command == "report":
-        from warpknit.design.report import report_scene
+        from warpknit.design.findings import report_scene
 
         report_scene(loaded, ranks=ranks)  # which has a sweep by default
     else:

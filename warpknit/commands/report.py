@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..design.fe import CODES
-from ..design.findings import Findings
+from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
-from ..design.report import report_scene, write_report
+from ..design.report import write_report
 from ..errors import Diverged, InputError, naming_arguments
+from ..files import write_aside
 from ..results import Run
 from ..runner.progress_display import Progress
 from ..runner.run_directory import CommandResult
@@ -96,17 +99,18 @@ def report_command(
     scene: Scene, out: Path, asked: ReportRequest, *, force: bool, progress: Progress, device: str | None = None
 ) -> Report:
     """`warpknit report`: fits, map and page; exit status 3 where no state carries the tension of the card."""
-    known = asked.known
+    begin, known = time.perf_counter(), asked.known
     loaded = report_scene(scene)
     fitted = Fitted(loaded)
     if known.openings or known.loop_length:  # another knit, for which auto may take another model
         fitted = with_known(loaded, Known(known.openings, known.loop_length))
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass), progress))
-    notes = fitted.notes
+    notes, mapped = fitted.notes, time.perf_counter()
     result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report")
     if result.exit_code != 0:
         return Report(result, notes, None)
+    times = {"map": time.perf_counter() - mapped}
     rows = read_map(out / "map.csv", out / "map_details.csv")
     try:
         page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
@@ -114,9 +118,12 @@ def report_command(
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
     if not page.earlier_kept:
         write_fit(fitted, out)
+    summary = result.summary | {"report": {"wall_s": time.perf_counter() - begin, "stages_s": {**times, **page.times}}}
+    with write_aside(out / "map.json") as file:
+        json.dump(summary, file, indent=2, allow_nan=False)
     if asked.tension is not None and page.card is None:
-        result = CommandResult(Diverged.exit_code, result.summary, page.card_state)
-    return Report(result, notes, page)
+        return Report(CommandResult(Diverged.exit_code, summary, page.card_state), notes, page)
+    return Report(CommandResult(0, summary), notes, page)
 
 
 def codes_of(cards: str | Sequence[str] | None) -> tuple[str, ...]:

@@ -21,7 +21,11 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield f"pairs of {summary.get('loads', 'strains')}", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
     steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
-    yield "wall time", f"{duration(solver['wall_s'], 3)} {TIMED}"
+    if (report := summary.get("report")) is None:
+        yield "wall time", f"{duration(solver['wall_s'], 3)} {TIMED}"
+    else:
+        stages = ", ".join(f"{name} {duration(seconds)}" for name, seconds in report["stages_s"].items())
+        yield "wall time", f"{duration(report['wall_s'], 3)} for the report: {stages}"
     limit = summary["wire"]["yield_stress_Pa"]
     note = assumed_note("wire.yield_stress", summary["wire"].get("yield_stress_assumed", False))
     if optimum is None:
