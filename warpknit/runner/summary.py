@@ -64,7 +64,7 @@ from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
 from .answers import answers_of
 from .branches import jumps_of
-from .history import Row
+from .history import Row, missing_work
 from .warnings_of import warnings_of
 
 
@@ -107,20 +107,14 @@ def energy_balance(rows: list[Row], model: MeshModel) -> float:
 
     The damping of a ramp counts as dissipated; a relaxation follows equilibria, where damping dissipates nothing.
     """
-    return _missing_work(rows, model) / max(rows[-1].stored, measure.energy_scale(model))
+    return missing_work(rows[-1], model) / max(rows[-1].stored, measure.energy_scale(model))
 
 
 def energy_balance_of_stored(rows: list[Row], model: MeshModel) -> float:
     """The same over the largest stored energy so far; 0 where almost none was stored."""
     largest = max(row.stored for row in rows)
     least = STORED_FLOOR * measure.energy_scale(model)
-    return _missing_work(rows, model) / largest if largest > least else 0.0
-
-
-def _missing_work(rows: list[Row], model: MeshModel) -> float:
-    last = rows[-1]
-    kinetic = last.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
-    return last.work_J - last.stored - last.dissipated_J - kinetic
+    return missing_work(rows[-1], model) / largest if largest > least else 0.0
 
 
 @dataclass(frozen=True)
