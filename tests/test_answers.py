@@ -11,6 +11,7 @@ import pytest
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
 from warpknit.runner.answers import heat_of
 from warpknit.runner.answers_table import advice_rows, answer_rows
+from warpknit.runner.branches import jumps_in_heat
 from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
@@ -118,7 +119,8 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         one.tension_weft_N_per_m = one.tension_warp_N_per_m = 0.3
         one.strain_weft += 1e-4 * k
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
-    (held,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
+    rows = [row(0.3), *cold]
+    (held,) = heat_of(rows, by_tension, jumps_in_heat(rows, EXPANSION))
     text = dict(answer_rows(answers | {"heat": [held]}, LIMIT))
     assert not held["jump"] and "on the way" not in text["heat, 20 to -190 degC"]
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
@@ -126,7 +128,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     for one in cold[2:]:
         one.strain_weft += 0.05  # 42 K strain free wire by 0.02 %
     cold[3].stress_max_Pa = 500e6
-    (jumped,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
+    (jumped,) = heat_of(rows, by_tension, jumps_in_heat(rows, EXPANSION))
     assert jumped["jump"] and jumped["peak"] == {"stress_max_Pa": 500e6, "temperature_K": pytest.approx(293.15 - 4 * 42.0)}
     text = dict(answer_rows(answers | {"heat": [jumped]}, LIMIT))["heat, 20 to -190 degC"]
     assert [one["temperature_K"] for one in jumped["jump_between"]] == pytest.approx([293.15 - 84.0, 293.15 - 126.0])

@@ -9,6 +9,8 @@ import pytest
 from warpknit.export.map_figure import Marks, map_figure
 from warpknit.measure.jumps import UNBALANCED, energy_gap, jumps, stands_out
 from warpknit.runner import warnings_of as warnings
+from warpknit.runner.answers import heat_of
+from warpknit.runner.branches import jumps_of
 from warpknit.runner.history import Row, missing_work
 from warpknit.scene import make_scene
 from warpknit.sweep.contact_map import MapRow, find_jumps, jump_warning
@@ -156,6 +158,25 @@ def test_the_table_of_a_map_has_the_jumps_in_one_line():
         "stop_reason": "finished",
     }  # fmt: skip
     assert [text for heading, text in map_lines(summary) if heading == "warning"] == [warning]
+
+
+@pytest.mark.parametrize(("strained", "found"), [(0.01, True), (1e-3, False)])
+def test_a_jump_in_heat_is_one_by_all_rules(strained: float, found: bool) -> None:
+    """Cooled by 40 K a level at a held tension, from 0.3 on; in the first level, which has none before it, the mesh is strained
+    by 1 %, and its energy grows by the work of that. The list of jumps, the warning and the answer of the stage have it."""
+    rows = [row for row in levels(1.0) if row.strain_weft <= 0.31]
+    for k in range(1, 6):
+        rows.append(Row(**vars(rows[3])))
+        rows[-1].stage, rows[-1].load_factor, rows[-1].temperature_K = "cold", 0.2 * k, 293.15 - 40.0 * k
+        rows[-1].strain_weft += strained
+        rows[-1].energy_stretch_J += AREA * rows[-1].nominal_weft_N_per_m * strained
+    for one in rows:
+        one.active_percent = one.stress_max_Pa = 1.0
+    jumped = [(rows[3], rows[4])] if found else []
+    assert jumps_of(model(), rows) == jumped
+    (stage,) = heat_of(rows, [SimpleNamespace(name=name, by_tension=(True, True)) for name in ("load", "cold")], jumped)
+    assert stage["jump"] == found and (stage["jump_between"] is not None) == found
+    assert len(list(warnings._changed_branch(model(), rows))) == found
 
 
 def unbalanced(rows: list[Row]) -> list[str]:

@@ -47,7 +47,8 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     wire.stress_max_so_far_Pa                largest stress of all records so far
     probes                                   last values of the probes of `run`, by their names
     jumps                                    pairs of `index`: neighbouring records between which the mesh jumps to another
-                                             branch of equilibria
+                                             branch of equilibria; in a change of temperature also where it is strained by far
+                                             more than free wire
     answers                                  what a designer asks, see below; null for a `[hook]`
     stages                                   the same groups at the end of each stage, with its `name`
 """
