@@ -116,11 +116,11 @@ def report_command(
         page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
     except KeyboardInterrupt:
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
+    summary = result.summary | {"report": {"wall_s": time.perf_counter() - begin, "stages_s": {**times, **page.times}}}
     if not page.earlier_kept:
         write_fit(fitted, out)
-    summary = result.summary | {"report": {"wall_s": time.perf_counter() - begin, "stages_s": {**times, **page.times}}}
-    with write_aside(out / "map.json") as file:
-        json.dump(summary, file, indent=2, allow_nan=False)
+        with write_aside(out / "map.json") as file:
+            json.dump(summary, file, indent=2, allow_nan=False)
     if asked.tension is not None and page.card is None:
         return Report(CommandResult(Diverged.exit_code, summary, page.card_state), notes, page)
     return Report(CommandResult(0, summary), notes, page)
