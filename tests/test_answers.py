@@ -11,6 +11,7 @@ import pytest
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
 from warpknit.runner.answers import heat_of
 from warpknit.runner.answers_table import advice_rows, answer_rows
+from warpknit.runner.branches import jumps_in_heat
 from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
@@ -34,6 +35,10 @@ def test_contacts_close_and_wires_yield_where_they_do(levels: int, monkeypatch: 
     best = answers["best"]
     assert best["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["B"], rel=1e-6) and not best["open_low"]
     assert best["high"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9) and not best["open_high"]
+    assert best["stress_over_limit"] == pytest.approx(STRESS * best["tension_weft_N_per_m"] / LIMIT, rel=1e-9)
+    assert best["first_yield_over_tension"] == pytest.approx(1.0 / best["stress_over_limit"], rel=1e-9), "stress is linear"
+    text = dict(answer_rows(answers, LIMIT))["  margin"]
+    assert text == "stress at 94 % of the elastic limit; first yield at 1.07 times this tension"
 
 
 def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,6 +49,7 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text["active at 2 N/m"] == "not reached; up to 500 mN/m"
     middle = "the middle of its range, incomplete: the records end within it"
     assert text["best tension"] == f"365 mN/m, {middle}: 25.0 % active, 365 MPa"
+    assert text["  margin"] == "stress at 52 % of the elastic limit"
     assert text["  may drift"] == "from 230 mN/m (-37 %) to at least 500 mN/m (+37 %), where the records end"
 
 
@@ -113,7 +119,8 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         one.tension_weft_N_per_m = one.tension_warp_N_per_m = 0.3
         one.strain_weft += 1e-4 * k
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
-    (held,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
+    rows = [row(0.3), *cold]
+    (held,) = heat_of(rows, by_tension, jumps_in_heat(rows, EXPANSION))
     text = dict(answer_rows(answers | {"heat": [held]}, LIMIT))
     assert not held["jump"] and "on the way" not in text["heat, 20 to -190 degC"]
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
@@ -121,7 +128,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     for one in cold[2:]:
         one.strain_weft += 0.05  # 42 K strain free wire by 0.02 %
     cold[3].stress_max_Pa = 500e6
-    (jumped,) = heat_of([row(0.3), *cold], by_tension, EXPANSION)
+    (jumped,) = heat_of(rows, by_tension, jumps_in_heat(rows, EXPANSION))
     assert jumped["jump"] and jumped["peak"] == {"stress_max_Pa": 500e6, "temperature_K": pytest.approx(293.15 - 4 * 42.0)}
     text = dict(answer_rows(answers | {"heat": [jumped]}, LIMIT))["heat, 20 to -190 degC"]
     assert [one["temperature_K"] for one in jumped["jump_between"]] == pytest.approx([293.15 - 84.0, 293.15 - 126.0])
@@ -168,7 +175,10 @@ def test_first_yield_is_that_of_a_run_in_small_levels(kind: str, tmp_path: Path)
     for levels in (10, 40):
         out = tmp_path / str(levels)
         assert run_scene(load_scene(CELL, [*settings, f"output.frames={levels}"]), out=out, device="cpu").exit_code == 0
-        found.append(json.loads((out / "summary.json").read_text(encoding="utf-8"))["answers"]["first_yield"])
+        answers = json.loads((out / "summary.json").read_text(encoding="utf-8"))["answers"]
+        found.append(answers["first_yield"])
+        assert answers["best"]["stress_over_limit"] == answers["best"]["stress_max_Pa"] / 500e6
+        assert answers["best"]["stress_over_limit"] <= 1.0 <= answers["best"]["first_yield_over_tension"]
         records.append(read_history(out / "history.csv"))
     coarse, fine = found
     stress = np.array([r.stress_max_Pa for r in records[0]])
@@ -230,6 +240,7 @@ def test_no_state_within_a_jump_is_interpolated(monkeypatch: pytest.MonkeyPatch)
         one.active_percent = 0.25 * one.active_A_percent + 0.75 * one.active_B_percent
     answers = found(rows, monkeypatch, service=0.55, jumps=[(rows[5], rows[6])])
     assert answers["first_yield"]["jump"] and answers["first_yield"]["tension_weft_N_per_m"] == rows[6].tension_weft_N_per_m
+    assert answers["best"]["first_yield_over_tension"] is None and answers["best"]["stress_over_limit"] == 0.5
     closes = answers["contacts"][1]["closes"]
     assert closes["jump"] and not closes["resolved"] and not answers["contacts"][0]["closes"]["jump"]
     (point,) = answers["service"]
@@ -253,6 +264,25 @@ def test_a_yield_while_slack_is_taken_up_is_that_of_the_record_behind(monkeypatc
     assert fine["tension_weft_N_per_m"] == pytest.approx(rows[5].tension_weft_N_per_m)
     assert coarse["slack"] and not coarse["resolved"] and coarse["stress_max_Pa"] == rows[6].stress_max_Pa
     assert coarse["tension_weft_N_per_m"] == rows[6].tension_weft_N_per_m
+
+
+def test_the_margin_is_to_yield_away_from_the_grips_at_the_same_temperature(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Away from the grips the stress is half of the largest: 0.7 GPa come at 1.4 N/m, past the records to 1 N/m. The best of
+    them has up to 1 N/m from the closing of B at 0.61 N/m on: 0.805 N/m, with 402 MPa. Heated at 1 N/m the wire yields too."""
+    rows = [row(0.05 * k) for k in range(21)]
+    hot = row(1.0, stage="cold", temperature=400.0)
+    hot.stress_interior_max_Pa = 2.0 * LIMIT
+    for one in rows:
+        one.stress_interior_max_Pa = 0.5 * one.stress_max_Pa
+    for records in (rows, [*rows, hot]):
+        answers = found(records, monkeypatch)
+        best = answers["best"]
+        assert best["stress_over_limit"] == pytest.approx(0.805 * 0.5 * STRESS / LIMIT, rel=0.01)
+        assert best["first_yield_over_tension"] is None and answers["first_yield"] is not None
+        assert dict(answer_rows(answers, LIMIT))["  margin"] == "stress at 57 % of the elastic limit"
+    rows[-1].stress_interior_max_Pa = 1.5 * LIMIT  # yields between 0.95 and 1 N/m
+    text = dict(answer_rows(found(rows, monkeypatch), LIMIT))
+    assert text["  margin"] == "stress at 56 % of the elastic limit; first yield away from the grips at 1.23 times this tension"
 
 
 def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPatch) -> None:

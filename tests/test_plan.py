@@ -11,6 +11,7 @@ import pytest
 import warp as wp
 
 from warpknit import device, memory
+from warpknit.design.estimate import PAGE_TIME
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
 from warpknit.memory import MEMORY_PER_NODE
@@ -37,6 +38,7 @@ def test_keys_are_those_scripts_rely_on():
     planned = make_plan(load_scene(CELL), "cpu").as_dict()
     assert set(planned) == {
         "nodes", "wires", "bodies", "pairs", "memory_bytes", "time_step_s", "limited_by", "steps", "wall_s", "physics", "model",
+        "report_s",
     }  # fmt: skip
     assert json.loads(json.dumps(planned, allow_nan=False)) == planned
 
@@ -132,6 +134,20 @@ def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
     swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}
     physics = make_plan(load_scene(CELL, swept), "cpu").physics
     assert "without effect: path, in `warpknit map` alone, which runs only [load]" in physics
+
+
+def test_a_scene_with_a_report_tells_its_time() -> None:
+    """A tile has one, with a map by default: without [sweep] and with fewer pairs in it. A gripped mesh has none."""
+    cell = make_plan(load_scene(CELL), "cpu")
+    few = make_plan(load_scene(CELL, {"sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}), "cpu")
+    hot = make_plan(load_scene(CELL, {"path[0].temperature": "140 degC"}), "cpu")
+    assert 0.0 < few.report_map_s < 0.1 * cell.report_map_s and few.report_s < cell.report_s < hot.report_s
+    assert few.report_s > few.wall_s + PAGE_TIME, "the card and the page are part of it"
+    assert any(line.startswith("report     warpknit report takes about ") and " for its map, " in line for line in cell.lines())
+    assert "in about" in few.sweep
+    gripped = make_plan(load_scene(PATCH), "cpu")
+    assert gripped.report_s is None and gripped.as_dict()["report_s"] is None
+    assert not any(line.startswith("report") for line in gripped.lines())
 
 
 def test_a_ramp_has_a_real_step_and_what_limits_it():

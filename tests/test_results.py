@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import pickle
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -11,15 +12,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import warpknit
+from warpknit.cli import main
+from warpknit.commands import report
 from warpknit.commands.run import percentage
+from warpknit.design.findings import DEFAULT_SWEEP
 from warpknit.errors import DeviceError, Diverged, ExportError, InputError, RunDirectoryError
 from warpknit.frame import Frame
 from warpknit.results import Run, Table
 from warpknit.results.states import States
 from warpknit.runner.history import read_history
 from warpknit.runner.probes import Probes
+from warpknit.runner.run_directory import CommandResult
 from warpknit.runner.watch import Watch
 from warpknit.scene import Scene
 
@@ -319,7 +325,7 @@ def test_an_interrupted_run_raises_and_goes_on_with_the_same_probes(tmp_path: Pa
     probes, scene = {"height_m": height}, cell(**{"output.frames": 8})
     whole = warpknit.run(scene, tmp_path / "whole", device="cpu", probes=probes, quiet=True)
     monkeypatch.setattr(Watch, "_check", interrupt_once)
-    with pytest.raises(KeyboardInterrupt, match="resume=True"):
+    with pytest.raises(KeyboardInterrupt, match="^interrupted; continue with the same call and resume=True$"):
         warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, quiet=True)
     assert 0 < warpknit.load_run(tmp_path / "parts").history.rows < whole.history.rows
     with pytest.raises(RunDirectoryError, match="given the probes"):
@@ -327,3 +333,26 @@ def test_an_interrupted_run_raises_and_goes_on_with_the_same_probes(tmp_path: Pa
     parts = warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, resume=True, quiet=True)
     for name, column in whole.history.items():
         np.testing.assert_array_equal(parts.history[name], column)
+
+
+@pytest.mark.parametrize(("force", "said"), [(False, ""), (True, " without force=True")])
+def test_an_interrupted_report_says_how_the_call_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, force: bool, said: str
+) -> None:
+    """A report continues its map of itself, unless it replaces it; what the command line says has its own options."""
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    finished = CommandResult(0, {"stop_reason": "finished"})
+    sweeps: list[object] = []
+    monkeypatch.setattr(report, "sweep_scene", lambda scene, **_: sweeps.append(scene.sweep) or finished)
+    monkeypatch.setattr(report, "read_map", lambda *_: [])
+    monkeypatch.setattr(report, "write_report", stop)
+    kept = f"interrupted; the map is kept in {tmp_path / 'r'}; continue with the same"
+    with pytest.raises(KeyboardInterrupt, match=f"^{re.escape(kept)} call{said}$"):
+        warpknit.make_report(cell(), tmp_path / "r", force=force, quiet=True)
+    options = ["--out", str(tmp_path / "r"), "--quiet", *(["--force"] if force else [])]
+    done = CliRunner().invoke(main, ["report", str(CELL), *options])
+    assert sweeps == 2 * [DEFAULT_SWEEP], "a scene without [sweep] has that of a report, on both ways"
+    assert done.exit_code == 130 and done.stderr == f"warpknit: {kept} command{said.replace('force=True', '--force')}\n"

@@ -86,7 +86,7 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
 
     monkeypatch.setattr(Watch, "_check", interrupt_once)
     first = run_scene(scene, out=tmp_path / "parts", device="cpu")
-    assert first.exit_code == 130 and first.summary["stop_reason"] == "interrupted"
+    assert first.exit_code == 130 and first.summary["stop_reason"] == "interrupted" == first.message == first.summary["message"]
     with pytest.raises(RunDirectoryError, match="--resume"):
         run_scene(scene, out=tmp_path / "parts", device="cpu")
     second = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True)

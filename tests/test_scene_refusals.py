@@ -161,6 +161,7 @@ def test_a_bad_value_is_one_line_of_file_key_given_and_allowed(override, key, sh
         ("knit.closed_radius=1", "knit.closed_radius", "knit.loop.closed_radius"),
         ("solver.boundary=periodic", "solver.boundary", "model.boundary"),
         ("path[0].temprature=1", "path[0].temprature", "path[0].temperature"),
+        ("knit.bar[1].shift=1", "knit.bar[1].shift", "knit.bars[1].shift"),
     ],
 )
 def test_an_unknown_key_names_the_nearest_known_one(override, key, nearest):

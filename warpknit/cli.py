@@ -92,15 +92,26 @@ def open_scene(
     from warpknit.scene.capabilities import refuse
 
     loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
-    refuse(loaded, command, ranks=ranks)
+    if command == "report":
+        from warpknit.design.findings import report_scene
+
+        report_scene(loaded, ranks=ranks)  # which has a sweep by default
+    else:
+        refuse(loaded, command, ranks=ranks)
     return loaded, Path(out) if out else default_directory(loaded)
 
 
-def unfinished(result: CommandResult, directory: Path, if_interrupted: str = "", *, resume: bool = False) -> int:
-    """Print why a command did not finish; return its exit status. The same command has its options already."""
-    message = f"{result.message}{if_interrupted if result.exit_code == INTERRUPTED else ''}"
-    message = message.replace(f" and --resume --out {directory}", "" if resume else " and --resume")
-    click.echo(f"warpknit: {message}", err=True)
+def unfinished(result: CommandResult, *, resume: bool, force: bool) -> int:
+    """Print why a command did not finish, and how an interrupted one goes on; return its exit status.
+
+    resume: whether it already resumes, of itself or by the option.
+    """
+    go_on = ""
+    if result.exit_code == INTERRUPTED:
+        by_option = "" if resume else ", with --resume" if force else " and --resume"
+        in_place = "" if not force else " without --force" if resume else " in place of --force"
+        go_on = f"; continue with the same command{by_option}{in_place}"
+    click.echo(f"warpknit: {result.message}{go_on}", err=True)
     return int(result.exit_code)
 
 
@@ -151,7 +162,7 @@ def run(
 
     if result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.get("stages")):
         print_summary(result.summary, directory)
-    return FINISHED if result.exit_code == FINISHED else unfinished(result, directory, resume=resume)
+    return FINISHED if result.exit_code == FINISHED else unfinished(result, resume=resume, force=force)
 
 
 @main.command("map")
@@ -175,14 +186,13 @@ def contact_map(
 
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.commands.map import map_command
-    from warpknit.runner.interrupts import to_continue
     from warpknit.runner.progress_display import progress_for
     from warpknit.sweep.map_table import map_lines
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device)
     if result.exit_code != FINISHED:
-        return unfinished(result, directory, f"; {to_continue(directory)}", resume=resume)
+        return unfinished(result, resume=resume, force=force)
     return finished(map_lines(result.summary), directory)
 
 
@@ -217,7 +227,7 @@ def trade(
             out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
         )  # fmt: skip
     if result.exit_code != FINISHED:
-        return unfinished(result, directory, resume=resume)
+        return unfinished(result, resume=resume, force=force)
     return finished(trade_lines(result.summary), directory)
 
 
@@ -275,7 +285,7 @@ def report(
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
     if done.page is None:
-        return unfinished(done.result, directory, "; the same command continues it")
+        return unfinished(done.result, resume=True, force=force)
     from warpknit.runner.summary_table import print_table
     from warpknit.sweep.map_table import map_lines
 

@@ -82,7 +82,6 @@ def naming_arguments() -> Iterator[None]:
 
 def in_python(message: str) -> str:
     """A message with options as arguments: --force as force=True, --fit-curve as fit_curve."""
-    message = message.replace("--resume --out", "--resume, --out")
     message = re.sub(r"(?<![\w-])--out (\S+?)(?=[:;,]?(?:\s|$))", r"out='\1'", message)
     message = re.sub(r"(?<![\w-])--(force|resume)\b", r"\1=True", message)
     return re.sub(r"(?<![\w-])--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), message)

@@ -86,8 +86,8 @@ class Estimates(Protocol):
     def cost_of(self, scene: Scene, size: Size) -> Cost:
         """Cost of a run."""
 
-    def map_time(self, scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
-        """Time [s] of loads of a map with so many levels each, where they are solved one after another, else None."""
+    def map_time(self, scene: Scene, size: Size, levels: Sequence[int]) -> float:
+        """Time [s] of loads of a map with so many levels each, on all cores."""
 
     def notes(self, scene: Scene, size: Size) -> Notes:
         """Remarks on estimates and accuracy."""

@@ -13,7 +13,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from .design.estimate import report_time
+from .design.findings import report_scene
 from .device import find_device
+from .errors import SceneError
 from .estimate import GPU_MEASURED, Size, levels_of_pairs
 from .knit.chain import parse_chain
 from .knit.cloth import Cloth, same_cloth
@@ -59,6 +62,8 @@ class Plan:
     exception: str  # known exceptions to the estimate, in words
     kind: str  # of model
     kind_reason: str
+    report_s: float | None  # of `warpknit report`; None of a scene without one
+    report_map_s: float  # of this, the map
     file: WireReport | None = None  # of wires from a file
     warnings: tuple[str, ...] = ()
 
@@ -67,11 +72,17 @@ class Plan:
         values = asdict(replace(self, file=None))
         for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
             del values[name]
-        for name in ("factor", "exception", "file", "kind", "kind_reason", "warnings"):
+        for name in ("factor", "exception", "file", "kind", "kind_reason", "warnings", "report_map_s"):
             del values[name]
         values["model"] = {"kind": self.kind, "kind_reason": self.kind_reason}
         file = {} if self.file is None else self.file.as_dict()
         return file | values | {"physics": list(self.physics)}
+
+    @property
+    def _report_text(self) -> str:
+        rest = (self.report_s or 0.0) - self.report_map_s
+        parts = f"{duration(self.report_map_s)} for its map, {duration(rest)} for curves, material card and page"
+        return f"warpknit report takes about {duration(self.report_s or 0.0)} on this CPU: {parts}"
 
     def lines(self) -> list[str]:
         """The plan as lines of text."""
@@ -100,6 +111,7 @@ class Plan:
             ("steps", f"about {rounded(self.steps):,}"),
             *([("sweep", self.sweep)] if self.sweep else []),
             ("time", time),
+            *([] if self.report_s is None else [("report", self._report_text)]),
             ("", f"steps and time within a factor of {self.factor:g}, for meshes like those measured"),
             *([("", self.exception)] if self.exception else []),
             ("accuracy", self.accuracy),
@@ -126,6 +138,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         refuse_large_mesh(scene, cloth, name)
     _refuse_intersecting_wires(scene, file)
     cost, notes = estimates.cost_of(scene, size), estimates.notes(scene, size)
+    report_s, report_map_s = _report(scene, size)
     return Plan(
         scene=scene.name,
         device=name,
@@ -155,6 +168,8 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         exception=notes.exception,
         kind=scene.model.kind,
         kind_reason=scene.kind_reason,
+        report_s=report_s,
+        report_map_s=report_map_s,
         file=file,
         warnings=(
             *scene_cautions(scene, cloth),
@@ -183,11 +198,20 @@ def _sweep(scene: Scene, size: Size) -> str:
     pairs = len(scene.sweep.pairs)
     meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
     levels = levels_of_pairs(scene.sweep.pairs, scene.output.frames)
-    seconds = estimates_of(scene).map_time(scene, size, levels)
-    took = "" if seconds is None else f" in about {duration(scene.sweep.seeds * seconds)}"
+    seconds = scene.sweep.seeds * estimates_of(scene).map_time(scene, size, levels)
     return (
-        f"warpknit map solves {pairs:,} pairs of {scene.sweep.quantity}{meshes}{took}; all other values are for one run of [load]"
+        f"warpknit map solves {pairs:,} pairs of {scene.sweep.quantity}{meshes} in about {duration(seconds)}; all other values"
+        " are for one run of [load]"
     )
+
+
+def _report(scene: Scene, size: Size) -> tuple[float | None, float]:
+    """[s] of a report, and of its map; None and zero of a scene that has none."""
+    try:
+        by_map, rest = report_time(report_scene(scene), size)
+    except SceneError:
+        return None, 0.0
+    return by_map + rest, by_map
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:

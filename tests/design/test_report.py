@@ -3,6 +3,7 @@
 import csv
 import html
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -14,22 +15,25 @@ from click.testing import CliRunner
 
 from warpknit import __version__
 from warpknit.cli import main
+from warpknit.commands.report import make_report as run_report
 from warpknit.design import curves
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import card_values, card_warnings, strength_values
 from warpknit.design.curves import CurvePoint
 from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points, unreached_text
 from warpknit.design.fe import CODES
-from warpknit.design.findings import DEFAULT_STRAINS, Findings
+from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.design.fine_states import exact_model
-from warpknit.design.report import _another, report_scene
+from warpknit.design.report import _another
 from warpknit.design.sections import outside_text
 from warpknit.design.service import REFINED, EqualTension, ServicePoint, equal_tension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
+from warpknit.plan import make_plan
 from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene
 from warpknit.sweep.contact_map import MapRow
+from warpknit.text import duration
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CARD = MaterialCard(
@@ -107,9 +111,37 @@ def test_the_answers_come_first(reports):
     assert closes["B"]["tension_weft_N_per_m"] == pytest.approx(closes["B"]["tension_warp_N_per_m"], rel=0.05)
     low, high = (answers["best"][end]["tension_weft_N_per_m"] for end in ("low", "high"))
     assert low < answers["best"]["tension_weft_N_per_m"] < high
+    assert f"stress at {100.0 * answers['best']['stress_over_limit']:.0f} % of the elastic limit" in page
     served = {point["tension_N_per_m"]: point["active_percent"] for point in answers["service"]}
     assert served[0.06] == pytest.approx(200.0 / 3.0) and served[4.9] is None
     assert "first yield at" in page and "contacts B close at" in page
+
+
+def test_the_wall_time_is_that_of_the_whole_report(reports):
+    """Map, card and page, each with its part. The second report uses the map of the first."""
+    out, _, said = reports
+    report = json.loads((out / "map.json").read_text(encoding="utf-8"))["report"]
+    names = ["map", "tension-strain curves", "equal tensions", "material card", "openings and page"]
+    assert list(report["stages_s"]) == names and min(report["stages_s"].values()) > 0.0
+    assert 0.9 * report["wall_s"] < sum(report["stages_s"].values()) <= report["wall_s"]
+    assert report["stages_s"]["map"] < report["stages_s"]["material card"]
+    assert f"wall time {duration(report['wall_s'], 3)} for the report: tension-strain curves " in said["0.06 N/m"]
+    assert re.search(r"wall time [0-9.]+ s for the report: map [0-9.]+ s, tension-strain curves ", said[""])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "settings"), [("contact_map.toml", []), ("heat.toml", []), ("atlas_cell_spatial.toml", ["solver.preset=draft"])]
+)
+def test_a_plan_tells_the_time_of_a_report_within_its_factor(tmp_path, monkeypatch, scene, settings):
+    """Beside the computing time of a report on one core, its processes included, which other work on the machine moves little."""
+    monkeypatch.setenv("WARPKNIT_THREADS", "1")
+    loaded = load_scene(SCENES / scene, [*settings, *SMALL[1:]])
+    planned = make_plan(loaded, "cpu")
+    begin = sum(os.times()[:4])
+    run_report(loaded, tmp_path / "r", quiet=True)
+    took = sum(os.times()[:4]) - begin
+    assert took / planned.factor < planned.report_s < took * planned.factor
 
 
 def test_without_a_tension_the_card_is_for_the_optimum(reports):

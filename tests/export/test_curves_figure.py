@@ -198,6 +198,23 @@ def test_the_legend_has_a_jump_where_a_dotted_line_is_drawn(
         assert dotted_in(figures[1])[0] == pytest.approx([-20.0, -40.0])
 
 
+@pytest.mark.parametrize(("jump", "share"), [(0.05, 0.1), (0.0, 0.4)])
+def test_a_jump_leaves_room_for_small_strains(jump: float, share: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Strains of 0.05 % before a jump of 5 % take a share of the height, in place of 1 %; all values are inside."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    base = history(1)[0]
+    rows = [
+        base | {"temperature_K": 293.15 - 20.0 * k, "strain_weft": 1e-4 * k + jump * (k > 5), "jump": int(k == 6 and jump > 0.0)}
+        for k in range(11)
+    ]
+    heat_figure.heat_figure([rows], tmp_path / "heat.png")
+    panel = figures[0].axes[2]
+    height = panel.transAxes.inverted().transform(panel.transData.transform([(0.0, 100.0 * row["strain_weft"]) for row in rows]))
+    assert np.ptp(height[:6, 1]) > share and np.all((height[:, 1] >= 0.0) & (height[:, 1] <= 1.0))
+    assert ("logarithmic beyond" in panel.get_ylabel()) == (jump > 0.0) == (panel.get_yscale() == "symlog")
+
+
 def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mesh in a frame, alone and beside one under a held tension: nothing but the word, and the curves of the other one."""
     figures: list[Figure] = []

@@ -102,7 +102,7 @@ def test_interrupted_study_goes_on_where_it_stopped(
 
     monkeypatch.setattr(study, "run_point", three)
     first = run_trade(loader, out=tmp_path / "t")
-    assert first.exit_code == 130
+    assert first.exit_code == 130 and first.message == f"interrupted; finished points are kept in {tmp_path / 't'}"
     before = read_rows(tmp_path / "t" / "trade.csv")
     assert len(before) == 3
     monkeypatch.setattr(study, "run_point", run)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import Diverged, ModelError, in_python, naming_arguments
+from ..errors import Diverged, ModelError, naming_arguments
 from ..knit.chain import KnitError
 from ..results import Run, load_run
 from ..runner.progress_display import Progress, progress_for
@@ -23,13 +23,26 @@ Directory = str | os.PathLike[str]
 INTERRUPTED = 130  # exit status
 
 
-def carried_out(scene: Scene, out: Directory | None, quiet: bool, command: Callable[[Path, Progress], CommandResult]) -> Run:
-    """The results of a command in its directory; what its exit status says is raised."""
+def carried_out(
+    scene: Scene,
+    out: Directory | None,
+    quiet: bool,
+    command: Callable[[Path, Progress], CommandResult],
+    *,
+    resume: bool,
+    force: bool,
+) -> Run:
+    """The results of a command in its directory; what its exit status says is raised.
+
+    resume: whether it already continues an interrupted one, of itself or by the argument.
+    """
     where = default_directory(scene) if out is None else directory_of(out, "out")
     with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
         result = command(where, progress)
     if result.exit_code == INTERRUPTED:
-        raise KeyboardInterrupt(in_python(result.message))
+        by_argument = "" if resume else ", with resume=True" if force else " and resume=True"
+        in_place = "" if not force else " without force=True" if resume else " in place of force=True"
+        raise KeyboardInterrupt(f"{result.message}; continue with the same call{by_argument}{in_place}")
     if result.exit_code != 0:
         raise Diverged(result.message)
     return load_run(where)

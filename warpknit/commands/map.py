@@ -32,7 +32,12 @@ def run_map(
     """
     loaded = load_scene(scene, command="map")
     return carried_out(
-        loaded, out, quiet, lambda where, progress: map_command(loaded, where, resume=resume, force=force, progress=progress)
+        loaded,
+        out,
+        quiet,
+        lambda where, progress: map_command(loaded, where, resume=resume, force=force, progress=progress),
+        resume=resume,
+        force=force,
     )
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..design.fe import CODES
-from ..design.findings import Findings
+from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
-from ..design.report import report_scene, write_report
+from ..design.report import write_report
 from ..errors import Diverged, InputError, naming_arguments
+from ..files import write_aside
 from ..results import Run
 from ..runner.progress_display import Progress
 from ..runner.run_directory import CommandResult
@@ -18,7 +21,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..sweep.contact_map import read_map
 from ..sweep.sweep import run_map as sweep_scene
-from .carried_out import Directory, Source, carried_out
+from .carried_out import INTERRUPTED, Directory, Source, carried_out
 
 
 def make_report(
@@ -59,7 +62,12 @@ def make_report(
         asked = ReportRequest(positive("tension", tension, "tension"), known, codes_of(cards))
     loaded = load_scene(scene, command="report")
     return carried_out(
-        loaded, out, quiet, lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result
+        loaded,
+        out,
+        quiet,
+        lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result,
+        resume=True,
+        force=force,
     )
 
 
@@ -84,34 +92,38 @@ class Report:
 
     result: CommandResult
     notes: tuple[str, ...]
-    page: Findings | None  # None where the map was interrupted
+    page: Findings | None  # None where the map or the page was interrupted
 
 
 def report_command(
     scene: Scene, out: Path, asked: ReportRequest, *, force: bool, progress: Progress, device: str | None = None
 ) -> Report:
     """`warpknit report`: fits, map and page; exit status 3 where no state carries the tension of the card."""
-    known = asked.known
+    begin, known = time.perf_counter(), asked.known
     loaded = report_scene(scene)
     fitted = Fitted(loaded)
     if known.openings or known.loop_length:  # another knit, for which auto may take another model
         fitted = with_known(loaded, Known(known.openings, known.loop_length))
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass), progress))
-    notes = fitted.notes
+    notes, mapped = fitted.notes, time.perf_counter()
     result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report")
     if result.exit_code != 0:
         return Report(result, notes, None)
+    times = {"map": time.perf_counter() - mapped}
     rows = read_map(out / "map.csv", out / "map_details.csv")
     try:
         page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
-    except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"interrupted; the map is kept in {out}, and the same command goes on from there") from interrupt
+    except KeyboardInterrupt:
+        return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
+    summary = result.summary | {"report": {"wall_s": time.perf_counter() - begin, "stages_s": {**times, **page.times}}}
     if not page.earlier_kept:
         write_fit(fitted, out)
+        with write_aside(out / "map.json") as file:
+            json.dump(summary, file, indent=2, allow_nan=False)
     if asked.tension is not None and page.card is None:
-        result = CommandResult(Diverged.exit_code, result.summary, page.card_state)
-    return Report(result, notes, page)
+        return Report(CommandResult(Diverged.exit_code, summary, page.card_state), notes, page)
+    return Report(CommandResult(0, summary), notes, page)
 
 
 def codes_of(cards: str | Sequence[str] | None) -> tuple[str, ...]:

@@ -57,6 +57,8 @@ def run(
         lambda where, progress: run_command(
             loaded, where, device=device, error=error, probes=probes, resume=resume, force=force, progress=progress
         ),
+        resume=resume,
+        force=force,
     )
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..measure import Observables
@@ -12,6 +12,7 @@ from ..runner.branches import Jump as RowJump
 from ..runner.history import Row
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
+from ..scene.capabilities import refuse
 from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, load_text
 from ..sweep.states import Mesh
 from ..text import celsius, engineering
@@ -27,6 +28,13 @@ from .service import EqualTension, ServicePoint
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
 DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)  # of the map where the scene has no [sweep]
+
+
+def report_scene(scene: Scene, *, ranks: int = 1) -> Scene:
+    """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
+    scene = replace(scene, sweep=scene.sweep or DEFAULT_SWEEP)
+    refuse(scene, "report", ranks=ranks)
+    return scene
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,7 @@ class Findings:
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card
+    times: Mapping[str, float] = field(default_factory=dict)  # [s] of the stages of the report
     file_notes: tuple[str, ...] = ()  # FE codes without a card and why, and files that were removed
 
     @property

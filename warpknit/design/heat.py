@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import Diverged
 from ..runner.answers import heat_of
+from ..runner.branches import Jump, jumps_of
 from ..runner.closings import Answer
 from ..runner.history import Row, row_of
 from ..scene import Scene, Stage
@@ -32,13 +33,13 @@ class HeatedMesh:
 
     rows: Sequence[Row]
     stages: Sequence[Stage]
-    expansion: float  # [1/K] of the wire
+    jumps: Sequence[Jump]  # of neighbouring rows to another equilibrium
     ended: str = ""  # why, where it did not reach the last temperature
 
     @property
     def answers(self) -> list[Answer]:
         """What heat does, as in the answers of a run."""
-        return heat_of(self.rows, self.stages, self.expansion)
+        return heat_of(self.rows, self.stages, self.jumps)
 
 
 def heat(
@@ -77,5 +78,5 @@ def heat(
                     rows.append(row_of(record))
         except Diverged:
             ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
-        found.append(HeatedMesh(rows, stages, scene.wire.expansion, ended))
+        found.append(HeatedMesh(rows, stages, jumps_of(mesh.model, rows), ended))
     return found

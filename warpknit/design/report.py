@@ -5,6 +5,7 @@ What was not found is told in words: a tension that the mesh does not reach, a s
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -20,7 +21,6 @@ from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage
-from ..scene.capabilities import refuse
 from ..sweep.contact_map import MapRow, Optimum, find_jumps, find_optimum, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import exact
@@ -37,7 +37,7 @@ from .equal_tension import (
     with_service,
 )
 from .fe import CODES
-from .findings import DEFAULT_SWEEP, Findings
+from .findings import Findings
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
 from .heat import heat, later_temperatures
 from .load_path import LoadPath, PathState, under_strain, under_tension
@@ -48,13 +48,6 @@ from .service import equal_tension
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
 WAY = 0.6  # of the time of a card: the way to the optimum
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
-
-
-def report_scene(scene: Scene) -> Scene:
-    """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
-    scene = replace(scene, sweep=scene.sweep or DEFAULT_SWEEP)
-    refuse(scene, "report")
-    return scene
 
 
 def write_report(
@@ -76,9 +69,11 @@ def write_report(
     show = progress or Progress()
 
     stages = [name for name in STAGES if name != "heat" or later_temperatures(scene)]
+    begins: dict[str, float] = {}  # [s] of the clock
 
     def begin(name: str) -> Callable[[float], None]:
         if name in stages:
+            begins[name] = time.perf_counter()
             show.stage(name, number=stages.index(name) + 1, of=len(stages))
         return lambda share: show.update(done=share, load_factor=share)
 
@@ -125,7 +120,9 @@ def write_report(
         earlier_kept=card is None and (out / CARD).exists(),
         codes=codes,
     )
-    return found if found.earlier_kept else replace(found, file_notes=write_files(found, out))
+    found = found if found.earlier_kept else replace(found, file_notes=write_files(found, out))
+    ends = [*begins.values(), time.perf_counter()][1:]
+    return replace(found, times={name: end - start for (name, start), end in zip(begins.items(), ends, strict=True)})
 
 
 def _card(

@@ -14,7 +14,6 @@ from .. import __version__, measure
 from ..files import write_aside, write_table
 from ..measure.stress_peak import peak_position
 from ..mesh.layout import contact_classes
-from ..runner.branches import jumps_of
 from ..runner.history import mean_tension
 from ..sweep.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
 from ..text import celsius
@@ -154,7 +153,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         peak = Peak(measure.largest_stress(mesh), *peak_position(mesh).tolist())
         draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit, peak=peak)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
-    behind = {id(after) for case in found.heated for _, after in jumps_of(found.model, case.rows)}
+    behind = {id(after) for case in found.heated for _, after in case.jumps}
     heated = [[vars(row) | {"jump": id(row) in behind} for row in case.rows] for case in found.heated]
     heat = heat_figure(heated, folder / "report_heat.png")
     return figures if heat is None else figures | {"heat": heat}

@@ -3,9 +3,11 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, figure_of, save_figure, scale_of
 from warpknit.export.stage_curves import (
@@ -25,6 +27,9 @@ SIDE_COLOURS = (("weft", BLUE), ("warp", ORANGE))
 LEAST_SPAN = 0.1  # of a value: shortest axis of a quantity against temperature
 HELD = 1e-6  # strain: a change of less is none
 LEAST_CHANGE = 0.1  # [%] of strain: shortest axis
+TICKS = [digit * 10.0**power for power in range(-2, 3) for digit in (1.0, 2.0, 5.0)]  # [%] of an axis with jumps
+MARGIN = 1.2  # of the limits of such an axis over its values
+FLAT = 0.1  # of the axis: what changes by less between jumps is hard to see
 
 
 def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> Path | None:
@@ -83,6 +88,11 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
         draw_curves(axes, all_of("temperature_C"), stages, curves, all_of("jump"), nothing=nothing)
         axes.set_ylabel(label)
         if axes.lines:
+            if least and (smooth := _smooth_span(curves, stages, all_of("jump"))) < FLAT * np.ptp(axes.get_ylim()):
+                linear = next(tick for tick in TICKS if tick >= max(smooth, 0.5 * least))
+                _stretch_zero(axes, linear)
+                axes.set_ylabel(f"{label}\nlogarithmic beyond ±{linear:g} %")
+                continue
             axes.yaxis.get_major_formatter().set_useOffset(False)
             _widen(axes, least)
     panels[0].set_ylim(-3.0, 103.0)
@@ -90,6 +100,29 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
         axes.set_xlabel("temperature [°C]")
     stage_legend(figure, [name for name, _ in stages])
     return save_figure(figure, path)
+
+
+def _smooth_span(
+    curves: Sequence[tuple[str, str, NDArray[Any]]], stages: Sequence[tuple[str, slice]], jumped: NDArray[np.bool_]
+) -> float:
+    """Largest change of the curves between two jumps."""
+    parts = [
+        part
+        for _, _, values in curves
+        for _, rows in stages
+        for part in np.split(values[rows], np.flatnonzero(jumped[rows][1:]) + 1)
+    ]
+    return max((float(np.ptp(part)) for part in parts if np.isfinite(part).all() and len(part)), default=0.0)
+
+
+def _stretch_zero(axes: Axes, linear: float) -> None:
+    """A vertical axis that is linear up to `linear` about zero, and logarithmic beyond: jumps leave room for small changes."""
+    low, high = axes.get_ylim()
+    axes.set_yscale("symlog", linthresh=linear)
+    ticks = [0.0, *(sign * tick for tick in (0.5 * linear, *TICKS) if tick >= 0.5 * linear for sign in (-1.0, 1.0))]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_yticks([], minor=True)
+    axes.set_ylim(min(MARGIN * low, -linear), max(MARGIN * high, linear))
 
 
 def _widen(axes: Axes, least: float) -> None:

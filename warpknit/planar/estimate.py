@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from ..estimate import (
     HOOK_ENDS,
@@ -53,6 +54,7 @@ STEP_TIME = 20e-6  # [s] overhead of a step on the CPU: launches, and a converge
 RECORD_TIME = 0.01  # [s] to measure and write a state
 NODE_STEPS_PER_S = {"single": 1.6e8, "double": 9e7}  # on one core, with contacts
 NODE_STEPS_PER_S_FROM_MEMORY = {"single": 7e7, "double": 3.5e7}  # two machines measured, 3e7 and 1.1e8 in single
+REPLICA_NODE_STEPS_PER_S = 2.5e7  # on one core, of the many small meshes of a map with their checks
 MEMORY_BOUND_NODES = 4_000_000  # nodes from which steps are limited by memory bandwidth
 # by the million and a panel of 30 x 30 repeats
 GPU = GpuTimes(
@@ -149,9 +151,12 @@ def cost_of(scene: Scene, size: Size) -> Cost:
     return Cost(steps, wall_time(scene, steps, size.nodes), gpu_time(GPU, scene, steps, size.nodes))
 
 
-def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
-    """None: not estimated, as loads are solved side by side."""
-    return None
+def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float:
+    """[s] of loads of a sweep with so many levels each, side by side on all cores."""
+    assert scene.sweep is not None
+    one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
+    steps = relax_steps(one, size.spacing) * sum(levels) / scene.output.frames
+    return steps * size.nodes / (REPLICA_NODE_STEPS_PER_S * thread_count(max(1, len(levels))))
 
 
 def notes(scene: Scene, size: Size) -> Notes:

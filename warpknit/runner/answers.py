@@ -42,12 +42,14 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     heat                              each stage that changes the temperature alone: values at its begin and end
     heat[].held                       what it holds in weft and warp, `tension` or `strain` each
     heat[].peak                       largest stress of its records, and the temperature there
-    heat[].jump                       true where the mesh jumps to another equilibrium: where a tension is held, it is strained by
-                                      far more than free wire between two records
+    heat[].jump                       true where the mesh jumps to another equilibrium in the stage: between records of `jumps`
     heat[].jump_between               the records on both sides of the first of these jumps; null without one
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
                                       shows does not count. Stages that go on loading at one temperature count as one
+    best.stress_over_limit            this stress over the elastic limit
+    best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire
+                                      does not yield, at an unknown tension, or at another temperature
     best.stage                        the stage of this state
     best.stages                       number of stages among the records up to first yield, all of which are searched
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
@@ -76,16 +78,14 @@ from ..measure.contact_classes import classes_of
 from ..scene import Stage
 from ..scene.model_choice import tension_error
 from ..solve.tension import TOLERANCE
-from .best_tension import best_tension
-from .branches import Jump
+from .best_tension import best_tension, margin
+from .branches import Jump, is_heated
 from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
 from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
-HEAT_JUMP = 20.0  # strain of a mesh over that of free wire, beyond which another equilibrium was found
-HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
 ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the residual tolerance of this (solve/tension.py)
 
 
@@ -114,6 +114,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     yields = _yielding_record(inner, limit)
     known = inner if yields is None else inner[: yields + 1]  # what is loaded further does not change the best tension
     until = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, len(known)) for one in classes}
+    best = best_tension(known, limit, classes, until, inner_jumps)
     return {
         "contacts": [
             {
@@ -134,8 +135,8 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "asked_tension_N_per_m": asked,
         "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
         "tension_error_percent": tension_error(model.scene),
-        "heat": heat_of(rows, model.scene.stages, model.scene.wire.expansion),
-        "best": best_tension(known, limit, classes, until, inner_jumps),
+        "heat": heat_of(rows, model.scene.stages, jumps),
+        "best": None if best is None else best | margin(best, limit, inner_yield),
     }
 
 
@@ -181,23 +182,16 @@ def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -
     return state_between(before, after, share) | found | {"stress_max_Pa": limit}
 
 
-def heat_of(rows: Sequence[Row], stages: Sequence[Stage], expansion: float) -> list[Answer]:
-    """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end.
-
-    expansion [1/K] of the wire.
-    """
+def heat_of(rows: Sequence[Row], stages: Sequence[Stage], jumps: Sequence[Jump]) -> list[Answer]:
+    """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end."""
     by_tension = {stage.name: stage.by_tension for stage in stages}
-    return [
-        _heated(part, by_tension[part[-1].stage], expansion)
-        for part in stages_of(rows)
-        if part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
-    ]
+    return [_heated(part, by_tension[part[-1].stage], jumps) for part in stages_of(rows) if is_heated(part)]
 
 
-def _heated(part: Sequence[Row], by_tension: Sequence[bool], expansion: float) -> Answer:
+def _heated(part: Sequence[Row], by_tension: Sequence[bool], jumps: Sequence[Jump]) -> Answer:
     """The answer of one stage, from the record before it on."""
     peak = max(part, key=lambda row: row.stress_max_Pa)
-    jump = next((both for both in pairwise(part) if _jumps_in_heat(*both, expansion)), None)
+    jump = next((both for both in pairwise(part) if is_jump(*both, jumps)), None)
     return {
         "stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension],
         **{name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED},
@@ -205,18 +199,3 @@ def _heated(part: Sequence[Row], by_tension: Sequence[bool], expansion: float) -
         "jump": jump is not None,
         "jump_between": None if jump is None else [state_of(row) for row in jump],
     }  # fmt: skip
-
-
-def _jumps_in_heat(before: Row, after: Row, expansion: float) -> bool:
-    """Whether a mesh is strained by far more than free wire between two records of a change of temperature."""
-    free = abs(expansion * (after.temperature_K - before.temperature_K))
-    strain = max(abs(after.strain_weft - before.strain_weft), abs(after.strain_warp - before.strain_warp))
-    return strain > max(HEAT_JUMP * free, HELD_STRAIN)
-
-
-def _is_held(part: Sequence[Row], side: str) -> bool:
-    """Whether the load along a side is the same at begin and end of a stage: no strain but that of a frame, or no tension."""
-    begin, end = part[0], part[-1]
-    strain = abs(vars(end)[f"strain_{side}"] - vars(begin)[f"strain_{side}"])
-    tension = [vars(row)[f"tension_{side}_N_per_m"] for row in (begin, end)]
-    return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))

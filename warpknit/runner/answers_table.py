@@ -45,14 +45,21 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
         yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
     yield "first yield at", _yield(answers, yield_stress, reached)
     inner = answers["first_yield_interior"]
-    if answers["first_yield"] is not None and (inner is None or _mean(inner) > _mean(answers["first_yield"])):
+    if away := _inside(answers):
         yield (
-            "  away from the grips",
+            f" {away}",
             f"not {reached}" if inner is None else _found(inner) if inner["resolved"] else _records(inner),
         )
     for stage in answers["heat"]:
         yield from _heat(stage)
     yield from _best(answers, gave_up)
+
+
+def _inside(answers: Mapping[str, Any]) -> str:
+    """That a first yield is that away from the grips; empty where it is the same at them."""
+    first_yield, inner = answers["first_yield"], answers["first_yield_interior"]
+    differs = first_yield is not None and (inner is None or _mean(inner) > _mean(first_yield))
+    return " away from the grips" if differs else ""
 
 
 def advice_rows(answers: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -257,6 +264,9 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     stress = engineering(best["stress_max_Pa"], "Pa")
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
     yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
+    times = best["first_yield_over_tension"]
+    first_yield = "" if times is None else f"; first yield{_inside(answers)} at {times:.3g} times this tension"
+    yield "  margin", f"stress at {percent(best['stress_over_limit'], 0)} of the elastic limit{first_yield}"
     if low == high and not best["grows"]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return

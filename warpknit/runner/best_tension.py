@@ -39,6 +39,15 @@ def best_tension(
     return best | {"stages": len({row.stage for row in rows[1:]})}
 
 
+def margin(best: Answer, limit: float, first_yield: Answer | None) -> Answer:
+    """How far the best tension is from yield: by its stress over the elastic `limit` [Pa], by the tension of `first_yield`."""
+    times = None
+    if first_yield is not None and first_yield["resolved"]:
+        if first_yield["between"][1]["temperature_K"] == best["temperature_K"]:
+            times = mean_tension(Row(**first_yield)) / mean_tension(Row(**best))
+    return {"stress_over_limit": best["stress_max_Pa"] / limit, "first_yield_over_tension": times}
+
+
 def _best_of(
     rows: Sequence[Row], limit: float, classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
 ) -> Answer | None:

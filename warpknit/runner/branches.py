@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from ..text import engineering
 from .history import Row, mean_tension, stages_of, work_terms
 
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
+HEAT_JUMP = 20.0  # strain of a mesh over that of free wire, beyond which another equilibrium was found
+HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
 Jump = tuple[Row, Row]  # neighbouring states of different branches
 
 
@@ -19,8 +22,36 @@ def jumps_of(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:
     """Jumps within the stages of a quasi-static run, each along its load factor; none of a hook, or of a ramp."""
     if model.scene.hook is not None or model.scene.solver.drive != "relax":
         return []
-    paths = ((part, [0.0, *(row.load_factor for row in part[1:])]) for part in stages_of(rows))
-    return [jump for part, path in paths for jump in jumps_along(model, part, np.array(path))]
+    found: list[Jump] = []
+    for part in stages_of(rows):
+        along = jumps_along(model, part, np.array([0.0, *(row.load_factor for row in part[1:])]))
+        behind = {id(after) for _, after in (*along, *jumps_in_heat(part, model.scene.wire.expansion))}
+        found += [(before, after) for before, after in pairwise(part) if id(after) in behind]
+    return found
+
+
+def is_heated(part: Sequence[Row]) -> bool:
+    """Whether a stage, from the row before it on, changes the temperature and holds strain or tension in both directions."""
+    return part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
+
+
+def _is_held(part: Sequence[Row], side: str) -> bool:
+    """Whether the load along a side is the same at begin and end of a stage: no strain but that of a frame, or no tension."""
+    begin, end = part[0], part[-1]
+    strain = abs(vars(end)[f"strain_{side}"] - vars(begin)[f"strain_{side}"])
+    tension = [vars(row)[f"tension_{side}_N_per_m"] for row in (begin, end)]
+    return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
+
+
+def jumps_in_heat(part: Sequence[Row], expansion: float) -> list[Jump]:
+    """Neighbouring rows of a heated stage between which the mesh is strained by far more than free wire of `expansion` [1/K]."""
+
+    def jumped(before: Row, after: Row) -> bool:
+        free = abs(expansion * (after.temperature_K - before.temperature_K))
+        strain = max(abs(after.strain_weft - before.strain_weft), abs(after.strain_warp - before.strain_warp))
+        return strain > max(HEAT_JUMP * free, HELD_STRAIN)
+
+    return [both for both in pairwise(part) if jumped(*both)] if is_heated(part) else []
 
 
 def jumps_under_tension(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:

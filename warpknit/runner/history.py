@@ -85,6 +85,12 @@ def add_work(rows: list[Row], model: MeshModel) -> None:
             r.work_J = part[0].work_J + float(w) + r.edge_work_J - part[0].edge_work_J
 
 
+def missing_work(row: Row, model: MeshModel) -> float:
+    """[J] work in less stored, dissipated and kinetic energy; a relaxation has no kinetic one."""
+    kinetic = row.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
+    return float(row.work_J - row.stored - row.dissipated_J - kinetic)
+
+
 def mean_tension(row: Row) -> float:
     """[N/m] mean of weft and warp."""
     return float(0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m))

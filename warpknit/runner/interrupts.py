@@ -6,14 +6,8 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 STOPPING = b"\nstopping after this check; press Ctrl-C again to stop at once\n"
-
-
-def to_continue(out: Path) -> str:
-    """How an interrupted command goes on."""
-    return f"continue with the same command and --resume --out {out}"
 
 
 class Interrupted(Exception):

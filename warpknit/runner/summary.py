@@ -47,7 +47,8 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     wire.stress_max_so_far_Pa                largest stress of all records so far
     probes                                   last values of the probes of `run`, by their names
     jumps                                    pairs of `index`: neighbouring records between which the mesh jumps to another
-                                             branch of equilibria
+                                             branch of equilibria; in a change of temperature also where it is strained by far
+                                             more than free wire
     answers                                  what a designer asks, see below; null for a `[hook]`
     stages                                   the same groups at the end of each stage, with its `name`
 """
@@ -64,7 +65,7 @@ from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
 from .answers import answers_of
 from .branches import jumps_of
-from .history import Row
+from .history import Row, missing_work
 from .warnings_of import warnings_of
 
 
@@ -107,20 +108,14 @@ def energy_balance(rows: list[Row], model: MeshModel) -> float:
 
     The damping of a ramp counts as dissipated; a relaxation follows equilibria, where damping dissipates nothing.
     """
-    return _missing_work(rows, model) / max(rows[-1].stored, measure.energy_scale(model))
+    return missing_work(rows[-1], model) / max(rows[-1].stored, measure.energy_scale(model))
 
 
 def energy_balance_of_stored(rows: list[Row], model: MeshModel) -> float:
     """The same over the largest stored energy so far; 0 where almost none was stored."""
     largest = max(row.stored for row in rows)
     least = STORED_FLOOR * measure.energy_scale(model)
-    return _missing_work(rows, model) / largest if largest > least else 0.0
-
-
-def _missing_work(rows: list[Row], model: MeshModel) -> float:
-    last = rows[-1]
-    kinetic = last.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
-    return last.work_J - last.stored - last.dissipated_J - kinetic
+    return missing_work(rows[-1], model) / largest if largest > least else 0.0
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,11 @@ from ..text import alike, celsius, engineering, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .closings import SLACK_STRAIN, is_jump, takes_up_slack
-from .history import Row
+from .history import Row, missing_work
 from .strength import limit_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
+MOST = 0.5  # of the work that is not stored: two levels between which so much is missing are named
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
 PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direction that is held counts as compressed
@@ -43,7 +44,7 @@ def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[s
         *_contacts_as_knitted(model, rows),
         *_lost_contact([row for row in rows if row.is_hook]),
         *_jumped(model, rows),
-        *_snapped(model, stages),
+        *_snapped(model, rows, stages),
     ]
 
 
@@ -222,13 +223,28 @@ def _between(a: Row, b: Row) -> str:
     return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of the load of stage {b.stage!r}"
 
 
-def _snapped(model: MeshModel, stages: Stages) -> Iterator[str]:
+def _snapped(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
+    """Work that is not stored, and the neighbouring levels between which most of it is missing.
+
+    Two levels do not tell the work while slack is taken up between them, which `_strained_far` tells.
+    """
     followed = model.scene.output.frames >= LEVELS_FOLLOWED or model.scene.solver.drive == "ramp"
-    if stages and followed and abs(stages[-1]["quality"]["energy_balance_of_stored"]) > UNBALANCED:
-        yield (
-            f"work and stored energy differ by {percent(stages[-1]['quality']['energy_balance_of_stored'], 0)} of the largest"
-            " stored energy: the mesh snapped through between recorded states, or output.frames is too small"
-        )
+    of_all = stages[-1]["quality"]["energy_balance_of_stored"] if stages and followed else 0.0
+    if abs(of_all) <= UNBALANCED:
+        return
+    missing = [missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
+    known = [0.0 if takes_up_slack(*both) else one for one, both in zip(missing, pairwise(rows), strict=True)]
+    lost = of_all * np.array(known) / missing_work(rows[-1], model)  # of the largest stored energy
+    balance, k = lost.sum(), int(np.argmax(np.sign(lost.sum()) * lost))
+    if abs(balance) <= UNBALANCED:
+        return
+    where = "a larger output.frames tells more"
+    if lost[k] / balance >= MOST:
+        there = f"by {percent(lost[k], 0)} between {_between(rows[k], rows[k + 1])}"
+        where = f"{there}, where the mesh snapped through, or output.frames is too small"
+        if is_jump(rows[k], rows[k + 1], jumps_of(model, rows)):
+            where = f"{there}, where the mesh jumps"
+    yield f"work and stored energy differ by {percent(balance, 0)} of the largest stored energy: {where}"
 
 
 def _driven_by_tension(model: MeshModel, name: str) -> np.ndarray:

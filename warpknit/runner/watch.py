@@ -14,7 +14,7 @@ from ..errors import Diverged
 from ..measure.table import Record
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import write_checkpoint
-from .interrupts import Interrupted, Interrupts, to_continue
+from .interrupts import Interrupted, Interrupts
 
 DISPLAY_INTERVAL = 0.1  # [s]
 # [s] a checkpoint that takes longer, as that of a mesh of millions of nodes, is written less often: in a twentieth of the time
@@ -67,7 +67,7 @@ class Watch:
                     del record  # its fields are as large as the state
             except Interrupted:
                 self._checkpoint()
-                return LoopResult("interrupted", 130, f"interrupted; {to_continue(self.out)}")
+                return LoopResult("interrupted", 130, "interrupted")
             except Diverged as error:
                 return LoopResult("diverged", error.exit_code, str(error))
         return LoopResult("steady")

@@ -46,11 +46,7 @@ def first_error(file: object, error: ValidationError) -> SceneError:
         case "unexpected_keyword_argument" | "invalid_key":
             if (nested := _nested(location)) is not None:
                 return scene_error(file, dotted(location), given, nested, more)
-            nearest = _nearest_key(location)
-            unknown = f"{dotted(location)}: unknown key, the nearest is {nearest}"
-            if {location[0], nearest.split(".")[0]} == WIRE_TABLES:
-                unknown += " ([wire] is one wire, [wires] a file of wires)"
-            return scene_error(file, unknown, given, ", ".join(_fields(location[:-1])), more)
+            return unknown_key(file, location, given, more)
         case "missing":
             return scene_error(file, dotted(location), "nothing", _allowed_at(location), more)
         case "tuple_type":
@@ -59,6 +55,24 @@ def first_error(file: object, error: ValidationError) -> SceneError:
             return scene_error(file, dotted(location), given, "a list with at least one entry", more)
         case _:
             return scene_error(file, dotted(location) or "the file", given, "a table", more)
+
+
+def unknown_key(file: object, location: Location, given: str, more: Sequence[str] = ()) -> SceneError:
+    """The error for a location of which a part is no key, with the nearest that is one; more: the keys of other errors."""
+    depth = unknown_depth(location)
+    assert depth is not None
+    above, below = location[: depth + 1], dotted(location[depth + 1 :])
+    nearest = _nearest_key(above) + ("." if below[:1] not in ("", "[") else "") + below
+    unknown = f"{dotted(location)}: unknown key, the nearest is {nearest}"
+    if {location[0], nearest.split(".")[0]} == WIRE_TABLES:
+        unknown += " ([wire] is one wire, [wires] a file of wires)"
+    return scene_error(file, unknown, given, ", ".join(_fields(above[:-1])), more)
+
+
+def unknown_depth(location: Location) -> int | None:
+    """Place of the first part of a location that is no key; None where all are."""
+    parts = enumerate(location)
+    return next((k for k, part in parts if isinstance(part, str) and part not in _fields(location[:k])), None)
 
 
 def value_text(location: Sequence[int | str], value: Any) -> str:

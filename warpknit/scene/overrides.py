@@ -13,7 +13,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from warpknit.scene.messages import default_list, dotted, scene_error
+from warpknit.scene.messages import Location, default_list, dotted, scene_error, unknown_depth, unknown_key
 from warpknit.scene.scene import Override, Overrides
 from warpknit.scene.units import shown
 
@@ -43,7 +43,7 @@ def as_list(overrides: Overrides) -> list[Override]:
 
 def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> dict[str, Any]:
     """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
-    made: dict[str, Any] = as_written(table)
+    made: dict[str, Any] = as_written(table, file)
     keys_set: set[tuple[int | str, ...]] = set()
     for override in as_list(overrides):
         key, value = _key_and_value(file, override)
@@ -59,12 +59,19 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
     return made
 
 
-def as_written(value: Any) -> Any:
-    """A copy of a value given in code, as TOML has it: arrays as lists, NumPy's numbers as numbers, paths as strings."""
+def as_written(value: Any, file: object, location: Location = ()) -> Any:
+    """A copy of a value given in code, as TOML has it: arrays as lists, NumPy's numbers as numbers, paths as strings.
+
+    file, location: for the error of a key that is no text.
+    """
     if isinstance(value, Mapping):
-        return {key: as_written(entry) for key, entry in value.items()}
+        for key in value:
+            if not isinstance(key, str):
+                allowed = "keys that are text, such as 'wire' or 'diameter'"
+                raise scene_error(file, dotted(location) or "the dict", f"the key {shown(key)}", allowed)
+        return {key: as_written(entry, file, (*location, key)) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [as_written(entry) for entry in value]
+        return [as_written(entry, file, (*location, k)) for k, entry in enumerate(value)]
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     return value.tolist() if hasattr(value, "tolist") else value
@@ -75,7 +82,7 @@ def _key_and_value(file: object, override: Override) -> tuple[str, Any]:
         if not isinstance(override, Sequence) or len(override) != 2:
             raise scene_error(file, "an override", shown(override), "KEY=VALUE as text, or a pair of a key and its value")
         key, value = override[0], override[1]
-        return key, as_written(value)
+        return key, as_written(value, file, _location(file, key))
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         raise scene_error(file, "an override", shown(override), "KEY=VALUE, such as load.strain_warp=0.05")
@@ -110,12 +117,14 @@ def _at(table: Any, location: Sequence[int | str]) -> Any:
     return table
 
 
-def _set(file: object, table: Any, location: Sequence[int | str], value: Any) -> None:
+def _set(file: object, table: Any, location: Location, value: Any) -> None:
     """Set one value; tables on the way are made, a list starts from its default and grows by one entry at its end."""
     for depth, part in enumerate(location):
         here = dotted(location[:depth]) or "the file"
         if isinstance(part, int):
             if not isinstance(table, list) or part > len(table):
+                if unknown_depth(location[:depth]) is not None:
+                    raise unknown_key(file, location, shown(value))
                 size = len(table) if isinstance(table, list) else 0
                 allowed = f"an entry 0 to {size} of a list, of which {size} is a new one"
                 raise scene_error(file, dotted(location[: depth + 1]), shown(value), allowed)
@@ -129,4 +138,4 @@ def _set(file: object, table: Any, location: Sequence[int | str], value: Any) ->
             table = table[part]
         else:
             is_list = isinstance(location[depth + 1], int)
-            table = table.setdefault(part, as_written(default_list(location[: depth + 1])) if is_list else {})
+            table = table.setdefault(part, as_written(default_list(location[: depth + 1]), file) if is_list else {})

@@ -124,7 +124,7 @@ def _smaller(scene: Scene) -> Scene | None:
     return smaller_scene(scene) if is_knit and scene.solver.drive == "relax" and not scene.has_moving_edge else None
 
 
-def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float | None:
+def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float:
     """[s] of loads of a sweep with so many levels each, one after the other in `thread_count` processes."""
     assert scene.sweep is not None
     if not levels:

@@ -10,6 +10,8 @@ from ..runner.summary_table import TIMED, model_rows
 from ..text import alike, duration, engineering, percent
 from .contact_map import drift_text, optimum_note
 
+LEAST_TOLD = 0.1  # [s] of a stage of a report: a map that was there takes less
+
 
 def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     """Table of a map: pairs of a heading and a text."""
@@ -21,7 +23,11 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield f"pairs of {summary.get('loads', 'strains')}", f"{cells['steady']} of {cells['wanted']} converged{meshes}"
     steps, nodes = solver["cell_steps"], summary["model"]["nodes"]
     yield "time steps", f"{steps:,} of {nodes:,} nodes, {solver['cell_steps_per_s']:,.0f} a second"
-    yield "wall time", f"{duration(solver['wall_s'], 3)} {TIMED}"
+    if (report := summary.get("report")) is None:
+        yield "wall time", f"{duration(solver['wall_s'], 3)} {TIMED}"
+    else:
+        stages = ", ".join(f"{name} {duration(took)}" for name, took in report["stages_s"].items() if took >= LEAST_TOLD)
+        yield "wall time", f"{duration(report['wall_s'], 3)} for the report: {stages}"
     limit = summary["wire"]["yield_stress_Pa"]
     note = assumed_note("wire.yield_stress", summary["wire"].get("yield_stress_assumed", False))
     if optimum is None:

@@ -170,22 +170,22 @@ class _Mapper:
             return None
         return (
             f"the map is incomplete: {done} of {wanted} pairs of {self.sweep.quantity} are done, and the optimum is the best of"
-            " these; --resume goes on"
+            " these"
         )
 
     def estimate(self, size: Size) -> None:
-        """Tell the time of the pairs that are missing, where they are solved one after another."""
+        """Tell the time of the pairs that are missing."""
         estimates = estimates_of(self.scene)
         missing = [self._missing(done) for done in self.maps]
         seconds = [estimates.map_time(self.scene, size, list(levels.values())) for levels in missing]
-        if None in seconds or not any(missing):
+        if not any(missing):
             return
         count = sum(map(len, missing))
         left = f"{count} pair{'s that are' if count > 1 else ' that is'} missing"
         _log.info(
             "estimated time of the %s: %s on idle cores, within a factor of %g",
             left if any(self.maps) else "map",
-            duration(sum(one for one in seconds if one is not None)),
+            duration(sum(seconds)),
             estimates.notes(self.scene, size).factor,
         )
 

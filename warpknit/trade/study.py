@@ -19,7 +19,7 @@ from ..estimate import Size
 from ..files import write_aside, write_table
 from ..model import build_model, estimates_of, node_count, trials_of
 from ..numerics import slowest_rate
-from ..runner.interrupts import Interrupted, Interrupts, to_continue
+from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Progress as Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..runner.summary_table import model_rows
@@ -99,7 +99,7 @@ class _Study:
                     self.display.stage(point.name, number=number, of=len(points))
                     self._run(point)
             except Interrupted:
-                reason, code, message = "interrupted", 130, f"interrupted; {to_continue(self.out)}"
+                reason, code, message = "interrupted", 130, f"interrupted; finished points are kept in {self.out}"
         summary = self._summary(reason)
         with write_aside(self.out / "trade.json") as file:
             json.dump(summary, file, indent=2, allow_nan=False)
