@@ -119,7 +119,7 @@ class MultiplierRules:
             error_ratio(sums.gap_square, sums.closed, sums.gap_max, gap, allowance),
         )
         better = ratio < 0.9 * self._best[rows]
-        stalled = np.where(better | (ratio < 1.0), 0, self._stalled[rows] + 1)
+        stalled = np.where(better, 0, self._stalled[rows] + 1)
         slower = stalled >= RATE_PATIENCE
         self._best[rows] = np.where(better, ratio, self._best[rows])
         self._stalled[rows] = np.where(slower, 0, stalled)

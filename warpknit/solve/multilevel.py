@@ -12,6 +12,7 @@ from typing import cast
 
 import numpy as np
 
+from ..errors import Diverged
 from ..kernels import control as c
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
@@ -26,6 +27,7 @@ from .drive import under
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
+from .tension import MAX_STATES, TensionSearch
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
@@ -72,6 +74,7 @@ class MultilevelRelaxation(Relaxation):
             if self.scene.has_moving_edge:
                 self._rim, self.edge_work = rim, EdgeWork()
         self._correction, self._lift = Aitken(), Aitken()
+        self._expected: LoadPoint | None = None  # of a wanted tension
 
     @property
     def rim(self) -> Rim | None:
@@ -138,13 +141,42 @@ class MultilevelRelaxation(Relaxation):
                 smaller.release(begin, end)
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+        self._expected = None
         if self.smaller is not None:
             load = self._solve_smaller(self.smaller, load, wanted)
+            if wanted is not None and self.cell is not None:
+                self._expected = self._expect(self.smaller, self.cell, load, wanted)
         if self.cell is not None and self.membrane is not None:
-            at = load.gradient, load.temperature
+            there = self._expected or load
+            at = there.gradient, there.temperature
             self._response = find_response(self._cell_at, self.cell.model, *at, self.model.device)
             self.membrane.renew(self._response)
         return load
+
+    def _expect(self, smaller: Relaxation, cell: Relaxation, load: LoadPoint, wanted: WantedTension) -> LoadPoint:
+        """The load at which the wanted tension is expected, from those of the smaller mesh and of endless cloth.
+
+        Cloth beside the grips pulls beside that between them. What a mesh carries beyond endless cloth at the same strain falls
+        with its number of repeats: T(n, strain) = T + (n'/n)(T(n', strain) - T), with the tangent of the smaller mesh from its
+        strain on. The search of the mesh begins with the tangent of this sum.
+        """
+        share = float(np.sum(1.0 / np.array(self.scene.knit.repeats)) / np.sum(1.0 / np.array(smaller.scene.knit.repeats)))
+        tangent, search = np.array(smaller.progress.search.stiffness or np.zeros((2, 2))), TensionSearch()
+        begin, tension = smaller.strain_and_tension()
+        strain: np.ndarray | None = begin
+        before, there = cell.snapshot(), load
+        try:
+            while strain is not None and search.states <= MAX_STATES:
+                there = load.strained(wanted.gradient(load.gradient, strain))
+                cell.solve(there)
+                beside_grips = tension + tangent @ (strain - begin)
+                expected = share * beside_grips + (1.0 - share) * cell.strain_and_tension()[1]
+                strain = self.next_strain(search, strain, expected, wanted)
+        except Diverged:
+            cell.restore(before)
+            return load
+        self.progress.search.stiffness = self.progress.search.stiffness or search.stiffness
+        return there
 
     def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and its state variables."""
@@ -194,7 +226,9 @@ class MultilevelRelaxation(Relaxation):
                     " wires would overlap too deeply: it was loaded from its own state"
                 )
                 self.mechanics.set_load(begin, 0)
-                self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
+            there = self._expected or target
+            if there is not target or not self.progress.is_prolonged:
+                self.mechanics.set_load(there, self.mechanics.load_steps(there, predicted=False))
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:

@@ -23,7 +23,7 @@ from .drive import Drive, under
 from .equilibrium import Equilibrium
 from .progress import Progress, Record
 from .stage_load import history_steps
-from .tension import MAX_STATES
+from .tension import MAX_STATES, TensionSearch
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
@@ -232,16 +232,23 @@ class Relaxation(Drive):
     def _begin_solving(self) -> None:
         self.equilibrium.begin(self.row)
 
+    def strain_and_tension(self) -> tuple[np.ndarray, np.ndarray]:
+        """Strain (2,) and tension (2,) [N/m] of the mesh in weft and warp."""
+        observed = self.mechanics.observe()
+        return np.diag(observed.stretch) - 1.0, self.mesh_tension(observed)
+
+    def next_strain(
+        self, search: TensionSearch, strain: np.ndarray, tension: np.ndarray, wanted: WantedTension
+    ) -> np.ndarray | None:
+        """Strain (2,) that a search tries next, or None where the tension is reached."""
+        scale, tolerance = tension_scale(self.model), self.scene.solver.residual_tolerance
+        return search.next_strain(strain, tension, wanted.tension, wanted.driven, scale, tolerance)
+
     def _find_tension(self, wanted: WantedTension, load: LoadPoint) -> Iterator[Unsolved]:
         """Vary the strain until the equilibrium carries the prescribed tension."""
-        scale = tension_scale(self.model)
         while True:
-            observed = self.mechanics.observe()
-            strain = np.diag(observed.stretch) - 1.0
-            tension = self.mesh_tension(observed)
-            next_strain = self.progress.search.next_strain(
-                strain, tension, wanted.tension, wanted.driven, scale, self.scene.solver.residual_tolerance
-            )
+            strain, tension = self.strain_and_tension()
+            next_strain = self.next_strain(self.progress.search, strain, tension, wanted)
             if next_strain is None:
                 return
             if self.progress.search.states > MAX_STATES:
@@ -252,8 +259,7 @@ class Relaxation(Drive):
                     f" {force[3]}): give smaller tensions, more output.frames, a smaller solver.residual_tolerance, or strains"
                 )
             self._begin_solving()
-            gradient = wanted.gradient(observed.gradient, next_strain)
-            load = load.strained(gradient)
+            load = load.strained(wanted.gradient(self.state.gradient, next_strain))
             self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=False))
             yield UNSOLVED
 
