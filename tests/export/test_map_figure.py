@@ -203,3 +203,16 @@ def test_lines_that_would_merge_are_left_out(tmp_path, monkeypatch):
     map_figure(tmp_path / "a.png", strains, strains, stress, title="", label="stress", unit="Pa", marks=marks)
     (lines,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadContourSet)]
     assert len(lines.levels) == 1
+
+
+def test_stubs_of_lines_are_left_out(tmp_path, monkeypatch):
+    """Values rise along the diagonal: of the lines of 0.4, 5 and 9.6 cells the first and the last cut a corner in 0.57 cells."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr(module.MaxNLocator, "tick_values", lambda self, low, high: np.array([0.4, 5.0, 9.6]))
+    cells = np.arange(6.0)
+    marks = Marks(stress=np.full((6, 6), 1.0), yield_stress=10.0, optimum=None)
+    map_figure(tmp_path / "a.png", cells, cells, np.add.outer(cells, cells), title="", label="", unit="", marks=marks)
+    (lines,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadContourSet)]
+    pieces = [len(path.to_polygons(closed_only=False)) for path in lines.get_paths()]
+    assert dict(zip(lines.levels.tolist(), pieces, strict=True))[5.0] == 1 and sum(pieces) == 1

@@ -20,6 +20,7 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.contour import ContourSet
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.path import Path as Line
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 LIMIT_WIDTH = 2.4  # [pt]
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
+LEAST_LINE = 0.75  # cells: shorter pieces of lines between jumps are left out
 LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
 NAME_ROOM = 3.0  # [pt] about the name of a line
 PLACES_APART = 2.0  # [pt] along a line, where its name may stand
@@ -151,8 +153,27 @@ def _draw_levels(
     names = {some[-1]: ", ".join(f"{level:g}" for level in some) + (" %" if percent else "") for some in same.values()}
     # a share that reaches a line is on its upper side
     shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
-    bar.add_lines(axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9))
+    drawn = axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9)
+    bar.add_lines(drawn)
+    if not percent:
+        _drop_stubs(drawn, x, y)
     return names
+
+
+def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
+    """Take open pieces shorter than LEAST_LINE cells out of lines of equal value; whether any line is left."""
+    cell = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
+    kept = []
+    for path in drawn.get_paths():
+        parts = [np.asarray(part) for part in path.to_polygons(closed_only=False)]
+        kept.append([part for part in parts if np.array_equal(part[0], part[-1]) or _length(part / cell) >= LEAST_LINE])
+    drawn.set_paths([Line.make_compound_path(*map(Line, parts)) for parts in kept])
+    return any(kept)
+
+
+def _length(line: NDArray[Any]) -> float:
+    """Length of a line (n, 2)."""
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, levels: Sequence[float]) -> list[float]:
@@ -253,7 +274,7 @@ def _draw_marks(
     limit = f"the elastic limit, {scale * marks.yield_stress:.3g} {unit}"
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
         style = {"colors": LIMIT_COLOUR, "linewidths": LIMIT_WIDTH}
-        if any(np.size(path.vertices) for path in axes.contour(x, y, stress, levels=[marks.yield_stress], **style).get_paths()):
+        if _drop_stubs(axes.contour(x, y, stress, levels=[marks.yield_stress], **style), x, y):
             label = "elastic limit, between middles of cells"
             handles.append(Line2D([], [], color=LIMIT_COLOUR, linewidth=LIMIT_WIDTH, label=label))
     if len(above):
@@ -275,7 +296,7 @@ def _draw_marks(
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]
         text = " / ".join(f"{value:.1f} {of_load[1]}" for value in place)
-        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=5, clip_on=False, **style)
+        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=7, clip_on=False, **style)  # over its cross, which the legend tells
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}{marks.optimum_note}", **style))
     inside = [(label, load, value) for label, load, value in marks.places if load is not None]
     for (label, load, value), marker in zip(inside, cycle(PLACE_MARKERS), strict=False):

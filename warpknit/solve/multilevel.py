@@ -29,6 +29,7 @@ from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
 from .tension import MAX_STATES, TensionSearch
 
+EXPECTED_STEPS = 2  # over those of another load, from the state of a smaller mesh on: tight cloth overlaps if strained faster
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 CORRECTION_CHECKS = 4  # convergence checks between membrane corrections, at least; a multiple after some that failed
@@ -226,9 +227,10 @@ class MultilevelRelaxation(Relaxation):
                     " wires would overlap too deeply: it was loaded from its own state"
                 )
                 self.mechanics.set_load(begin, 0)
-            there = self._expected or target
-            if there is not target or not self.progress.is_prolonged:
-                self.mechanics.set_load(there, self.mechanics.load_steps(there, predicted=False))
+                self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
+            if self._expected is not None:
+                steps = EXPECTED_STEPS * self.mechanics.load_steps(self._expected, predicted=False)
+                self.mechanics.set_load(self._expected, steps)
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
