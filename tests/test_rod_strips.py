@@ -258,6 +258,18 @@ def test_large_strips_start_from_a_smaller_mesh_and_move_as_a_membrane(least: in
     assert measure.mesh_tension(shared) == measure.mesh_tension(alone)
 
 
+@pytest.mark.slow
+def test_large_strips_under_a_tension_begin_at_the_same_strain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is expected from the smaller mesh, which is shared, and from one repeat, which every rank has to itself."""
+    monkeypatch.setattr(simulate, "NODES_A_STRIP", 100)
+    here = scene("reverse locknit", [13, 13], "gripped", model={"nodes_per_loop": 20})
+    here = here.changed(["load={tension_weft=0.05, tension_warp=0.05}"])
+    alone, steps, *_ = last_reading(here, One())
+    (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
+    assert taken == steps
+    assert_same_bits(shared, alone)
+
+
 def test_all_ranks_say_which_wires_overlap() -> None:
     """The first finds them in the mesh of all."""
 
