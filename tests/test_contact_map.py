@@ -89,8 +89,8 @@ def test_among_equal_shares_the_optimum_has_equal_neighbours_and_the_least_stres
     assert best.edge_warning is None
 
 
-def test_a_drift_of_the_optimum_tells_the_jumps_within_it():
-    """All cells are alike, and the mesh jumps at weft 0.3 to 0.4, at every warp: tensions are the strains in N/m."""
+def test_a_drift_of_the_optimum_ends_where_the_mesh_jumps():
+    """All cells are alike, and the mesh jumps at weft 0.3 to 0.4, at every warp: tensions are the strains and 0.1, in N/m."""
     rows = square(lambda i, j: 60, lambda i, j: 1e8)
     for one in rows:
         one.tension_weft_N_per_m, one.tension_warp_N_per_m = one.strain_weft + 0.1, one.strain_warp + 0.1
@@ -101,7 +101,8 @@ def test_a_drift_of_the_optimum_tells_the_jumps_within_it():
     drift = {one.along: one for one in best.drift}
     assert [len(drift[along].jumps) for along in ("weft", "warp", "both")] == [1, 0, 1]
     assert np.array(drift["weft"].jumps[0])[:, 0] == pytest.approx([0.4, 0.5])
-    assert drift_text(asdict(drift["weft"])).count("; the mesh jumps between 400 mN/m / ") == 1
+    assert (drift["weft"].high[0], drift["warp"].high[1]) == pytest.approx((0.4, 0.5))
+    assert drift_text(asdict(drift["weft"])).count("; beyond it the mesh jumps between 400 mN/m / ") == 1
 
 
 def test_a_drift_beside_a_pair_that_did_not_converge_is_at_least_that_far():

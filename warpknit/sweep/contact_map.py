@@ -9,7 +9,6 @@ import csv
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -241,11 +240,13 @@ class Drift:
     open_high: bool
     diverged_low: bool  # the next pair did not converge
     diverged_high: bool
-    jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium, within the range
+    jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium that ends the range
 
 
 def drift_text(drift: Mapping[str, Any]) -> str:
     """A `Drift`, as a table of its fields, in words."""
+    jumps = "; ".join(" and ".join(load_text(side, by_tension=True) for side in jump) for jump in drift.get("jumps", ()))
+    snaps = f"; beyond it the mesh jumps between {jumps}" if jumps else ""
     if drift["low"] == drift["high"]:
         reasons = {"open": "beyond the edge of the map", "diverged": "where the next pair did not converge"}
         unknown = " and ".join(
@@ -253,16 +254,15 @@ def drift_text(drift: Mapping[str, Any]) -> str:
             for name, why in reasons.items()
             if (sides := [side for side, end in (("below", "low"), ("above", "high")) if drift.get(f"{name}_{end}")])
         )
-        return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "")
+        return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "") + snaps
     ends = []
     for end, at in (("low", "at most "), ("high", "at least ")):
         text = load_text(drift[end], by_tension=True)
         if drift.get(f"diverged_{end}"):
             text = f"{at}{text}, where the next pair did not converge"
         ends.append(text + (" (the edge of the map)" if drift[f"open_{end}"] else ""))
-    snaps = "; ".join(" and ".join(load_text(side, by_tension=True) for side in jump) for jump in drift.get("jumps", ()))
     comma = "," if drift.get("diverged_low") else ""
-    return f"from {ends[0]}{comma} to {ends[1]}" + (f"; the mesh jumps between {snaps}" if snaps else "")
+    return f"from {ends[0]}{comma} to {ends[1]}{snaps}"
 
 
 @dataclass(frozen=True)
@@ -313,7 +313,7 @@ def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool 
 def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Jump] = ()) -> Optimum | None:
     """The optimum among converged cells with tension in both directions and no stress above `yield_stress` [Pa], or None.
 
-    jumps: those of `find_jumps`, which are told where the tension may drift over them.
+    jumps: those of `find_jumps`, where a range over which the tension may drift ends.
     A mesh of equal loops has few different shares of active contacts, so many cells tie. Ties are resolved by the number of
     equally good neighbours (robustness against strain errors), then by the smallest stress.
     """
@@ -364,19 +364,24 @@ def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps
         return bool(enough and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0)
 
     for along, (i, j) in (("weft", (1, 0)), ("warp", (0, 1)), ("both", (1, 1))):
-        reach, beyond = [], []
+        ends: list[Pair] = []
+        beyond: list[MapRow | None] = []
+        passed: list[tuple[Pair, Pair]] = []
         for sign in (-1, 1):
-            count = 1
-            while (row := cell(at[0] + sign * count * i, at[1] + sign * count * j)) is not None and is_good(row):
-                count += 1
-            reach.append(sign * (count - 1))
+            count, here = 0, cell(*at)
+            while (row := cell(at[0] + sign * (count + 1) * i, at[1] + sign * (count + 1) * j)) is not None and is_good(row):
+                assert here is not None
+                low, high = (here, row)[::sign]
+                if _is_jump(low.load, high.load, jumps):
+                    passed.append((low.tension, high.tension))
+                    break
+                count, here = count + 1, row
+            assert here is not None
+            ends.append(here.tension)
             beyond.append(row)
-        line = [row for k in range(reach[0], reach[1] + 1) if (row := cell(at[0] + k * i, at[1] + k * j)) is not None]
-        passed = tuple((one.tension, other.tension) for one, other in pairwise(line) if _is_jump(one.load, other.load, jumps))
         open_low, open_high = (row is None for row in beyond)
         diverged_low, diverged_high = (row is not None and row.stop_reason != STEADY for row in beyond)
-        ends = line[0].tension, line[-1].tension
-        yield Drift(along, *ends, open_low, open_high, diverged_low, diverged_high, passed)
+        yield Drift(along, ends[0], ends[1], open_low, open_high, diverged_low, diverged_high, tuple(passed))
 
 
 def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:
