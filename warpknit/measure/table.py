@@ -58,7 +58,8 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     energy_bend_J           stored in bending, and in twist
     energy_contact_J        stored in contact
     energy_kinetic_J        kinetic energy, of fictitious masses in a relaxation
-    work_J                  work of the load; of a relaxation by a spline through the converged states, of a ramp step by step
+    work_J                  work of the load; of a relaxation by monotone curves through the states between jumps, of a ramp
+                            step by step
     edge_work_J             part of the work due to pulls, cords and temperature gradients
     dissipated_J            dissipated by the damping of a ramp, by friction and yield
     residual                rms out-of-balance force over the larger of the mean boundary force and EI/W^2
@@ -274,7 +275,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("energy_bend_J", lambda r: r.energies.bend, history=True, map="details"),
     Measure("energy_contact_J", lambda r: r.energies.contact, history=True, map="details"),
     Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
-    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/history.py
+    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/work.py
     Measure("edge_work_J", "edge_work", history=True),
     Measure("dissipated_J", "dissipated", history=True),
     # quality
