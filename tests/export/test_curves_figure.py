@@ -241,6 +241,15 @@ def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest
         assert ("not held" in panel.get_ylabel()) == (lines > 0)
 
 
+def test_change_of_strain_is_of_the_length_before_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 25 % to 25.5 % a mesh grows by 0.5/1.25 = 0.4 % of its length, which is what expansion tells."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    rows = [history(1)[0] | {"temperature_K": 293.15 + 10.0 * k, "strain_weft": 0.25 + 1e-3 * k} for k in range(6)]
+    heat_figure.heat_figure([rows], tmp_path / "heat.png")
+    assert np.asarray(figures[0].axes[2].lines[0].get_ydata()) == pytest.approx(0.08 * np.arange(6), abs=1e-9)
+
+
 def test_marks_of_later_stages_are_smaller() -> None:
     """Curves of equal values lie on each other: marks beneath show about those above."""
     axes = Figure().subplots()
