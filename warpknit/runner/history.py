@@ -6,6 +6,7 @@ import csv
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +36,8 @@ class Row(SimpleNamespace):
 
 def row_of(record: Record) -> Row:
     """The row of a record; `add_work` (work.py) and `add_sliding` fill in work and sliding distance."""
-    values = {line.name: line.value(record) for line in table.MEASURES if line.history}
-    return Row(**{name: value for name, value in values.items() if value is not None})
+    found = ((line, line.value(record)) for line in table.MEASURES if line.history)
+    return Row(**{line.name: value for line, value in found if value is not None or line.may_be_empty})
 
 
 def extra_columns(names: Iterable[str]) -> list[str]:
@@ -91,11 +92,6 @@ def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray
     return force, place
 
 
-def _probed(text: str) -> float | None:
-    """The value of a probe; None where it had none."""
-    return float(text) if text else None
-
-
 def write_history(path: Path, rows: list[Row]) -> None:
     """Write all rows, atomically."""
     with write_aside(path) as file:
@@ -107,5 +103,9 @@ def write_history(path: Path, rows: list[Row]) -> None:
 def read_history(path: Path) -> list[Row]:
     """Rows of a history.csv that `write_history` wrote, bit-identical; columns of probes are numbers or None."""
     kinds = {line.name: line.kind for line in table.MEASURES}
+
+    def value(name: str, text: str) -> Any:
+        return kinds.get(name, table.number_or_none)(text)
+
     with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{name: kinds.get(name, _probed)(value) for name, value in row.items()}) for row in csv.DictReader(file)]
+        return [Row(**{name: value(name, text) for name, text in row.items()}) for row in csv.DictReader(file)]
