@@ -42,6 +42,9 @@ def test_a_simulation_gives_what_run_gives(tmp_path: Path, scene: str, settings:
     rows = read_history(tmp_path / "run" / "history.csv")
     assert ending.exit_code == 0 and ending.summary["model"]["kind"] == loaded.model.kind
     assert len(rows) == len(records)
+    around = rows[-1].active_rhombus_percent  # empty where there is no opening to count around, as in the summary
+    assert (around is None) == (model.panel.rhombus_bodies.size == 0)
+    assert ending.summary["contacts"]["central_rhombus"]["active_percent"] == around
     accounted = {"work_J", "slide_left_m", "slide_right_m"}  # from row to row
     for row, record in zip(rows, records, strict=True):
         found = vars(row_of(record))

@@ -12,8 +12,9 @@ from warpknit.kernels.banded_mass import HELD_NODE
 from warpknit.measure.table import values
 from warpknit.model import build_model, initial_state, mechanics_of
 from warpknit.plan import make_plan
-from warpknit.runner.history import add_work, row_of
+from warpknit.runner.history import row_of
 from warpknit.runner.summary import run_summary
+from warpknit.runner.work import add_work
 from warpknit.scene import load_scene
 from warpknit.solve.aitken import Aitken
 from warpknit.solve.membrane import Correction

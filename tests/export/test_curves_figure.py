@@ -148,20 +148,30 @@ def test_the_elastic_limit_is_named_on_the_axis_and_beyond(
 
 
 def test_contacts_elsewhere_are_drawn_where_there_are_some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of them counts as the two pairs of a place where wires hook."""
+    """Their number on an axis of its own, as they are contacts and no pairs; shares of pairs reach 100 % at most."""
     kept: list[Figure] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
     rows = [
-        {**row, "active_pairs": 4 * k, "active_percent": 25.0 * k, "contacts_elsewhere": max(0, k - 1)}
+        {
+            **row,
+            "active_pairs": 4 * k,
+            "active_percent": 25.0 * k,
+            "contacts_elsewhere": max(0, 10 * k - 10),
+            "stress_max_Pa": 1e8,
+        }
         for k, row in enumerate(history(4))
     ]
     curves_figure.curves_figure(rows, tmp_path / "curves.png")
     curves_figure.curves_figure([row | {"contacts_elsewhere": 0} for row in rows], tmp_path / "curves.png")
     some, none = (figure.axes[0] for figure in kept)
-    assert [text.get_text() for text in some.get_legend().get_texts()] == ["where wires hook", "elsewhere"]
-    assert none.get_legend() is None and len(none.lines) == 1
-    values = np.concatenate([line.get_ydata() for line in some.lines if line.get_color() == curves_figure.PURPLE])
-    assert max(values) == pytest.approx(100.0 * 2 * 2 / 16)
+    [right] = [axes for axes in kept[0].axes if "elsewhere" in axes.get_ylabel()]
+    told = [text.get_text() for axes in (some, right) for text in axes.get_legend().get_texts()]
+    assert told == ["where wires hook", "elsewhere, right axis"]
+    assert none.get_legend() is None and len(none.lines) == 1 and len(kept[1].axes) == len(kept[0].axes) - 1
+    [share], [count], [stress] = some.lines, right.lines, kept[0].axes[2].lines
+    assert np.asarray(share.get_ydata()).tolist() == [0.0, 25.0, 50.0, 75.0]
+    assert np.asarray(count.get_ydata()).tolist() == [0.0, 0.0, 10.0, 20.0] and right.get_ylim()[1] > 20.0
+    assert len({line.get_color() for line in (share, count, stress)}) == 3
 
 
 def test_a_logarithmic_axis_of_few_decades_has_more_than_one_label() -> None:
@@ -229,6 +239,15 @@ def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest
             and [text.get_text() for text in panel.texts] == words
         )
         assert ("not held" in panel.get_ylabel()) == (lines > 0)
+
+
+def test_change_of_strain_is_of_the_length_before_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 25 % to 25.5 % a mesh grows by 0.5/1.25 = 0.4 % of its length, which is what expansion tells."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    rows = [history(1)[0] | {"temperature_K": 293.15 + 10.0 * k, "strain_weft": 0.25 + 1e-3 * k} for k in range(6)]
+    heat_figure.heat_figure([rows], tmp_path / "heat.png")
+    assert np.asarray(figures[0].axes[2].lines[0].get_ydata()) == pytest.approx(0.08 * np.arange(6), abs=1e-9)
 
 
 def test_marks_of_later_stages_are_smaller() -> None:

@@ -50,7 +50,7 @@ def test_usd(run_dir: Path) -> None:
     assert {"scene.usda", "frames/wires.000003.usdc"} < names(run_dir, export_run(run_dir, "usd"))
     stage = Usd.Stage.Open(str(run_dir / "scene.usda"))
     data = stage.GetRootLayer().customLayerData["warpknit"]
-    assert data["complete"] and data["colourStressMax"] == 4e8
+    assert data["complete"] and data["colourStressMax"] == 2e9  # the elastic limit, as of a run, not the largest stress
     assert list(data["load"]["stage"]) == [*3 * ["load"], "cold air"]
 
 

@@ -143,7 +143,8 @@ def test_contacts_elsewhere_are_diamonds_where_there_are_some(
     count: int, bodies: bool, tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """At their places [mm], once in a mesh without copies, and in the legend; also where no wires hook at all."""
+    """At their places [mm], once in a mesh without copies, and in the legend; also where no wires hook at all. They hide no
+    active contact: its dot is filled, over a hollow diamond, and the circle of an open one is beneath both."""
     layout, frame = replace(space_layout, wire_closed=np.zeros(7, dtype=bool)), make_space_frame(2, count)
     if not bodies:
         layout = replace(layout, body_wires=np.empty((0, 2)), rhombus_bodies=np.empty(0))
@@ -153,8 +154,14 @@ def test_contacts_elsewhere_are_diamonds_where_there_are_some(
     mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "a mesh")
     monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", 100)
     mesh_figure.mesh_figure(layout, frame, tmp_path / "map.png", "a mesh")
-    drawn = [line.get_xydata() for line in figures[0].axes[0].lines if line.get_marker() == "D"]
-    assert len(drawn) == 1 and np.allclose(drawn[0], 1e3 * frame.elsewhere_position[:, :2], rtol=1e-12)
+    lines = figures[0].axes[0].lines
+    [diamonds] = [line for line in lines if line.get_marker() == "D"]
+    assert np.allclose(diamonds.get_xydata(), 1e3 * frame.elsewhere_position[:, :2], rtol=1e-12)
+    assert diamonds.get_markerfacecolor() == "none"
+    dots = [line for line in lines if line.get_marker() == "o" and line.get_markeredgecolor() != mesh_figure.GREEN]
+    assert len(dots) == 2 * bodies  # active, and open
+    for line in dots:
+        assert (line.get_markerfacecolor() != "none") == (line.get_zorder() > diamonds.get_zorder())
     told = [[text.get_text() for legend in figure.legends for text in legend.get_texts()] for figure in figures]
     for texts, not_drawn in zip(told, ("", ", not drawn"), strict=True):
         assert (f"active contacts elsewhere: {count}{not_drawn}" in texts) == (count > 0)

@@ -1,15 +1,17 @@
 """Active contacts, tension, energies and residual of a run against its load."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, figure_of, save_figure, scale_of
+from warpknit.export.plots import AMBER, BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
 from warpknit.export.stage_curves import (
     DECADES_DRAWN,
     History,
@@ -67,11 +69,13 @@ def curves_figure(
     if _is_by_tension(columns, stages):
         across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
     stress_unit, stress = scaled("Pa", [("", PURPLE, "stress_max_Pa")])
-    force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", PURPLE, "elsewhere_force_max_N")])
+    force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", AMBER, "elsewhere_force_max_N")])
     force = force if np.nan_to_num(force[1][2]).any() else force[:1]
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
+    elsewhere = column("contacts_elsewhere")
+    touches = bool(np.nan_to_num(elsewhere).any())
     panel_curves = (
-        ("active contacts [% of pairs]", _contact_curves(column)),
+        ("active contacts [% of pairs]", (("where wires hook" if touches else "", GREEN, column("active_percent")),)),
         across,
         (f"largest wire stress [{stress_unit}]", stress),
         (f"largest contact force [{force_unit}]", force),
@@ -88,9 +92,11 @@ def curves_figure(
     figure = figure_of(10.5, 10.4)
     panels = figure.subplots(3, 2, sharex=True).ravel()
     for axes, (label, curves), smallest in zip(panels, panel_curves, least, strict=True):
-        draw_curves(axes, abscissa, stages, curves, jumped, least=smallest)
+        draw_curves(axes, abscissa, stages, curves, jumped, least=smallest, beneath=touches and axes is panels[0])
         axes.set_ylabel(label)
     panels[0].set_ylim(-3.0, 103.0)
+    if touches:
+        _draw_count(panels[0], abscissa, stages, elsewhere, jumped)
     for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
         if not any(np.any(values < 0.0) for *_, values in curves):
             axes.set_ylim(bottom=0.0)
@@ -111,14 +117,24 @@ def curves_figure(
     return save_figure(figure, path)
 
 
-def _contact_curves(column: Callable[[str], NDArray[Any]]) -> list[tuple[str, str, NDArray[Any]]]:
-    """Share of the pairs that are active; and two for each contact elsewhere, where there is one, over the number of pairs."""
-    percent = column("active_percent")
-    active, elsewhere = (np.nan_to_num(column(name)) for name in ("active_pairs", "contacts_elsewhere"))
-    if not (active.any() and elsewhere.any()):
-        return [("", GREEN, percent)]
-    pairs = active.max() / percent[active.argmax()]  # in hundreds
-    return [("where wires hook", GREEN, percent), ("elsewhere", PURPLE, 2.0 * elsewhere / pairs)]
+def _draw_count(
+    axes: Axes,
+    abscissa: NDArray[Any],
+    stages: Sequence[tuple[str, slice]],
+    count: NDArray[Any],
+    jumped: NDArray[np.bool_],
+) -> None:
+    """Draw the number of active contacts where no wires hook, on an axis of its own at the right: they have no pairs."""
+    right = axes.twinx()
+    draw_curves(right, abscissa, stages, [("", AMBER, count)], jumped)
+    right.grid(visible=False)
+    right.spines["right"].set(visible=True, color=AMBER)
+    right.tick_params(axis="y", color=AMBER)
+    right.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+    right.set_ylim(np.array(axes.get_ylim()) / 100.0 * max(1.1 * np.nanmax(count), 1.0))
+    right.set_ylabel("number of active contacts elsewhere")
+    handles = [Line2D([], [], color=AMBER, linewidth=WIDTHS[1], label="elsewhere, right axis")]
+    right.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.2)
 
 
 def _stage_names(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]]) -> list[str]:

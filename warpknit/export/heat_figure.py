@@ -35,8 +35,8 @@ FLAT = 0.1  # of the axis: what changes by less between jumps is hard to see
 def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> Path | None:
     """Draw active contacts, tension, change of strain and largest stress against temperature, for the stages that change it.
 
-    None without such a stage. histories: each a history.csv or its rows; lines to rows with a `jump` are dotted. Strains of
-    stages that hold them are left out.
+    None without such a stage. histories: each a history.csv or its rows; lines to rows with a `jump` are dotted. The change of a
+    strain is over one plus the strain at the begin of the stage; strains of stages that hold them are left out.
     """
     found = []  # a stage each
     for history in histories:
@@ -53,11 +53,11 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
     ends = np.cumsum([len(one) for one in unknown])
     stages = [(name, slice(end - len(one), end)) for (name, _), one, end in zip(found, unknown, ends, strict=True)]
 
-    def all_of(name: str, from_begin: bool = False) -> np.ndarray:
+    def all_of(name: str, changes: bool = False) -> np.ndarray:
         parts = [stage.get(name, none) for (_, stage), none in zip(found, unknown, strict=True)]
-        return np.concatenate([part - part[0] if from_begin else part for part in parts])
+        return np.concatenate([(part - part[0]) / (1.0 + part[0]) if changes else part for part in parts])
 
-    strain = {side: 100.0 * all_of(f"strain_{side}", from_begin=True) for side, _ in SIDE_COLOURS}
+    strain = {side: 100.0 * all_of(f"strain_{side}", changes=True) for side, _ in SIDE_COLOURS}
     held = [part for _, part in stages if all(np.ptp(values[part]) <= 100.0 * HELD for values in strain.values())]
     for part in held:
         for values in strain.values():

@@ -19,7 +19,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
-from warpknit.export.plots import BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure
+from warpknit.export.plots import AMBER, BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure
 from warpknit.frame import Frame, WireLayout, curve_position
 from warpknit.hermite import hermite
 from warpknit.text import ZERO_CELSIUS, alike, engineering
@@ -41,7 +41,8 @@ PEAK: dict[str, Any] = {"linestyle": "none", "marker": "*", "markersize": 13, "m
 PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [withStroke(linewidth=2.0, foreground="white")]}
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
-ELSEWHERE: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "#F0E442", "markeredgecolor": "black"}
+ELSEWHERE: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
+ELSEWHERE |= {"path_effects": [withStroke(linewidth=2.2, foreground="black")]}
 RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
@@ -238,7 +239,9 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
         handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
     if count := frame.elsewhere_force.size:
-        handles.append(Line2D([], [], label=f"active contacts elsewhere: {count}", **ELSEWHERE, markersize=5.5))
+        handles.append(
+            Line2D([], [], label=f"active contacts elsewhere: {count}", **ELSEWHERE, markersize=6.0, markeredgewidth=1.4)
+        )
     if layout.body_count and layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
     elif layout.rhombus_bodies.size:
@@ -262,11 +265,11 @@ def _draw_contacts(
 ) -> None:
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus.
 
-    Active contacts elsewhere are diamonds. spacing [pt] of the contacts.
+    Active contacts elsewhere are hollow diamonds, beneath active ones. spacing [pt] of the contacts.
     """
     size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
     elsewhere = (1e3 * frame.elsewhere_position[:, None, :2] + offsets).reshape(-1, 2)
-    axes.plot(*elsewhere.T, **ELSEWHERE, markersize=0.8 * size, markeredgewidth=0.12 * size, zorder=3.5)
+    axes.plot(*elsewhere.T, **ELSEWHERE, markersize=size, markeredgewidth=0.18 * size, zorder=3.1)
     if not layout.body_count:
         return
     for chosen, name, edge, look in reversed(
@@ -276,7 +279,7 @@ def _draw_contacts(
             continue
         shown = (position[chosen][:, None] + offsets).reshape(-1, 2)
         mark = size if name == "active" else OPEN_SIZE * size
-        axes.plot(*shown.T, **look, markersize=mark, markeredgewidth=edge * size, zorder=3)
+        axes.plot(*shown.T, **look, markersize=mark, markeredgewidth=edge * size, zorder=3.2 if name == "active" else 3.0)
     if layout.rhombus_bodies.size and not layout.wire_closed.any():  # on a periodic tile they may lie at opposite edges
         mine = position[layout.rhombus_bodies]
         axes.plot(*mine.T, **RING, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from warpknit.files import path_aside
 
 __all__ = [
-    "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "WIDTHS",
+    "AMBER", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "WIDTHS",
     "figure_of", "frame_plan_axes", "plan_scale", "save_figure", "scale_of",
 ]  # fmt: skip
 
 DOTS_PER_INCH = 150
 # Okabe and Ito's colours, distinct without red-green vision.
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060"
+AMBER = "#E69F00"  # of contacts where no wires hook
 WIDTHS = (3.4, 1.6, 1.6, 1.6)  # [pt] of curves in one panel: the first is wider, and shows beside an equal one drawn over it
 
 

@@ -83,13 +83,15 @@ def draw_curves(
     *,
     least: float | None = None,
     nothing: str = "not recorded",
+    beneath: bool = False,
 ) -> None:
     """Draw one line per quantity (colour) and stage (dashes and marks), dotted to a row that the mesh has `jumped` to.
 
     least: of the values on a logarithmic axis, smaller ones are not drawn. nothing: what is written where there is no value.
+    beneath: the first line is wide, as others are drawn over it, also where these are on another axis.
     """
     handles = []
-    for (label, colour, values), width in zip(curves, WIDTHS if len(curves) > 1 else WIDTHS[1:], strict=False):
+    for (label, colour, values), width in zip(curves, WIDTHS if beneath or len(curves) > 1 else WIDTHS[1:], strict=False):
         shown = np.isfinite(values) & (least is None or values > least)
         if not shown.any():
             continue

@@ -1,7 +1,7 @@
 """The table of measures: names of the values of a record, and where each is written.
 
 history.csv, summary.json, maps and trades draw on it. A new measure is one line: a function of the observables, which returns
-None where a model or a mesh has none of it; there is no column and no key then.
+None where a model or a mesh has none of it; there is no column and no key then, or an empty field (`may_be_empty`).
 
 Names and meanings; docs/reference/summary.md has them too. A unit is the end of a name. `A` stands for a class of contact.
 
@@ -23,7 +23,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     bodies                  contact bodies; in space places where two wires hook
     active_bodies           bodies both of whose pairs are active
     active_bodies_percent   share of the bodies both of whose pairs are active
-    active_rhombus_percent  share of the active pairs at the central rhombus; 0 without one
+    active_rhombus_percent  share of the active pairs at the central rhombus; empty without one
     at_reach_end            active pairs whose contact has slid to the end of its range along the wire: not reliable
     force_max_N             largest force of the active pairs
     force_mean_N            mean force of the active pairs
@@ -58,7 +58,8 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     energy_bend_J           stored in bending, and in twist
     energy_contact_J        stored in contact
     energy_kinetic_J        kinetic energy, of fictitious masses in a relaxation
-    work_J                  work of the load; of a relaxation by a spline through the converged states, of a ramp step by step
+    work_J                  work of the load; of a relaxation by monotone curves through the states between jumps, of a ramp
+                            step by step
     edge_work_J             part of the work due to pulls, cords and temperature gradients
     dissipated_J            dissipated by the damping of a ramp, by friction and yield
     residual                rms out-of-balance force over the larger of the mean boundary force and EI/W^2
@@ -156,10 +157,16 @@ class Measure:
     map: str = ""  # the table of a map that has it: "map" of map.csv, "details" of map_details.csv
     over_seeds: Callable[[list[float]], Any] = np.mean  # aggregation over the seeds of a map
     kind: Callable[[str], Any] = float  # type of the column of history.csv
+    may_be_empty: bool = False  # None is an empty field of history.csv; else it has no such column then
 
     def value(self, record: Record) -> Any:
         """Value of a record, or None."""
         return getattr(record, self.of) if isinstance(self.of, str) else self.of(record.observables)
+
+
+def number_or_none(text: str) -> float | None:
+    """The number of a field of history.csv; None of an empty one."""
+    return float(text) if text else None
 
 
 def _is_true(text: str) -> bool:
@@ -229,8 +236,14 @@ MEASURES: tuple[Measure, ...] = (
     Measure("bodies", lambda r: m.contacts(r).bodies, summary="contacts"),
     Measure("active_bodies", lambda r: m.contacts(r).active_bodies, summary="contacts"),
     Measure("active_bodies_percent", lambda r: m.contacts(r).active_bodies_percent, map="details"),
-    Measure("active_rhombus_percent", lambda r: m.rhombus_contacts(r).active_percent, history=True),
-    Measure("active_rhombus_percent", lambda r: _rhombus(r)["active_percent"], map="details"),  # None where there is none
+    Measure(
+        "active_rhombus_percent",
+        lambda r: _rhombus(r)["active_percent"],
+        history=True,
+        map="details",
+        kind=number_or_none,
+        may_be_empty=True,
+    ),
     Measure("at_reach_end", m.pairs_at_reach_end, summary="contacts"),
     Measure("force_max_N", lambda r: float(m.active_forces(r).max(initial=0.0)), summary="contacts"),
     Measure("force_mean_N", _mean_force, summary="contacts"),
@@ -274,7 +287,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("energy_bend_J", lambda r: r.energies.bend, history=True, map="details"),
     Measure("energy_contact_J", lambda r: r.energies.contact, history=True, map="details"),
     Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
-    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/history.py
+    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/work.py
     Measure("edge_work_J", "edge_work", history=True),
     Measure("dissipated_J", "dissipated", history=True),
     # quality

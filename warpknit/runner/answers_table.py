@@ -245,8 +245,8 @@ def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _change(begin: State, end: State) -> str:
-    """Change of the strain in weft and warp, both to as many digits."""
-    changes = [100.0 * (end[name] - begin[name]) for name in ("strain_weft", "strain_warp")]
+    """Change of the strain in weft and warp, over one plus the strain before it, both to as many digits."""
+    changes = [100.0 * (end[name] - begin[name]) / (1.0 + begin[name]) for name in ("strain_weft", "strain_warp")]
     digits = max(len(f"{change:.2g}".partition(".")[2]) for change in changes)
     return " / ".join(f"{change:+.{digits}f}" for change in changes) + " %"
 

@@ -6,9 +6,9 @@ import csv
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..files import write_aside
 from ..measure import MeshModel, table
@@ -35,9 +35,9 @@ class Row(SimpleNamespace):
 
 
 def row_of(record: Record) -> Row:
-    """The row of a record; `add_work` and `add_sliding` fill in work and sliding distance."""
-    values = {line.name: line.value(record) for line in table.MEASURES if line.history}
-    return Row(**{name: value for name, value in values.items() if value is not None})
+    """The row of a record; `add_work` (work.py) and `add_sliding` fill in work and sliding distance."""
+    found = ((line, line.value(record)) for line in table.MEASURES if line.history)
+    return Row(**{line.name: value for line, value in found if value is not None or line.may_be_empty})
 
 
 def extra_columns(names: Iterable[str]) -> list[str]:
@@ -60,29 +60,6 @@ def add_sliding(rows: Sequence[Row]) -> None:
     slides = before.hook_is_closed and now.hook_is_closed
     now.slide_left_m = before.slide_left_m + slides * abs(now.arc_left_m - before.arc_left_m)
     now.slide_right_m = before.slide_right_m + slides * abs(now.arc_right_m - before.arc_right_m)
-
-
-def add_work(rows: list[Row], model: MeshModel) -> None:
-    """Fill in the work of a relaxation, by a cubic spline through the equilibria of each stage.
-
-    W = integral of A0 P : dF + (thermal force) d(length factor), the work of a quasi-static load. Energy lost in a snap-through
-    between two equilibria shows as a difference from the stored energy.
-    """
-    if model.scene.solver.drive != "relax" or not rows:
-        return
-    area = model.panel.area
-    rows[0].work_J = rows[0].stored
-    for part in stages_of(rows):
-        force, place = work_terms(part, area)
-        path = np.arange(len(part), dtype=float)
-        if len(part) > 3:
-            speed = CubicSpline(path, place).derivative()
-            power = CubicSpline(path, np.sum(force * speed(path), axis=1))
-            work = np.array([power.integrate(0.0, s) for s in path])
-        else:
-            work = np.concatenate([[0.0], np.cumsum(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1))])
-        for r, w in zip(part[1:], work[1:], strict=True):
-            r.work_J = part[0].work_J + float(w) + r.edge_work_J - part[0].edge_work_J
 
 
 def missing_work(row: Row, model: MeshModel) -> float:
@@ -115,11 +92,6 @@ def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray
     return force, place
 
 
-def _probed(text: str) -> float | None:
-    """The value of a probe; None where it had none."""
-    return float(text) if text else None
-
-
 def write_history(path: Path, rows: list[Row]) -> None:
     """Write all rows, atomically."""
     with write_aside(path) as file:
@@ -131,5 +103,9 @@ def write_history(path: Path, rows: list[Row]) -> None:
 def read_history(path: Path) -> list[Row]:
     """Rows of a history.csv that `write_history` wrote, bit-identical; columns of probes are numbers or None."""
     kinds = {line.name: line.kind for line in table.MEASURES}
+
+    def value(name: str, text: str) -> Any:
+        return kinds.get(name, table.number_or_none)(text)
+
     with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{name: kinds.get(name, _probed)(value) for name, value in row.items()}) for row in csv.DictReader(file)]
+        return [Row(**{name: value(name, text) for name, text in row.items()}) for row in csv.DictReader(file)]

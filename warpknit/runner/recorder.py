@@ -24,13 +24,14 @@ from ..mesh.layout import contact_classes
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
-from .history import Row, add_sliding, add_work, extra_columns, read_history, row_of, write_history
+from .history import Row, add_sliding, extra_columns, read_history, row_of, write_history
 from .panel_report import cord_summary, report_panel
 from .probes import Probes
 from .progress_display import Progress as Display
 from .run_directory import CommandResult
 from .summary import Estimate, run_summary, stage_summary
 from .watch import Watch
+from .work import add_work
 
 if TYPE_CHECKING:
     from ..export.frame_files import FrameWriter

@@ -224,7 +224,7 @@ def _between(a: Row, b: Row) -> str:
 
 
 def _snapped(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
-    """Work that is not stored, and the neighbouring levels between which most of it is missing.
+    """Work that is not stored, and the neighbouring levels, or the jumps, between which most of it is missing.
 
     Two levels do not tell the work while slack is taken up between them, which `_strained_far` tells.
     """
@@ -238,12 +238,18 @@ def _snapped(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[
     balance, k = lost.sum(), int(np.argmax(np.sign(lost.sum()) * lost))
     if abs(balance) <= UNBALANCED:
         return
+    jumps = jumps_of(model, rows)
+    jumped = np.array([is_jump(*both, jumps) for both in pairwise(rows)])
     where = "a larger output.frames tells more"
-    if lost[k] / balance >= MOST:
+    if (at_jumps := lost[jumped].sum()) / balance >= MOST:
+        k = int(np.argmax(np.where(jumped, np.sign(balance) * lost, -np.inf)))
+        largest = f"{percent(lost[k], 0)} between {_between(rows[k], rows[k + 1])}"
+        where = f"by {largest}, where the mesh jumps"
+        if jumped.sum() > 1:
+            where = f"by {percent(at_jumps, 0)} in {jumped.sum()} jumps of the mesh, the largest by {largest}"
+    elif lost[k] / balance >= MOST:
         there = f"by {percent(lost[k], 0)} between {_between(rows[k], rows[k + 1])}"
         where = f"{there}, where the mesh snapped through, or output.frames is too small"
-        if is_jump(rows[k], rows[k + 1], jumps_of(model, rows)):
-            where = f"{there}, where the mesh jumps"
     yield f"work and stored energy differ by {percent(balance, 0)} of the largest stored energy: {where}"
 
 

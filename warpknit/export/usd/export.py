@@ -17,7 +17,7 @@ def export_usd(record: RunRecord) -> list[Path]:
         scene_name=record.summary["scene"]["name"],
         scene_hash=str(item(record.summary, ("scene", "hash")) or ""),
         version=str(record.summary.get("version", "")),
-        colour_stress_max=record.quantity("wire", "stress_max_Pa"),
+        colour_stress_max=record.quantity("wire", "yield_stress_Pa"),
         streaming=True,
     )
     frames = [writer.add_frame(drawn_frame(record.layout, frame)) for frame in record.frames()]
