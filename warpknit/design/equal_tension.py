@@ -142,13 +142,13 @@ def _has_passed(stress: float, rows: Sequence[Row]) -> bool:
 
 
 def service_points(
-    scene: Scene, path: EqualTensionPath, requested: float | None, card: MaterialCard | None
+    scene: Scene, path: EqualTensionPath, jumps: Sequence[Jump], requested: float | None, card: MaterialCard | None
 ) -> list[ServicePoint]:
-    """The mesh at `service_tensions`: on the path, and by the `card` of the requested tension."""
+    """The mesh at `service_tensions`: on the path, which has these jumps, and by the `card` of the requested tension."""
     points = []
     for tension in service_tensions(scene, requested):
         if (row := path.at.get(tension)) is None:
-            points.append(ServicePoint(tension, why=_unreached(path, tension)))
+            points.append(ServicePoint(tension, why=_unreached(path, jumps, tension)))
             continue
         strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
         if tension == requested and card is not None:
@@ -157,14 +157,18 @@ def service_points(
     return points
 
 
-def _unreached(path: EqualTensionPath, tension: float) -> str:
+def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) -> str:
     """Why a path has no state at a `tension` [N/m], in a few words."""
-    if path.ended in (YIELDED, BROKEN):
-        return path.ended
     if not path.rows:
         return "the mesh as knitted did not converge" if path.ended else NO_PATH
     top = max(map(mean_tension, path.rows))
-    return "the relaxation did not converge " + (f"beyond {engineering(top, 'N/m')}" if top < tension else "there")
+    if top < tension:
+        if path.ended in (YIELDED, BROKEN):
+            return path.ended
+        up_to = engineering(top, "N/m")
+        return f"the relaxation did not converge beyond {up_to}" if path.ended else f"not reached, up to {up_to}"
+    jumped = any(mean_tension(before) < tension < mean_tension(after) for before, after in jumps)
+    return "the mesh jumps over it" if jumped else "the relaxation did not converge there"
 
 
 def with_service(answers: Answer, service: Sequence[ServicePoint]) -> Answer:
