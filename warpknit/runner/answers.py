@@ -16,7 +16,12 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.as_knitted      true where the class is closed in the first record
     contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
-    contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
+    contacts[].closes.opens           the record behind in which less than half of its pairs are closed, with its `stage`; null
+                                      without one
+    contacts[].closed                 the ranges of records in which the class is closed: the state `from` which and `to` which,
+                                      each with its `stage`; more than one where it opened again, empty where it stays open
+    contacts[].closed[].closed_percent  largest share of its pairs that are closed in the range
+    contacts[].closed[].lasts         true where the last record is in the range
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
                                       first reaches it; `why` there is none, or what limits it
     service[].resolved                false where a class closes at an unknown tension between the same two records, so that the
@@ -80,7 +85,7 @@ from ..scene.model_choice import tension_error
 from ..solve.tension import TOLERANCE
 from .best_tension import best_tension, margin
 from .branches import Jump, is_heated
-from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
+from .closings import STATE, Answer, closed_ranges, closing, is_jump, service_share, state_between, state_of, takes_up_slack
 from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -122,6 +127,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
                 "pairs": one.pairs,
                 "active_percent": vars(rows[-1])[f"active_{one.name}_percent"],
                 "closes": closings[one.name],
+                "closed": closed_ranges(rows, one.name, threshold),
             }
             for one in classes
         ],

@@ -15,6 +15,7 @@ LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about 
 LEAST_CHANGE = 1e-7  # of a strain
 SAME = 1e-9  # of a tension: round-off of a state found twice
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
+RANGES_TOLD = 4
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -134,17 +135,41 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
     if closes is None:
         some = f", {percent(0.01 * one['active_percent'])} active" if one["active_percent"] else ""
         return f"not closed {reached}{some}"
-    if closes["as_knitted"]:
-        return "closed as knitted"
-    opened = ""
-    if (opens := closes["opens"]) is not None:
-        heated = opens["temperature_K"] != closes["between"][1]["temperature_K"]
-        opened = f", open again at {_tension(opens)}" + (f" and {celsius(opens['temperature_K'])}" if heated else "")
-    touch = closes["first_touch"]
-    touched = "" if touch is None else f", after a touch at {_tension(touch)} that opens again"
-    if not closes["resolved"]:
-        return f"{_records(closes)}{touched}{opened}"
-    return f"{_found(closes)}{touched}{opened}"
+    found = "closed as knitted" if closes["as_knitted"] else _found(closes) if closes["resolved"] else _records(closes)
+    return f"{found}{_opened(one)}"
+
+
+def _opened(one: Mapping[str, Any]) -> str:
+    """That a class of contact opens again: where, or the ranges in which it is closed; empty where it stays closed."""
+    closes, ranges = one["closes"], one["closed"]
+    if len(ranges) > 1:
+        several = len({part[side]["stage"] for part in ranges for side in ("from", "to")}) > 1
+        shown = [_range(part, closes, several=several) for part in ranges[:RANGES_TOLD]]
+        return f", closed {', and '.join(shown)}" + (", ..." if len(ranges) > RANGES_TOLD else "")
+    if (opens := closes["opens"]) is None:
+        return ""
+    heated = opens["temperature_K"] != closes["between"][1]["temperature_K"]
+    stage = f" in stage '{opens['stage']}'" if opens["stage"] != closes["stage"] else ""
+    return f", open again at {_tension(opens)}" + (f" and {celsius(opens['temperature_K'])}" if heated else "") + stage
+
+
+def _range(part: Mapping[str, Any], closes: Mapping[str, Any], *, several: bool) -> str:
+    """A range in which a class is closed, from its closing on where that is known, with the stages where there are several."""
+    first, last = part["from"], part["to"]
+    heated = first["temperature_K"] != last["temperature_K"]
+
+    def end(state: State, shown: str, stage: bool) -> str:
+        at = f" and {celsius(state['temperature_K'])}" if heated else ""
+        return f"{shown}{at}" + (f" in stage '{state['stage']}'" if stage else "")
+
+    here = closes["between"][1]
+    begins_there = closes["resolved"] and all(first[name] == value for name, value in here.items())
+    begin = end(first, _known_tension(closes) if begins_there else _tension(first), several)
+    if part["lasts"]:
+        return f"from {begin}"
+    if all(first[name] == last[name] for name in first):
+        return f"at {begin}"
+    return f"from {begin} to {end(last, _tension(last), first['stage'] != last['stage'])}"
 
 
 def _pairs(one: Mapping[str, Any]) -> str:

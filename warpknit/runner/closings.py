@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,9 @@ def closing(
         "jump": is_jump(before, after, jumps), "slack": k > 0 and takes_up_slack(before, after),
         "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else state_of(touch),
-        "opens": next((state_of(row) for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None),
+        "opens": next(
+            (state_of(row) | {"stage": row.stage} for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None
+        ),
     }  # fmt: skip
     if k == 0:
         return state_of(after) | found
@@ -83,6 +86,23 @@ def closing(
             share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
             return state_between(before, after, share) | found
     return state_between(before, after, 0.5) | found | {"resolved": False}
+
+
+def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Answer]:
+    """The ranges of records in which a class is closed: the first state and the last one of each, with their stages.
+
+    threshold [N]: of an active pair. `closed_percent`: largest share of its pairs in the range; `lasts`: to the last record.
+    """
+    ranges: list[Answer] = []
+    end = 0
+    for is_closed, group in groupby(rows, lambda row: bool(vars(row)[f"force_{name}_N"] > threshold)):
+        part = list(group)
+        end += len(part)
+        if is_closed:
+            ends = {side: state_of(row) | {"stage": row.stage} for side, row in (("from", part[0]), ("to", part[-1]))}
+            share = max(vars(row)[f"active_{name}_percent"] for row in part)
+            ranges.append(ends | {"closed_percent": share, "lasts": end == len(rows)})
+    return ranges
 
 
 def _steps_back(tension: Sequence[float], force: Sequence[float]) -> float | None:
