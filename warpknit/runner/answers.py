@@ -52,7 +52,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
                                       shows does not count. Stages that go on loading at one temperature count as one
-    best.stress_over_limit            this stress over the elastic limit
+    best.stress_with_grips_Pa         the largest stress of this state, at the grips as well
+    best.stress_over_limit            the stress away from the grips over the elastic limit
     best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire
                                       does not yield, at an unknown tension, or at another temperature
     best.stage                        the stage of this state
@@ -147,10 +148,14 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
 
 
 def _away_from_grips(rows: Sequence[Row], jumps: Sequence[Jump]) -> tuple[Sequence[Row], Sequence[Jump]]:
-    """The rows, and the pairs of them between which the mesh jumps, with the largest stress away from the grips."""
-    inner = {
-        id(row): Row(**vars(row) | {"stress_max_Pa": vars(row).get("stress_interior_max_Pa", row.stress_max_Pa)}) for row in rows
-    }
+    """The rows, and the pairs of them between which the mesh jumps, with the largest stress away from the grips.
+
+    `stress_with_grips_Pa`: that at the grips as well.
+    """
+    inner = {}
+    for row in rows:
+        away = vars(row).get("stress_interior_max_Pa", row.stress_max_Pa)
+        inner[id(row)] = Row(**vars(row) | {"stress_max_Pa": away, "stress_with_grips_Pa": row.stress_max_Pa})
     return [inner[id(row)] for row in rows], [(inner[id(one)], inner[id(other)]) for one, other in jumps]
 
 

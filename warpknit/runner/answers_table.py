@@ -16,6 +16,7 @@ LEAST_CHANGE = 1e-7  # of a strain
 SAME = 1e-9  # of a tension: round-off of a state found twice
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
 RANGES_TOLD = 4
+AWAY = 0.95  # of the largest stress: a smaller one is said to be that away from the grips
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -287,11 +288,13 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     incomplete = f", incomplete: {cut}" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
+    away = " away from the grips" if best["stress_max_Pa"] < AWAY * best["stress_with_grips_Pa"] else ""
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
-    yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
+    yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}{away}"
     times = best["first_yield_over_tension"]
     first_yield = "" if times is None else f"; first yield{_inside(answers)} at {times:.3g} times this tension"
-    yield "  margin", f"stress at {percent(best['stress_over_limit'], 0)} of the elastic limit{first_yield}"
+    share = f"stress{away} at {percent(best['stress_over_limit'], 0)} of the elastic limit"
+    yield "  margin", f"{share}{f'; {_at_grips(answers)}' if away else ''}{first_yield}"
     if low == high and not best["grows"]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return
@@ -313,6 +316,20 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     nearest = min(abs(_mean(one) / _mean(best) - 1.0) for one in (low, high))
     if error is not None and nearest < 0.01 * error:
         yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: a finer solver.preset tells"
+
+
+def _at_grips(answers: Mapping[str, Any]) -> str:
+    """Stress at the grips in the state of the best tension, and where the wire first yields there."""
+    stress = f"{engineering(answers['best']['stress_with_grips_Pa'], 'Pa')} at the grips"
+    first_yield = answers["first_yield"]
+    if first_yield is None or not _inside(answers):
+        return stress
+    where = f"{stress}, where the wire"
+    if first_yield["as_knitted"]:
+        return f"{where} yields as knitted"
+    if not first_yield["resolved"]:
+        return f"{where} first yields between {_both(*first_yield['between'])}"
+    return f"{where} first yields at {_known_tension(first_yield)}"
 
 
 def _end(best: Mapping[str, Any], name: str, of_mean: str, known: Sequence[Mapping[str, Any]]) -> str:

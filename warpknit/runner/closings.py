@@ -28,6 +28,7 @@ from .branches import Jump
 from .history import Row, mean_tension, stages_of
 
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
+STRESSES = ("stress_max_Pa", "stress_with_grips_Pa")  # [Pa] the second one beside a first one away from the grips
 COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
@@ -214,10 +215,10 @@ def interpolated(before: Row, after: Row, tension: float, classes: Sequence[Cont
             active += one.pairs * (min(ends) if share < 1.0 else ends[1])
         else:
             active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
-    stress = (1.0 - share) * before.stress_max_Pa + share * after.stress_max_Pa
+    stresses = {name: (1.0 - share) * vars(before)[name] + share * vars(after)[name] for name in STRESSES if name in vars(before)}
     pairs = max(1, sum(one.pairs for one in classes))
     state = state_between(before, after, share)
-    return Row(**state, stage=after.stage, active_percent=active / pairs, stress_max_Pa=stress)
+    return Row(**state, stage=after.stage, active_percent=active / pairs, **stresses)
 
 
 def _unknown(closings: Answer) -> list[list[Answer]]:
