@@ -57,6 +57,33 @@ def test_a_class_counts_at_service_tension_from_its_closing_on(
     assert point["state"]["strain_weft"] == pytest.approx(STRAIN * tension)
 
 
+def test_each_stage_that_passes_the_service_tension_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On unloading to 0.4 N/m B is held closed: 100 % there, and 25 % on loading. The last record misses 0.4 N/m by half of the
+    error of its search. Holding it while the mesh cools is no other branch."""
+    rows = [row(0.1 * k) for k in range(9)] + [row(tension, stage="unload") for tension in (0.7, 0.6, 0.5, 0.3996)]
+    for one in rows[9:]:
+        one.force_B_N, one.active_B_percent, one.active_percent = SLOPE, 100.0, 100.0
+    held = [row(0.3996, stage="cold", temperature=kelvin) for kelvin in (250.0, 200.0)]
+    for records in (rows, [*rows, *held]):
+        answers = found(records, monkeypatch, service=0.4)
+        assert [(one["stage"], one["active_percent"]) for one in answers["service"]] == [("load", 25.0), ("unload", 100.0)]
+        texts = [text for heading, text in answer_rows(answers, LIMIT) if heading == "active at 400 mN/m"]
+        assert texts == ["25.0 %, strain 8.0 % / 4.0 %, in stage 'load'", "100.0 %, strain 8.0 % / 4.0 %, in stage 'unload'"]
+
+
+@pytest.mark.parametrize("opens", [False, True])
+def test_contacts_that_open_on_unloading_leave_the_share_unknown(opens: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """B opens between the records at 0.6 and 0.4 N/m on unloading, on both sides of 0.5 N/m, or not at all."""
+    rows = [row(0.1 * k) for k in range(9)] + [row(tension, stage="unload") for tension in (0.6, 0.4, 0.3)]
+    for one in rows[9:10] if opens else rows[9:]:
+        one.force_B_N, one.active_B_percent, one.active_percent = SLOPE, 100.0, 100.0
+    answers = found(rows, monkeypatch, service=0.5)
+    point = answers["service"][1]
+    assert point["resolved"] != opens and point["active_percent"] == (None if opens else 100.0)
+    if opens:
+        assert [one["active_percent"] for one in point["between"]] == [100.0, 25.0]
+
+
 @pytest.mark.parametrize(("missed", "is_known"), [(1e-3, True), (0.02, False)])
 def test_a_search_that_misses_the_service_tension_by_its_error_has_its_share(
     missed: float, is_known: bool, monkeypatch: pytest.MonkeyPatch

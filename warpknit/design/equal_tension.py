@@ -153,7 +153,8 @@ def service_points(
         strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
         if tension == requested and card is not None:
             strains, active, stress = (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max
-        points.append(ServicePoint(tension, strains, active, stress, YIELDED if stress > scene.wire.yield_stress else ""))
+        why = YIELDED if stress > scene.wire.yield_stress else ""
+        points.append(ServicePoint(tension, strains, active, stress, why, row.stage))
     return points
 
 
@@ -194,4 +195,5 @@ def _point(point: ServicePoint) -> Answer:
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
     active = point.active_percent if state else None
     why = {"why": point.why} if point.why else {}
-    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True, "jump": None} | why
+    place = {"stage": point.stage if state else None, "resolved": True, "jump": None}
+    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state} | place | why

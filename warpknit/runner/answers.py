@@ -23,9 +23,11 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closed[].closed_percent  largest share of its pairs that are closed in the range
     contacts[].closed[].lasts         true where the last record is in the range
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it; `why` there is none, or what limits it
-    service[].resolved                false where a class closes at an unknown tension between the same two records, so that the
-                                      share is unknown
+                                      first reaches it, and one more for each later stage that passes it, as on unloading; `why`
+                                      there is none, or what limits it
+    service[].stage                   the stage of this state; null without one
+    service[].resolved                false where a class closes, or on unloading opens, at an unknown tension between the same
+                                      two records, so that the share is unknown
     service[].between                 then these two records, each with `active_percent`; null otherwise
     service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
                                       each with `active_percent`, in place of a state; null without one
@@ -86,7 +88,7 @@ from ..scene.model_choice import tension_error
 from ..solve.tension import TOLERANCE
 from .best_tension import best_tension, margin
 from .branches import Jump, is_heated
-from .closings import STATE, Answer, closed_ranges, closing, is_jump, service_share, state_between, state_of, takes_up_slack
+from .closings import STATE, Answer, closed_ranges, closing, is_jump, service_shares, state_between, state_of, takes_up_slack
 from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -110,7 +112,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
     error = max(TOLERANCE, model.scene.solver.residual_tolerance)
-    service = [service_share(tension, rows, classes, closings, jumps, error) for tension in wanted]
+    service = [one for tension in wanted for one in service_shares(tension, rows, classes, closings, jumps, error)]
     asked = _asked_tension(model.scene.stages)
     limit = model.scene.wire.yield_stress
     inner, inner_jumps = _away_from_grips(rows, jumps)

@@ -44,7 +44,9 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
         if point.get("jump"):
             sides = (f"{percent(0.01 * one['active_percent'])} at {_tension(one)}" for one in point["jump"])
             text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
-        yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
+        several = sum(one["tension_N_per_m"] == point["tension_N_per_m"] for one in answers["service"]) > 1
+        heading = f"active at {exact(point['tension_N_per_m'], 'N/m')}"
+        yield heading, text + (f", in stage '{point['stage']}'" if several else "")
     yield "first yield at", _yield(answers, yield_stress, reached)
     inner = answers["first_yield_interior"]
     if away := _inside(answers):

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..measure.contact_classes import ContactClass
-from .branches import Jump
+from .branches import Jump, is_heated
 from .history import Row, mean_tension, stages_of
 
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
@@ -152,35 +152,81 @@ def _lies_between(values: NDArray[np.float64], low: NDArray[np.float64], high: N
     return bool(np.all((here >= np.minimum(low, high) - slack) & (here <= np.maximum(low, high) + slack)))
 
 
-def service_share(
+def service_shares(
     tension: float,
     rows: Sequence[Row],
     classes: Sequence[ContactClass],
     closings: Answer,
     jumps: Sequence[Jump],
     error: float = 0.0,
+) -> list[Answer]:
+    """The share at a service tension, of whole contacts, where the mesh first reaches it, and in each later stage that passes it;
+    one without a state where it does not.
+
+    `resolved`: whether no class closes, or on unloading opens, at an unknown tension between the same two records. Within a
+    `jump` there is no state. error: share of a tension by which a search for it may miss it.
+    """
+    passages: list[Jump | None] = [*_passages(rows, tension, error)]
+    return [_service_share(tension, around, classes, closings, jumps) for around in passages or [None]]
+
+
+def _service_share(
+    tension: float, around: Jump | None, classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
 ) -> Answer:
-    """The share at a service tension, of whole contacts; `resolved`: whether no class closes at an unknown tension between the
-    same two records. Within a `jump` there is no state. error: share of a tension by which a search for it may miss it."""
-    around = _around(rows, tension, error)
-    if around is not None and is_jump(*around, jumps) and tension < mean_tension(around[1]):
+    """The share between two rows, or in one that is given twice; None: the mesh does not reach the tension."""
+    stage = {"stage": None if around is None else around[1].stage}
+    inside = around is not None and around[0] is not around[1] and tension != mean_tension(around[1])
+    if around is not None and inside and is_jump(*around, jumps):
         sides = [state_of(row) | {"active_percent": row.active_percent} for row in around]
         unknown = {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False}
-        return unknown | {"jump": sides, "between": None}
+        return unknown | stage | {"jump": sides, "between": None}
     there = None if around is None else around[1]
     if around is not None and around[0] is not around[1]:
         there = interpolated(*around, tension, classes, closings)
     why = {}
     if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
         there, why = None, {"why": COMPRESSED}
-    near = around is not None and [state_of(row) for row in around] in _unknown(closings) and tension < mean_tension(around[1])
+    near = inside and around is not None and _changes_unknown(*around, classes, closings)
     pairs = max(1, sum(one.pairs for one in classes))
     active, state = (
         (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, state_of(there))
     )
     ends = [state_of(row) | {"active_percent": row.active_percent} for row in around] if around is not None and near else None
     point = {"tension_N_per_m": tension, "active_percent": None if near else active, "state": state, "resolved": not near}
-    return point | {"jump": None, "between": ends} | why
+    return point | stage | {"jump": None, "between": ends} | why
+
+
+def _changes_unknown(before: Row, after: Row, classes: Sequence[ContactClass], closings: Answer) -> bool:
+    """Whether a class closes at an unknown tension between two neighbouring rows, or contacts open on unloading."""
+    if mean_tension(after) >= mean_tension(before):
+        return [state_of(before), state_of(after)] in _unknown(closings)
+    names = [f"active_{one.name}_percent" for one in classes]
+    return any(abs(vars(after)[name] - vars(before)[name]) > DRIFT for name in names)
+
+
+def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump]:
+    """The neighbouring rows between which the mean tension first reaches `tension` [N/m], and those of each later stage between
+    which it first passes it, upwards or downwards, but for changes of temperature; a row that has it stands twice.
+
+    A tension that only the `error` of the largest one leaves out, or of the last one of a later stage, is that of its row.
+    """
+    first = _around(rows, tension, error)
+    if first is None:
+        return []
+    passages, begun = [first], False
+    for part in stages_of(rows):
+        here, begun = begun, begun or any(row is first[1] for row in part)
+        if not here or is_heated(part):
+            continue
+        offsets = [mean_tension(row) - tension for row in part]
+        side = math.copysign(1.0, offsets[0])
+        slack = error * tension
+        if abs(offsets[0]) <= slack:  # the end of the stage before
+            continue
+        k = next((k for k, one in enumerate(offsets) if side * one <= slack), None)
+        if k is not None:
+            passages.append((part[k], part[k]) if abs(offsets[k]) <= slack else (part[k - 1], part[k]))
+    return passages
 
 
 def _around(rows: Sequence[Row], tension: float, error: float) -> Jump | None:
