@@ -223,6 +223,16 @@ def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> 
     assert next(text for name, text in rows if name == "tension, weft / warp") == "9.22 N/m / 0 N/m"
 
 
+@pytest.mark.parametrize(("text", "told"), [("", True), ("# later", True), ("[load]\nstrain_warp = 0.1", False)])
+def test_an_empty_file_is_told(text: str, told: bool, tmp_path: Path) -> None:
+    """It is planned with all defaults. A dict without keys in code is meant so."""
+    (tmp_path / "a.toml").write_text(text)
+    scene = load_scene(tmp_path / "a.toml", ["output.frames=2"])
+    said = "the scene file is empty: all values that no override gives are defaults"
+    assert (said in make_plan(scene).warnings) == told
+    assert not load_scene({}).is_empty
+
+
 @pytest.mark.parametrize(("repeats", "few"), [((1, 1), True), ((2, 2), True), ((4, 6), False)])
 def test_a_patch_of_fragments_is_told_by_the_plan_and_the_run(repeats: tuple[int, int], few: bool) -> None:
     """Grips cut a tile: half of its wires or more have less than a loop. Larger patches and tiles of endless cloth have none."""
