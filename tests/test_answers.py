@@ -280,10 +280,15 @@ def test_the_margin_is_to_yield_away_from_the_grips_at_the_same_temperature(monk
         best = answers["best"]
         assert best["stress_over_limit"] == pytest.approx(0.805 * 0.5 * STRESS / LIMIT, rel=0.01)
         assert best["first_yield_over_tension"] is None and answers["first_yield"] is not None
-        assert dict(answer_rows(answers, LIMIT))["  margin"] == "stress at 57 % of the elastic limit"
+        text = dict(answer_rows(answers, LIMIT))
+        assert text["best tension"].endswith("100.0 % active, 402 MPa away from the grips")
+        at_grips = "805 MPa at the grips, where the wire first yields at 700 mN/m"
+        assert text["  margin"] == f"stress away from the grips at 57 % of the elastic limit; {at_grips}"
+        assert best["stress_with_grips_Pa"] == pytest.approx(2.0 * best["stress_max_Pa"])
     rows[-1].stress_interior_max_Pa = 1.5 * LIMIT  # yields between 0.95 and 1 N/m
     text = dict(answer_rows(found(rows, monkeypatch), LIMIT))
-    assert text["  margin"] == "stress at 56 % of the elastic limit; first yield away from the grips at 1.23 times this tension"
+    assert text["  margin"].startswith("stress away from the grips at 56 % of the elastic limit; 7")
+    assert text["  margin"].endswith(" yields at 700 mN/m; first yield away from the grips at 1.23 times this tension")
 
 
 def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from warpknit.runner.cautions import cautions, scene_cautions, sweep_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
-from warpknit.runner.warnings_of import _overstressed, _taut_between_grips
+from warpknit.runner.warnings_of import _overstressed, _taut_between_grips, warnings_of
 from warpknit.scene import load_scene
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back
@@ -221,6 +221,32 @@ def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> 
     mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3}
     rows = summary_rows({"mesh": mesh, "answers": {"tension_tolerance_N_per_m": 0.01}}, tmp_path)
     assert next(text for name, text in rows if name == "tension, weft / warp") == "9.22 N/m / 0 N/m"
+
+
+@pytest.mark.parametrize(("text", "told"), [("", True), ("# later", True), ("[load]\nstrain_warp = 0.1", False)])
+def test_an_empty_file_is_told(text: str, told: bool, tmp_path: Path) -> None:
+    """It is planned with all defaults. A dict without keys in code is meant so."""
+    (tmp_path / "a.toml").write_text(text)
+    scene = load_scene(tmp_path / "a.toml", ["output.frames=2"])
+    said = "the scene file is empty: all values that no override gives are defaults"
+    assert (said in make_plan(scene).warnings) == told
+    assert not load_scene({}).is_empty
+
+
+@pytest.mark.parametrize(("repeats", "few"), [((1, 1), True), ((2, 2), True), ((4, 6), False)])
+def test_a_patch_of_fragments_is_told_by_the_plan_and_the_run(repeats: tuple[int, int], few: bool) -> None:
+    """Grips cut a tile: half of its wires or more have less than a loop. Larger patches and tiles of endless cloth have none."""
+    scene = load_scene({"load": {"strain_warp": 0.02}}, {"knit.repeats": list(repeats)}, "draft")
+    model = build_model(scene)
+    length = model.panel.wire_length
+    short = np.count_nonzero(length < model.cloth.stitch_length)
+    assert (2 * short >= len(length)) == few
+    for warnings in (make_plan(scene).warnings, warnings_of(model, [], [])):
+        told = [line for line in warnings if "are fragments of less than a loop" in line]
+        assert len(told) == few
+        if few:
+            assert told[0].startswith(f"{short} of {len(length)} wires") and "model.boundary = 'periodic'" in told[0]
+    assert not any("fragments" in line for line in make_plan(scene.changed({"model.boundary": "periodic"})).warnings)
 
 
 def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut() -> None:

@@ -6,6 +6,7 @@ import math
 import pickle
 import re
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,10 +20,10 @@ from warpknit.cli import main
 from warpknit.commands import report
 from warpknit.commands.run import percentage
 from warpknit.design.findings import DEFAULT_SWEEP
-from warpknit.errors import DeviceError, Diverged, ExportError, InputError, RunDirectoryError
+from warpknit.errors import DeviceError, Diverged, ExportError, InputError, MissingExtra, RunDirectoryError
 from warpknit.frame import Frame
 from warpknit.results import Run, Table
-from warpknit.results.states import States
+from warpknit.results.states import Series, States
 from warpknit.runner.history import read_history
 from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult
@@ -161,6 +162,18 @@ def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
     assert cells.active_percent.dims == ("strain_warp", "strain_weft") and cells.why.sel(strain_weft=0.1, strain_warp=0.5) == "c"
     assert cells.active_percent.attrs["units"] == "%"
     assert table.to_xarray().sizes == {"row": 3}
+
+
+@pytest.mark.parametrize(("package", "method"), [("pandas", "to_pandas"), ("xarray", "to_xarray")])
+def test_a_package_that_is_missing_is_named_with_its_extra(package: str, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An ImportError still, for those who catch that."""
+    monkeypatch.setitem(sys.modules, package, None)
+    line = f'{method}() needs the package {package}, of the extra "notebooks": pip install -e ".[notebooks]"'
+    table = Table({"strain_weft": np.zeros(1)})
+    for source in [table] if method == "to_pandas" else [table, Series(table, States(None))]:
+        with pytest.raises(MissingExtra, match=f"^{re.escape(line)}$") as raised:
+            getattr(source, method)()
+        assert isinstance(raised.value, ImportError) and isinstance(raised.value, InputError)
 
 
 def test_a_run_is_shown_short_and_as_a_page(finished: Run) -> None:

@@ -79,6 +79,8 @@ def test_an_entry_of_a_list_that_the_scene_leaves_out_is_that_of_the_default() -
     first, second = scene.changed(["knit.bars[1].shift=2"]).knit.bars
     assert (first, second.chain, second.shift) == (scene.knit.bars[0], scene.knit.bars[1].chain, 2)
     assert scene.changed({"knit.bars[2].chain": "1-0/1-2"}).knit.bars[:2] == scene.knit.bars
+    both = scene.changed(["knit.bars[2].shift=1", "knit.bars[2].chain=1-0/1-2"])  # a new one, in any order
+    assert (both.knit.bars[2].shift, both.knit.bars[2].chain) == (1, "1-0/1-2")
     assert scene.changed({"knit.repeats[1]": 3}).knit.repeats == (1, 3)
     with pytest.raises(SceneError, match=r"knit\.bars\[3\]: given 1, allowed: an entry 0 to 2 of a list"):
         scene.changed({"knit.bars[3].shift": 1})

@@ -51,6 +51,10 @@ class ExportError(InputError):
     """Nothing to export there, or not to that format."""
 
 
+class MissingExtra(InputError, ImportError):
+    """A package of an extra is not installed: the line names both."""
+
+
 class Diverged(WarpknitError):
     """The run diverged: the line names the wire, the node, the load, the likely cause and what to change."""
 
@@ -78,6 +82,17 @@ def naming_arguments() -> Iterator[None]:
         yield
     except InputError as error:
         raise type(error)(in_python(str(error))) from error
+
+
+@contextmanager
+def needing_extra(what: str, extra: str) -> Iterator[None]:
+    """Name the extra of a package that `what` needs and that is not installed. Raises `MissingExtra`."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        line = f'{what} needs the package {package}, of the extra "{extra}": pip install -e ".[{extra}]"'
+        raise MissingExtra(line) from error
 
 
 def in_python(message: str) -> str:

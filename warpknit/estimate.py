@@ -33,6 +33,7 @@ class Size:
     time_step: float = 1.0  # [s]
     limited_by: str = "unit step"
     loading_time: float = 0.0  # [s] of a stage of a ramp
+    notes: tuple[str, ...] = ()  # how the mesh was cut, where it was laid out
 
 
 @dataclass(frozen=True)

@@ -172,6 +172,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         report_map_s=report_map_s,
         file=file,
         warnings=(
+            *size.notes,
             *scene_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),
             *(() if cloth is None else estimates.overlaps_as_knitted(scene, _one_repeat(scene))),

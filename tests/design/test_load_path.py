@@ -86,7 +86,7 @@ def test_a_path_ends_behind_first_yield_unless_more_is_requested():
     )
     above = [row.stress_max_Pa > scene.wire.yield_stress for row in path.rows]
     assert above == [False] * (len(above) - 2) + [True, True]
-    assert {point.why for point in service_points(scene, path, None, None)} == {"beyond first yield"}
+    assert {point.why for point in service_points(scene, path, (), None, None)} == {"beyond first yield"}
     assert (
         load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.0, 0.0, 1.0), None) == EqualTensionPath()
     )

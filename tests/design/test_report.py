@@ -252,19 +252,23 @@ def test_an_end_of_the_path_is_told_by_the_wire_first():
 
 
 @pytest.mark.parametrize(
-    ("tensions", "ended", "why"),
+    ("tensions", "ended", "is_jump", "why"),
     [
-        ((1.0, 3.4), "level 0.5 did not converge", "the relaxation did not converge beyond 3.4 N/m"),
-        ((1.0, 8.0), "", "the relaxation did not converge there"),  # its stage was missed, the next one was not
-        ((), "level 0 did not converge", "the mesh as knitted did not converge"),
-        ((), "", "no strains of equal tension in the map"),
-        ((1.0, 3.4), YIELDED, YIELDED),
+        ((1.0, 3.4), "level 0.5 did not converge", False, "the relaxation did not converge beyond 3.4 N/m"),
+        ((1.0, 8.0), "", False, "the relaxation did not converge there"),  # its stage was missed, the next one was not
+        ((), "level 0 did not converge", False, "the mesh as knitted did not converge"),
+        ((), "", False, "no strains of equal tension in the map"),
+        ((1.0, 3.4), YIELDED, False, YIELDED),
+        ((1.0, 8.0), YIELDED, False, "the relaxation did not converge there"),  # first yield is beyond 4.9 N/m
+        ((1.0, 8.0), YIELDED, True, "the mesh jumps over it"),
+        ((1.0, 4.8), "", False, "not reached, up to 4.8 N/m"),
     ],
 )
-def test_a_service_tension_without_a_state_says_why(tensions, ended, why):
+def test_a_service_tension_without_a_state_says_why(tensions, ended, is_jump, why):
     rows = [SimpleNamespace(tension_weft_N_per_m=one, tension_warp_N_per_m=one) for one in tensions]
+    jumps = [(rows[0], rows[1])] if is_jump else []
     scene = load_scene(SCENES / "contact_map.toml")
-    points = service_points(scene, EqualTensionPath(rows=rows, ended=ended), None, None)
+    points = service_points(scene, EqualTensionPath(rows=rows, ended=ended), jumps, None, None)
     assert {point.tension: point.why for point in points}[4.9] == why
 
 
@@ -335,7 +339,7 @@ def test_service_points_are_equilibria_and_not_interpolated(reports):
     path = load_equally(
         exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.06, 0.06, scene.wire.yield_stress), None
     )
-    point = service_points(scene, path, None, None)[0]
+    point = service_points(scene, path, (), None, None)[0]
     assert point.strains == pytest.approx((values["prestrain1"], values["prestrain2"]), abs=5e-4)
     assert 0.01 * point.active_percent == pytest.approx(values["active"])
 

@@ -41,7 +41,7 @@ def found(
         hook=None, wire=SimpleNamespace(yield_stress=LIMIT, expansion=4.5e-6), output=SimpleNamespace(service_tension=service),
         solver=SimpleNamespace(residual_tolerance=1e-3),
         stages=[SimpleNamespace(name=name, by_tension=(asked is not None,) * 2, tension_weft=asked, tension_warp=asked)
-                for name in ("load", "cold")],
+                for name in ("load", "unload", "cold")],
     )  # fmt: skip
     monkeypatch.setattr(module, "classes_of", lambda _: [ContactClass("A", pairs[0]), ContactClass("B", pairs[1])])
     monkeypatch.setattr(module.measure, "active_threshold", lambda _: 1e-12)

@@ -142,29 +142,34 @@ def _has_passed(stress: float, rows: Sequence[Row]) -> bool:
 
 
 def service_points(
-    scene: Scene, path: EqualTensionPath, requested: float | None, card: MaterialCard | None
+    scene: Scene, path: EqualTensionPath, jumps: Sequence[Jump], requested: float | None, card: MaterialCard | None
 ) -> list[ServicePoint]:
-    """The mesh at `service_tensions`: on the path, and by the `card` of the requested tension."""
+    """The mesh at `service_tensions`: on the path, which has these jumps, and by the `card` of the requested tension."""
     points = []
     for tension in service_tensions(scene, requested):
         if (row := path.at.get(tension)) is None:
-            points.append(ServicePoint(tension, why=_unreached(path, tension)))
+            points.append(ServicePoint(tension, why=_unreached(path, jumps, tension)))
             continue
         strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
         if tension == requested and card is not None:
             strains, active, stress = (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max
-        points.append(ServicePoint(tension, strains, active, stress, YIELDED if stress > scene.wire.yield_stress else ""))
+        why = YIELDED if stress > scene.wire.yield_stress else ""
+        points.append(ServicePoint(tension, strains, active, stress, why, row.stage))
     return points
 
 
-def _unreached(path: EqualTensionPath, tension: float) -> str:
+def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) -> str:
     """Why a path has no state at a `tension` [N/m], in a few words."""
-    if path.ended in (YIELDED, BROKEN):
-        return path.ended
     if not path.rows:
         return "the mesh as knitted did not converge" if path.ended else NO_PATH
     top = max(map(mean_tension, path.rows))
-    return "the relaxation did not converge " + (f"beyond {engineering(top, 'N/m')}" if top < tension else "there")
+    if top < tension:
+        if path.ended in (YIELDED, BROKEN):
+            return path.ended
+        up_to = engineering(top, "N/m")
+        return f"the relaxation did not converge beyond {up_to}" if path.ended else f"not reached, up to {up_to}"
+    jumped = any(mean_tension(before) < tension < mean_tension(after) for before, after in jumps)
+    return "the mesh jumps over it" if jumped else "the relaxation did not converge there"
 
 
 def with_service(answers: Answer, service: Sequence[ServicePoint]) -> Answer:
@@ -190,4 +195,5 @@ def _point(point: ServicePoint) -> Answer:
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
     active = point.active_percent if state else None
     why = {"why": point.why} if point.why else {}
-    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state, "resolved": True, "jump": None} | why
+    place = {"stage": point.stage if state else None, "resolved": True, "jump": None}
+    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state} | place | why

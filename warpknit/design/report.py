@@ -86,7 +86,7 @@ def write_report(
     path = load_equally(double, largest, tension, begin("equal tensions"))
     found_jumps = jumps_under_tension(double, path.rows)
     card, tensioned, where, loading = _card(double, optimum, path, found_jumps, tension, begin("material card"))
-    service = service_points(scene, path, tension, card)
+    service = service_points(scene, path, found_jumps, tension, card)
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
     best = None if answers is None else answers["best"]
     heated = heat(scene, path, tension or (None if best is None else mean_tension(Row(**best))), begin("heat"))

@@ -23,6 +23,7 @@ class ServicePoint:
     active_percent: float = 0.0
     stress_max: float = 0.0  # [Pa]
     why: str = ""  # there is no state, or what limits it
+    stage: str = ""  # of the state
 
     @property
     def name(self) -> str:

@@ -150,6 +150,18 @@ def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
     return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6
 
 
+def _fragments(is_short: np.ndarray, dropped: int) -> str:
+    """What the cut leaves: wires of less than a loop, [wire] bool, where they are half of all or more, and what it drops."""
+    short = int(np.count_nonzero(is_short))
+    if 2 * short < len(is_short) or not short:
+        return f"{dropped} wire fragments at the edges hold no clasp: dropped" if dropped else ""
+    also = f" (and {dropped} fragments that hold no clasp are dropped)" if dropped else ""
+    return (
+        f"{short} of {len(is_short)} wires are fragments of less than a loop, clamped at both ends{also}: the grips decide the"
+        " result, not the knit; for a tile of endless cloth give model.boundary = 'periodic', for a patch more knit.repeats"
+    )
+
+
 def build_panel(
     cloth: Cloth,
     table: Table,
@@ -185,8 +197,8 @@ def build_panel(
         used = np.arange(len(strands.thread))
     else:
         used = np.unique(bodies.wire)
-        if len(used) < len(strands.thread):
-            notes.append(f"{len(strands.thread) - len(used)} wire fragments at the edges hold no clasp: dropped")
+        if note := _fragments((strands.arc_end - strands.arc_begin)[used] < cloth.stitch_length, len(strands.thread) - len(used)):
+            notes.append(note)
     if len(bodies.clasp) == 0:
         raise ModelError(
             f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary: use more, or a larger panel.size"

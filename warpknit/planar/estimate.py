@@ -116,6 +116,7 @@ def size_of(scene: Scene, cloth: Cloth | None) -> tuple[Size, bool]:
         time_step=model.time_step,
         limited_by=model.limited_by,
         loading_time=model.loading_time,
+        notes=model.panel.notes,
     )
     return size, True
 

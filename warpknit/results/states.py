@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ..errors import ExportError, RunDirectoryError
+from ..errors import ExportError, RunDirectoryError, needing_extra
 from ..frame import Frame
 from .table import Table, found, units
 
@@ -92,12 +92,13 @@ class Series(Mapping[str, np.ndarray]):
         return f"<{len(self)} quantities of {self._history.rows} records>"
 
     def to_xarray(self, names: Sequence[str] | None = None) -> Any:
-        """An xarray.Dataset over `record`, by default of everything. Raises ImportError without xarray (extra `notebooks`).
+        """An xarray.Dataset over `record`, by default of everything. Raises `MissingExtra` without xarray (extra `notebooks`).
 
         Coordinates: `record`, the index from 0; `stage` and `load_factor` of each record; `axis`, of positions: x, y, z.
         `attrs["units"]` of each variable is its unit (`units` in table.py); none for counts, shares and words.
         """
-        import xarray
+        with needing_extra("to_xarray()", "notebooks"):
+            import xarray
 
         variables: dict[str, Any] = {}
         for name in self if names is None else names:

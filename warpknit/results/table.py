@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..errors import InputError, RunDirectoryError
+from ..errors import InputError, RunDirectoryError, needing_extra
 from ..measure.table import MEASURES
 
 Value = TypeVar("Value")
@@ -89,9 +89,10 @@ class Table(Mapping[str, np.ndarray]):
     def to_xarray(self, *by: str) -> Any:
         """An xarray.Dataset along `row`, or over the values of the columns `by`, which are its coordinates.
 
-        `attrs["units"]` of each variable is the unit that ends its name (UNITS). Raises ImportError without xarray.
+        `attrs["units"]` of each variable is the unit that ends its name (UNITS). Raises `MissingExtra` without xarray.
         """
-        import xarray
+        with needing_extra("to_xarray()", "notebooks"):
+            import xarray
 
         for name in by:
             found(self, name)
@@ -104,8 +105,9 @@ class Table(Mapping[str, np.ndarray]):
         return data
 
     def to_pandas(self) -> Any:
-        """The table as a pandas.DataFrame. Raises ImportError without pandas (extra `notebooks`)."""
-        import pandas
+        """The table as a pandas.DataFrame. Raises `MissingExtra` without pandas (extra `notebooks`)."""
+        with needing_extra("to_pandas()", "notebooks"):
+            import pandas
 
         return pandas.DataFrame(self._columns)
 

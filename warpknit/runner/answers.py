@@ -16,11 +16,18 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     contacts[].closes.as_knitted      true where the class is closed in the first record
     contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
     contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
-    contacts[].closes.opens           the record behind in which less than half of its pairs are closed; null without one
+    contacts[].closes.opens           the record behind in which less than half of its pairs are closed, with its `stage`; null
+                                      without one
+    contacts[].closed                 the ranges of records in which the class is closed: the state `from` which and `to` which,
+                                      each with its `stage`; more than one where it opened again, empty where it stays open
+    contacts[].closed[].closed_percent  largest share of its pairs that are closed in the range
+    contacts[].closed[].lasts         true where the last record is in the range
     service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it; `why` there is none, or what limits it
-    service[].resolved                false where a class closes at an unknown tension between the same two records, so that the
-                                      share is unknown
+                                      first reaches it, and one more for each later stage that passes it, as on unloading; `why`
+                                      there is none, or what limits it
+    service[].stage                   the stage of this state; null without one
+    service[].resolved                false where a class closes, or on unloading opens, at an unknown tension between the same
+                                      two records, so that the share is unknown
     service[].between                 then these two records, each with `active_percent`; null otherwise
     service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
                                       each with `active_percent`, in place of a state; null without one
@@ -47,7 +54,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
                                       shows does not count. Stages that go on loading at one temperature count as one
-    best.stress_over_limit            this stress over the elastic limit
+    best.stress_with_grips_Pa         the largest stress of this state, at the grips as well
+    best.stress_over_limit            the stress away from the grips over the elastic limit
     best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire
                                       does not yield, at an unknown tension, or at another temperature
     best.stage                        the stage of this state
@@ -80,7 +88,7 @@ from ..scene.model_choice import tension_error
 from ..solve.tension import TOLERANCE
 from .best_tension import best_tension, margin
 from .branches import Jump, is_heated
-from .closings import STATE, Answer, closing, is_jump, service_share, state_between, state_of, takes_up_slack
+from .closings import STATE, Answer, closed_ranges, closing, is_jump, service_shares, state_between, state_of, takes_up_slack
 from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -104,7 +112,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
     error = max(TOLERANCE, model.scene.solver.residual_tolerance)
-    service = [service_share(tension, rows, classes, closings, jumps, error) for tension in wanted]
+    service = [one for tension in wanted for one in service_shares(tension, rows, classes, closings, jumps, error)]
     asked = _asked_tension(model.scene.stages)
     limit = model.scene.wire.yield_stress
     inner, inner_jumps = _away_from_grips(rows, jumps)
@@ -122,6 +130,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
                 "pairs": one.pairs,
                 "active_percent": vars(rows[-1])[f"active_{one.name}_percent"],
                 "closes": closings[one.name],
+                "closed": closed_ranges(rows, one.name, threshold),
             }
             for one in classes
         ],
@@ -141,10 +150,14 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
 
 
 def _away_from_grips(rows: Sequence[Row], jumps: Sequence[Jump]) -> tuple[Sequence[Row], Sequence[Jump]]:
-    """The rows, and the pairs of them between which the mesh jumps, with the largest stress away from the grips."""
-    inner = {
-        id(row): Row(**vars(row) | {"stress_max_Pa": vars(row).get("stress_interior_max_Pa", row.stress_max_Pa)}) for row in rows
-    }
+    """The rows, and the pairs of them between which the mesh jumps, with the largest stress away from the grips.
+
+    `stress_with_grips_Pa`: that at the grips as well.
+    """
+    inner = {}
+    for row in rows:
+        away = vars(row).get("stress_interior_max_Pa", row.stress_max_Pa)
+        inner[id(row)] = Row(**vars(row) | {"stress_max_Pa": away, "stress_with_grips_Pa": row.stress_max_Pa})
     return [inner[id(row)] for row in rows], [(inner[id(one)], inner[id(other)]) for one, other in jumps]
 
 

@@ -15,6 +15,8 @@ LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about 
 LEAST_CHANGE = 1e-7  # of a strain
 SAME = 1e-9  # of a tension: round-off of a state found twice
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
+RANGES_TOLD = 4
+AWAY = 0.95  # of the largest stress: a smaller one is said to be that away from the grips
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -42,7 +44,9 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
         if point.get("jump"):
             sides = (f"{percent(0.01 * one['active_percent'])} at {_tension(one)}" for one in point["jump"])
             text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
-        yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", text
+        several = sum(one["tension_N_per_m"] == point["tension_N_per_m"] for one in answers["service"]) > 1
+        heading = f"active at {exact(point['tension_N_per_m'], 'N/m')}"
+        yield heading, text + (f", in stage '{point['stage']}'" if several else "")
     yield "first yield at", _yield(answers, yield_stress, reached)
     inner = answers["first_yield_interior"]
     if away := _inside(answers):
@@ -134,17 +138,41 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
     if closes is None:
         some = f", {percent(0.01 * one['active_percent'])} active" if one["active_percent"] else ""
         return f"not closed {reached}{some}"
-    if closes["as_knitted"]:
-        return "closed as knitted"
-    opened = ""
-    if (opens := closes["opens"]) is not None:
-        heated = opens["temperature_K"] != closes["between"][1]["temperature_K"]
-        opened = f", open again at {_tension(opens)}" + (f" and {celsius(opens['temperature_K'])}" if heated else "")
-    touch = closes["first_touch"]
-    touched = "" if touch is None else f", after a touch at {_tension(touch)} that opens again"
-    if not closes["resolved"]:
-        return f"{_records(closes)}{touched}{opened}"
-    return f"{_found(closes)}{touched}{opened}"
+    found = "closed as knitted" if closes["as_knitted"] else _found(closes) if closes["resolved"] else _records(closes)
+    return f"{found}{_opened(one)}"
+
+
+def _opened(one: Mapping[str, Any]) -> str:
+    """That a class of contact opens again: where, or the ranges in which it is closed; empty where it stays closed."""
+    closes, ranges = one["closes"], one["closed"]
+    if len(ranges) > 1:
+        several = len({part[side]["stage"] for part in ranges for side in ("from", "to")}) > 1
+        shown = [_range(part, closes, several=several) for part in ranges[:RANGES_TOLD]]
+        return f", closed {', and '.join(shown)}" + (", ..." if len(ranges) > RANGES_TOLD else "")
+    if (opens := closes["opens"]) is None:
+        return ""
+    heated = opens["temperature_K"] != closes["between"][1]["temperature_K"]
+    stage = f" in stage '{opens['stage']}'" if opens["stage"] != closes["stage"] else ""
+    return f", open again at {_tension(opens)}" + (f" and {celsius(opens['temperature_K'])}" if heated else "") + stage
+
+
+def _range(part: Mapping[str, Any], closes: Mapping[str, Any], *, several: bool) -> str:
+    """A range in which a class is closed, from its closing on where that is known, with the stages where there are several."""
+    first, last = part["from"], part["to"]
+    heated = first["temperature_K"] != last["temperature_K"]
+
+    def end(state: State, shown: str, stage: bool) -> str:
+        at = f" and {celsius(state['temperature_K'])}" if heated else ""
+        return f"{shown}{at}" + (f" in stage '{state['stage']}'" if stage else "")
+
+    here = closes["between"][1]
+    begins_there = closes["resolved"] and all(first[name] == value for name, value in here.items())
+    begin = end(first, _known_tension(closes) if begins_there else _tension(first), several)
+    if part["lasts"]:
+        return f"from {begin}"
+    if all(first[name] == last[name] for name in first):
+        return f"at {begin}"
+    return f"from {begin} to {end(last, _tension(last), first['stage'] != last['stage'])}"
 
 
 def _pairs(one: Mapping[str, Any]) -> str:
@@ -262,11 +290,13 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     incomplete = f", incomplete: {cut}" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
+    away = " away from the grips" if best["stress_max_Pa"] < AWAY * best["stress_with_grips_Pa"] else ""
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
-    yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}"
+    yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}{away}"
     times = best["first_yield_over_tension"]
     first_yield = "" if times is None else f"; first yield{_inside(answers)} at {times:.3g} times this tension"
-    yield "  margin", f"stress at {percent(best['stress_over_limit'], 0)} of the elastic limit{first_yield}"
+    share = f"stress{away} at {percent(best['stress_over_limit'], 0)} of the elastic limit"
+    yield "  margin", f"{share}{f'; {_at_grips(answers)}' if away else ''}{first_yield}"
     if low == high and not best["grows"]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return
@@ -288,6 +318,20 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     nearest = min(abs(_mean(one) / _mean(best) - 1.0) for one in (low, high))
     if error is not None and nearest < 0.01 * error:
         yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: a finer solver.preset tells"
+
+
+def _at_grips(answers: Mapping[str, Any]) -> str:
+    """Stress at the grips in the state of the best tension, and where the wire first yields there."""
+    stress = f"{engineering(answers['best']['stress_with_grips_Pa'], 'Pa')} at the grips"
+    first_yield = answers["first_yield"]
+    if first_yield is None or not _inside(answers):
+        return stress
+    where = f"{stress}, where the wire"
+    if first_yield["as_knitted"]:
+        return f"{where} yields as knitted"
+    if not first_yield["resolved"]:
+        return f"{where} first yields between {_both(*first_yield['between'])}"
+    return f"{where} first yields at {_known_tension(first_yield)}"
 
 
 def _end(best: Mapping[str, Any], name: str, of_mean: str, known: Sequence[Mapping[str, Any]]) -> str:

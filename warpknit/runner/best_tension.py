@@ -107,7 +107,8 @@ def _best_of(
         between[f"{name}_between"] = None if sides is None else [state_of(one) for one in sides]
         between[f"{name}_jump"] = sides is not None and (is_jump(*sides, jumps) or is_jump(*sides[::-1], jumps))
     return between | {
-        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa, "stage": best.stage,
+        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": best.stress_max_Pa,
+        "stress_with_grips_Pa": best.stress_with_grips_Pa, "stage": best.stage,
         "low": state_of(low), "high": state_of(high), "grows": grows,
         "open_low": any(low is one for one in (states[0], states[-1])),
         "open_high": any(high is one for one in (states[0], states[-1])),

@@ -40,6 +40,8 @@ def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
 
 def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
+    if scene.is_empty:
+        yield "the scene file is empty: all values that no override gives are defaults"
     yield from _about_constants(scene)
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
         yield "no load is given: [load] has neither strain nor tension nor temperature"

@@ -17,16 +17,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..measure.contact_classes import ContactClass
-from .branches import Jump
+from .branches import Jump, is_heated
 from .history import Row, mean_tension, stages_of
 
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
+STRESSES = ("stress_max_Pa", "stress_with_grips_Pa")  # [Pa] the second one beside a first one away from the grips
 COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
@@ -60,7 +62,9 @@ def closing(
         "jump": is_jump(before, after, jumps), "slack": k > 0 and takes_up_slack(before, after),
         "closed_percent": vars(after)[f"active_{name}_percent"],
         "first_touch": None if touch is None else state_of(touch),
-        "opens": next((state_of(row) for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None),
+        "opens": next(
+            (state_of(row) | {"stage": row.stage} for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None
+        ),
     }  # fmt: skip
     if k == 0:
         return state_of(after) | found
@@ -83,6 +87,23 @@ def closing(
             share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
             return state_between(before, after, share) | found
     return state_between(before, after, 0.5) | found | {"resolved": False}
+
+
+def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Answer]:
+    """The ranges of records in which a class is closed: the first state and the last one of each, with their stages.
+
+    threshold [N]: of an active pair. `closed_percent`: largest share of its pairs in the range; `lasts`: to the last record.
+    """
+    ranges: list[Answer] = []
+    end = 0
+    for is_closed, group in groupby(rows, lambda row: bool(vars(row)[f"force_{name}_N"] > threshold)):
+        part = list(group)
+        end += len(part)
+        if is_closed:
+            ends = {side: state_of(row) | {"stage": row.stage} for side, row in (("from", part[0]), ("to", part[-1]))}
+            share = max(vars(row)[f"active_{name}_percent"] for row in part)
+            ranges.append(ends | {"closed_percent": share, "lasts": end == len(rows)})
+    return ranges
 
 
 def _steps_back(tension: Sequence[float], force: Sequence[float]) -> float | None:
@@ -131,35 +152,81 @@ def _lies_between(values: NDArray[np.float64], low: NDArray[np.float64], high: N
     return bool(np.all((here >= np.minimum(low, high) - slack) & (here <= np.maximum(low, high) + slack)))
 
 
-def service_share(
+def service_shares(
     tension: float,
     rows: Sequence[Row],
     classes: Sequence[ContactClass],
     closings: Answer,
     jumps: Sequence[Jump],
     error: float = 0.0,
+) -> list[Answer]:
+    """The share at a service tension, of whole contacts, where the mesh first reaches it, and in each later stage that passes it;
+    one without a state where it does not.
+
+    `resolved`: whether no class closes, or on unloading opens, at an unknown tension between the same two records. Within a
+    `jump` there is no state. error: share of a tension by which a search for it may miss it.
+    """
+    passages: list[Jump | None] = [*_passages(rows, tension, error)]
+    return [_service_share(tension, around, classes, closings, jumps) for around in passages or [None]]
+
+
+def _service_share(
+    tension: float, around: Jump | None, classes: Sequence[ContactClass], closings: Answer, jumps: Sequence[Jump]
 ) -> Answer:
-    """The share at a service tension, of whole contacts; `resolved`: whether no class closes at an unknown tension between the
-    same two records. Within a `jump` there is no state. error: share of a tension by which a search for it may miss it."""
-    around = _around(rows, tension, error)
-    if around is not None and is_jump(*around, jumps) and tension < mean_tension(around[1]):
+    """The share between two rows, or in one that is given twice; None: the mesh does not reach the tension."""
+    stage = {"stage": None if around is None else around[1].stage}
+    inside = around is not None and around[0] is not around[1] and tension != mean_tension(around[1])
+    if around is not None and inside and is_jump(*around, jumps):
         sides = [state_of(row) | {"active_percent": row.active_percent} for row in around]
         unknown = {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": False}
-        return unknown | {"jump": sides, "between": None}
+        return unknown | stage | {"jump": sides, "between": None}
     there = None if around is None else around[1]
     if around is not None and around[0] is not around[1]:
         there = interpolated(*around, tension, classes, closings)
     why = {}
     if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
         there, why = None, {"why": COMPRESSED}
-    near = around is not None and [state_of(row) for row in around] in _unknown(closings) and tension < mean_tension(around[1])
+    near = inside and around is not None and _changes_unknown(*around, classes, closings)
     pairs = max(1, sum(one.pairs for one in classes))
     active, state = (
         (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, state_of(there))
     )
     ends = [state_of(row) | {"active_percent": row.active_percent} for row in around] if around is not None and near else None
     point = {"tension_N_per_m": tension, "active_percent": None if near else active, "state": state, "resolved": not near}
-    return point | {"jump": None, "between": ends} | why
+    return point | stage | {"jump": None, "between": ends} | why
+
+
+def _changes_unknown(before: Row, after: Row, classes: Sequence[ContactClass], closings: Answer) -> bool:
+    """Whether a class closes at an unknown tension between two neighbouring rows, or contacts open on unloading."""
+    if mean_tension(after) >= mean_tension(before):
+        return [state_of(before), state_of(after)] in _unknown(closings)
+    names = [f"active_{one.name}_percent" for one in classes]
+    return any(abs(vars(after)[name] - vars(before)[name]) > DRIFT for name in names)
+
+
+def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump]:
+    """The neighbouring rows between which the mean tension first reaches `tension` [N/m], and those of each later stage between
+    which it first passes it, upwards or downwards, but for changes of temperature; a row that has it stands twice.
+
+    A tension that only the `error` of the largest one leaves out, or of the last one of a later stage, is that of its row.
+    """
+    first = _around(rows, tension, error)
+    if first is None:
+        return []
+    passages, begun = [first], False
+    for part in stages_of(rows):
+        here, begun = begun, begun or any(row is first[1] for row in part)
+        if not here or is_heated(part):
+            continue
+        offsets = [mean_tension(row) - tension for row in part]
+        side = math.copysign(1.0, offsets[0])
+        slack = error * tension
+        if abs(offsets[0]) <= slack:  # the end of the stage before
+            continue
+        k = next((k for k, one in enumerate(offsets) if side * one <= slack), None)
+        if k is not None:
+            passages.append((part[k], part[k]) if abs(offsets[k]) <= slack else (part[k - 1], part[k]))
+    return passages
 
 
 def _around(rows: Sequence[Row], tension: float, error: float) -> Jump | None:
@@ -194,10 +261,10 @@ def interpolated(before: Row, after: Row, tension: float, classes: Sequence[Cont
             active += one.pairs * (min(ends) if share < 1.0 else ends[1])
         else:
             active += one.pairs * ((1.0 - share) * ends[0] + share * ends[1])
-    stress = (1.0 - share) * before.stress_max_Pa + share * after.stress_max_Pa
+    stresses = {name: (1.0 - share) * vars(before)[name] + share * vars(after)[name] for name in STRESSES if name in vars(before)}
     pairs = max(1, sum(one.pairs for one in classes))
     state = state_between(before, after, share)
-    return Row(**state, stage=after.stage, active_percent=active / pairs, stress_max_Pa=stress)
+    return Row(**state, stage=after.stage, active_percent=active / pairs, **stresses)
 
 
 def _unknown(closings: Answer) -> list[list[Answer]]:

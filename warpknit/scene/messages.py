@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING
 from typing import Any
 
 from pydantic import ValidationError
@@ -50,11 +52,11 @@ def first_error(file: object, error: ValidationError) -> SceneError:
         case "missing":
             return scene_error(file, dotted(location), "nothing", _allowed_at(location), more)
         case "tuple_type":
-            return scene_error(file, dotted(location), given, "a list", more)
+            return scene_error(file, dotted(location), given, _list_at(location, item["input"]), more)
         case "too_short":
             return scene_error(file, dotted(location), given, "a list with at least one entry", more)
         case _:
-            return scene_error(file, dotted(location) or "the file", given, "a table", more)
+            return scene_error(file, dotted(location) or "the file", given, _table_in_words(location, item["input"]), more)
 
 
 def unknown_key(file: object, location: Location, given: str, more: Sequence[str] = ()) -> SceneError:
@@ -101,6 +103,11 @@ def default_list(location: Sequence[int | str]) -> list[Any]:
     if not isinstance(default, tuple):
         return []
     return [given_values(entry) if isinstance(entry, Table) else entry for entry in default]
+
+
+def required_keys(location: Sequence[int | str]) -> list[str]:
+    """The keys that a table at a location must have."""
+    return [name for name, entry in keys_of(_table_at(tuple(location))).items() if entry.default is MISSING]
 
 
 def known_keys() -> list[str]:
@@ -150,6 +157,29 @@ def _allowed_at(location: Location) -> str:
     """What a required key allows."""
     entry = keys_of(_table_at(location[:-1]))[str(location[-1])]
     return "a list with at least one entry" if entry.is_list or entry.check is None else entry.check.allowed
+
+
+def _list_at(location: Location, given: Any) -> str:
+    """A list, and how one of tables is written where a table was given."""
+    entry = keys_of(_table_at(location[:-1])).get(str(location[-1])) if location else None
+    if entry is None or entry.table is None:
+        return "a list"
+    if isinstance(given, Mapping):
+        return f"a list of tables: write [[{dotted(location)}]] in place of [{dotted(location)}]"
+    return f"a list of tables{_example(location, given)}"
+
+
+def _table_in_words(location: Location, given: Any) -> str:
+    """A table, and how one in a list of tables is written."""
+    example = _example(location, given) if location and isinstance(location[-1], int) else ""
+    return f"a table, as in a list of tables{example}" if example else "a table"
+
+
+def _example(location: Location, given: Any) -> str:
+    """An entry of a list of tables with its first key, which is the given value where that may stand there."""
+    first = next(iter(keys_of(_table_at(location)).values()))
+    text = first.default is MISSING and isinstance(given, str)
+    return f", [{{{first.name} = {json.dumps(given)}}}]" if text else ""
 
 
 def _one_line(text: str) -> str:

@@ -13,7 +13,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from warpknit.scene.messages import Location, default_list, dotted, scene_error, unknown_depth, unknown_key
+from warpknit.scene.messages import Location, default_list, dotted, required_keys, scene_error, unknown_depth, unknown_key
 from warpknit.scene.scene import Override, Overrides
 from warpknit.scene.units import shown
 
@@ -45,10 +45,12 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
     """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
     made: dict[str, Any] = as_written(table, file)
     keys_set: set[tuple[int | str, ...]] = set()
+    added: dict[Location, Location] = {}  # entries of lists that are new, by the override that added each
     for override in as_list(overrides):
         key, value = _key_and_value(file, override)
         location = _location(file, key)
-        _set(file, made, location, value)
+        for entry in _set(file, made, location, value):
+            added[entry] = location
         keys_set.add(location)
         *above, last = location
         if above and above[0] in ("load", "path", "knit", "sweep"):
@@ -56,7 +58,24 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
             for rival in RIVALS.get(str(last), ()):
                 if (*above, rival) not in keys_set:
                     holder.pop(rival, None)
+    for entry, location in added.items():
+        _refuse_incomplete(file, made, entry, location)
     return made
+
+
+def _refuse_incomplete(file: object, table: Mapping[str, Any], entry: Location, location: Location) -> None:
+    """Refuse an override at a `location` that added an entry of a list which lacks a key: another entry was meant."""
+    here = _at(table, entry)
+    if not isinstance(here, Mapping) or unknown_depth(location) is not None:
+        return
+    if missing := [name for name in required_keys(entry) if name not in here]:
+        size = int(entry[-1])
+        name = f" {entry[-2]}" if str(entry[-2]).endswith("s") else " entries"
+        numbers = "0 and 1" if size == 2 else f"0 to {size - 1}"
+        there = "there is none" if size == 0 else "there is one, 0" if size == 1 else f"there are {size}{name}, {numbers}"
+        new = " and ".join(dotted((*entry, one)) for one in missing)
+        allowed = f"an entry that is there ({there}), or a new one with {new}"
+        raise scene_error(file, dotted(location), shown(_at(table, location)), allowed)
 
 
 def as_written(value: Any, file: object, location: Location = ()) -> Any:
@@ -117,8 +136,12 @@ def _at(table: Any, location: Sequence[int | str]) -> Any:
     return table
 
 
-def _set(file: object, table: Any, location: Location, value: Any) -> None:
-    """Set one value; tables on the way are made, a list starts from its default and grows by one entry at its end."""
+def _set(file: object, table: Any, location: Location, value: Any) -> list[Location]:
+    """Set one value; tables on the way are made, a list starts from its default and grows by one entry at its end.
+
+    Returns the entries that are new.
+    """
+    added: list[Location] = []
     for depth, part in enumerate(location):
         here = dotted(location[:depth]) or "the file"
         if isinstance(part, int):
@@ -130,6 +153,7 @@ def _set(file: object, table: Any, location: Location, value: Any) -> None:
                 raise scene_error(file, dotted(location[: depth + 1]), shown(value), allowed)
             if part == len(table):
                 table.append({})
+                added.append(location[: depth + 1])
         elif not isinstance(table, dict):
             raise scene_error(file, dotted(location), shown(value), f"no key below {here}, which is {shown(table)}")
         if depth == len(location) - 1:
@@ -139,3 +163,4 @@ def _set(file: object, table: Any, location: Location, value: Any) -> None:
         else:
             is_list = isinstance(location[depth + 1], int)
             table = table.setdefault(part, as_written(default_list(location[: depth + 1]), file) if is_list else {})
+    return added

@@ -55,6 +55,7 @@ class Scene:
     sweep: Sweep | None
     kind_reason: str = field(default="as given", compare=False)  # of `model.kind`, which is resolved (model_choice.py)
     assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys of the wire with the value of its material
+    is_empty: bool = field(default=False, compare=False)  # whether its file holds no key
     bare_temperatures: tuple[float, ...] = field(default=(), compare=False)  # [K] that were given as numbers without a unit
     remake: InitVar[Callable[..., Scene] | None] = None  # from what was written; lost where a scene is replaced in part
 

@@ -133,6 +133,7 @@ def make_scene(
 ) -> Scene:
     """The scene of a table as read from TOML; `path` is for messages, and names a scene without `name`."""
     path = Path(path)
+    is_empty = not table and path != IN_CODE
     if preset is not None:
         overrides = [*as_list(overrides), ("solver.preset", preset)]
     table = with_overrides(path, table, overrides)
@@ -178,6 +179,7 @@ def make_scene(
         sweep=file.sweep,
         kind_reason=choice.reason,
         assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
+        is_empty=is_empty,
         bare_temperatures=tuple(_bare_temperatures(table)),
         remake=partial(make_scene, table, path=path),
     )

@@ -92,6 +92,7 @@ def size_of_model(model: SpatialModel) -> Size:
         time_step=model.time_step,
         limited_by=model.limited_by,
         loading_time=model.loading_time,
+        notes=model.panel.notes,
     )
 
 
