@@ -17,13 +17,14 @@ from ..errors import ModelError
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
-from ..text import short_repr
+from ..text import percent, short_repr
 from .grips import clamps, no_clamps
 from .rest_table import Table
 from .strands import Strands, closed_strands, cut_strands
 
 END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
 SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
+FRAGMENT_SHARE = 0.1  # of the wire, from which on fragments of less than a loop are told
 GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
 
@@ -150,15 +151,18 @@ def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
     return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6
 
 
-def _fragments(is_short: np.ndarray, dropped: int) -> str:
-    """What the cut leaves: wires of less than a loop, [wire] bool, where they are half of all or more, and what it drops."""
-    short = int(np.count_nonzero(is_short))
-    if 2 * short < len(is_short) or not short:
+def _fragments(length: np.ndarray, loop: float, dropped: int) -> str:
+    """What the cut leaves: wires of less than a loop [m], of these lengths [wire] [m], where they are a part of the wire that
+    counts, and what it drops."""
+    is_short = length < loop
+    share, short = float(length[is_short].sum() / max(length.sum(), 1e-300)), int(np.count_nonzero(is_short))
+    if share < FRAGMENT_SHARE:
         return f"{dropped} wire fragments at the edges hold no clasp: dropped" if dropped else ""
     also = f" (and {dropped} fragments that hold no clasp are dropped)" if dropped else ""
     return (
-        f"{short} of {len(is_short)} wires are fragments of less than a loop, clamped at both ends{also}: the grips decide the"
-        " result, not the knit; for a tile of endless cloth give model.boundary = 'periodic', for a patch more knit.repeats"
+        f"{short} of {len(length)} wires, {percent(share, 0)} of the wire, are fragments of less than a loop, clamped at both"
+        f" ends{also}: the grips count as much as the knit; for a tile of endless cloth give model.boundary = 'periodic', for a"
+        " patch more knit.repeats"
     )
 
 
@@ -197,7 +201,8 @@ def build_panel(
         used = np.arange(len(strands.thread))
     else:
         used = np.unique(bodies.wire)
-        if note := _fragments((strands.arc_end - strands.arc_begin)[used] < cloth.stitch_length, len(strands.thread) - len(used)):
+        length = (strands.arc_end - strands.arc_begin)[used]
+        if note := _fragments(length, cloth.stitch_length, len(strands.thread) - len(used)):
             notes.append(note)
     if len(bodies.clasp) == 0:
         raise ModelError(
