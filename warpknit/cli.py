@@ -106,11 +106,9 @@ def unfinished(result: CommandResult, *, resume: bool, force: bool) -> int:
 
     resume: whether it already resumes, of itself or by the option.
     """
-    go_on = ""
-    if result.exit_code == INTERRUPTED:
-        by_option = "" if resume else ", with --resume" if force else " and --resume"
-        in_place = "" if not force else " without --force" if resume else " in place of --force"
-        go_on = f"; continue with the same command{by_option}{in_place}"
+    from warpknit.runner.interrupts import to_continue
+
+    go_on = to_continue("command", resume=resume, force=force) if result.exit_code == INTERRUPTED else ""
     click.echo(f"warpknit: {result.message}{go_on}", err=True)
     return int(result.exit_code)
 

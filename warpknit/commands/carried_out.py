@@ -8,9 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import Diverged, ModelError, naming_arguments
+from ..errors import Diverged, ModelError, in_python, naming_arguments
 from ..knit.chain import KnitError
 from ..results import Run, load_run
+from ..runner.interrupts import to_continue
 from ..runner.progress_display import Progress, progress_for
 from ..runner.run_directory import CommandResult, directory_of
 from ..scene import Scene
@@ -40,9 +41,7 @@ def carried_out(
     with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
         result = command(where, progress)
     if result.exit_code == INTERRUPTED:
-        by_argument = "" if resume else ", with resume=True" if force else " and resume=True"
-        in_place = "" if not force else " without force=True" if resume else " in place of force=True"
-        raise KeyboardInterrupt(f"{result.message}; continue with the same call{by_argument}{in_place}")
+        raise KeyboardInterrupt(result.message + in_python(to_continue("call", resume=resume, force=force)))
     if result.exit_code != 0:
         raise Diverged(result.message)
     return load_run(where)

@@ -10,6 +10,16 @@ from contextlib import contextmanager, suppress
 STOPPING = b"\nstopping after this check; press Ctrl-C again to stop at once\n"
 
 
+def to_continue(again: str, *, resume: bool, force: bool) -> str:
+    """How an interrupted command goes on, with the options of the command line.
+
+    again: what is given once more, as the command. resume: whether it already resumes, of itself or by the option.
+    """
+    by_option = "" if resume else ", with --resume" if force else " and --resume"
+    in_place = "" if not force else " without --force" if resume else " in place of --force"
+    return f"; continue with the same {again}{by_option}{in_place}"
+
+
 class Interrupted(Exception):
     """A stop was requested; raised by `Interrupts.check`."""
 
