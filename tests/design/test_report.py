@@ -9,37 +9,28 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from reference.map_rows import row
 from warpknit import __version__
 from warpknit.cli import main
 from warpknit.commands.report import make_report as run_report
 from warpknit.design import curves
-from warpknit.design.card import MaterialCard
-from warpknit.design.card_files import card_values, card_warnings, strength_values
 from warpknit.design.curves import CurvePoint
-from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points, unreached_text
+from warpknit.design.equal_tension import load_equally, service_points
 from warpknit.design.fe import CODES
 from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.design.fine_states import exact_model
-from warpknit.design.report import _another
-from warpknit.design.sections import outside_text
-from warpknit.design.service import REFINED, EqualTension, ServicePoint, equal_tension
+from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
 from warpknit.plan import make_plan
 from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene
-from warpknit.sweep.contact_map import MapRow
 from warpknit.text import duration
 
 SCENES = Path(__file__).parents[2] / "scenes"
-CARD = MaterialCard(
-    strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.eye(3), asymmetry=0.0, step_difference=0.0,
-    expansion=np.zeros(3), areal_mass=0.01, stress_max=1e8, active_percent=50.0, temperature=293.15,
-)  # fmt: skip
 MARKERS: list[object] = []  # of the last map that was drawn
 PROGRESS: list[tuple[str, int, int]] = []  # stages that were shown: name, number, of how many
 SMALL = ["output.frames=3", "sweep.strain_weft=[0.08, 0.12, 0.16]", "sweep.strain_warp=[0.08, 0.12, 0.16]"]
@@ -179,37 +170,11 @@ def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):
     assert re.search(r"^map +9 pairs of strains, 8 % to 16 %", done.stdout, re.MULTILINE)
 
 
-def test_the_tension_to_ask_for_is_one_that_the_mesh_carries():
-    """Of 2, 3.4 and 4.9 N/m the first with the wire below its limit."""
-    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa"])
-    carried = {tension: SimpleNamespace(stress_max_Pa=stress) for tension, stress in ((1.0, 1e8), (2.0, 7e8), (3.4, 5e8))}
-    assert _another(scene, EqualTensionPath(at=carried)).endswith('--tension "3.4 N/m"')
-    assert "that the mesh carries" in _another(scene, EqualTensionPath())
-
-
 def test_the_loads_of_the_default_map_are_said_to_be_so():
     rows = [row(x, y, (1.0, 1.0)) for x in DEFAULT_STRAINS for y in DEFAULT_STRAINS]
     scene = report_scene(load_scene(SCENES / "atlas_cell.toml"))
     text = Findings.sweep_text.fget(SimpleNamespace(rows=rows, by_tension=False, scene=scene))
     assert text.startswith("121 pairs of strains, 0 % to 20 % in weft and 0 % to 20 % in warp: the default")
-
-
-def test_a_service_tension_outside_the_map_names_the_sweep_that_holds_it():
-    """Whole steps of 2 % away from zero: 15.3 % / -0.5 % is within 0 to 16 % and -2 to 0 %."""
-    points = [ServicePoint(2.0, (0.153, -0.005), 100.0, 3e8)]
-    assert outside_text(points, by_tension=False) == (
-        "Outside the map, so without a marker: 2 N/m (15.3 % / -0.5 %). A [sweep] with strain_weft from 0 to 0.16 and strain_warp"
-        " from -0.02 to 0 would hold this."
-    )
-    assert 'tension_weft and tension_warp up to "2 N/m"' in outside_text(points, by_tension=True)
-
-
-def test_a_card_of_a_wire_that_would_break_says_so_where_it_is_named():
-    scene = load_scene(SCENES / "contact_map.toml")
-    state = Findings.card_state.fget(SimpleNamespace(card=replace(CARD, stress_max=5e9), scene=scene, where="2 N/m"))
-    assert state.startswith("2 N/m, at 20 degC, with a wire stress of 5 GPa, above the strength of 4.5 GPa")
-    elastic = Findings.card_state.fget(SimpleNamespace(card=CARD, scene=scene, where="2 N/m"))
-    assert elastic == "2 N/m, at 20 degC"
 
 
 def test_curves_with_missing_states_are_told_on_the_terminal():
@@ -236,52 +201,6 @@ def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
     assert done.exit_code == 3 and "earlier report" in done.stderr and done.stderr.count("a wire is lost") == 1
     assert "no card" not in done.stdout and len(done.stderr.splitlines()) == 1
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == kept
-
-
-def test_an_end_of_the_path_is_told_by_the_wire_first():
-    """To 1.2 N/m: under 700 MPa a wire of 600 and 800 MPa would yield, under 900 MPa break; below them the solver is quoted."""
-    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa", "wire.tensile_strength=800 MPa"])
-    told = {}
-    for stress in (5e8, 7e8, 9e8):
-        record = SimpleNamespace(tension_weft_N_per_m=1.25, tension_warp_N_per_m=1.15, stress_max_Pa=stress)
-        told[stress] = unreached_text(scene, EqualTensionPath(rows=[record], ended="level 0.5 did not converge"), 2.0)
-        assert told[stress].startswith("the mesh was followed up to 1.2 N/m")
-    assert "level 0.5 did not converge" in told[5e8] and "level" not in told[7e8] + told[9e8]
-    assert "above the elastic limit of 600 MPa: the wire would yield" in told[7e8]
-    assert "above the strength of 800 MPa: the wire would break" in told[9e8] and "assumed" not in told[9e8]
-
-
-@pytest.mark.parametrize(
-    ("tensions", "ended", "is_jump", "why"),
-    [
-        ((1.0, 3.4), "level 0.5 did not converge", False, "the relaxation did not converge beyond 3.4 N/m"),
-        ((1.0, 8.0), "", False, "the relaxation did not converge there"),  # its stage was missed, the next one was not
-        ((), "level 0 did not converge", False, "the mesh as knitted did not converge"),
-        ((), "", False, "no strains of equal tension in the map"),
-        ((1.0, 3.4), YIELDED, False, YIELDED),
-        ((1.0, 8.0), YIELDED, False, "the relaxation did not converge there"),  # first yield is beyond 4.9 N/m
-        ((1.0, 8.0), YIELDED, True, "the mesh jumps over it"),
-        ((1.0, 4.8), "", False, "not reached, up to 4.8 N/m"),
-    ],
-)
-def test_a_service_tension_without_a_state_says_why(tensions, ended, is_jump, why):
-    rows = [SimpleNamespace(tension_weft_N_per_m=one, tension_warp_N_per_m=one) for one in tensions]
-    jumps = [(rows[0], rows[1])] if is_jump else []
-    scene = load_scene(SCENES / "contact_map.toml")
-    points = service_points(scene, EqualTensionPath(rows=rows, ended=ended), jumps, None, None)
-    assert {point.tension: point.why for point in points}[4.9] == why
-
-
-def test_a_card_says_how_near_the_wire_is_to_its_limits():
-    """3 GPa over 2 GPa and 4.5 GPa, the limits of tungsten, which are assumed until the scene gives them."""
-    card, file = replace(CARD, stress_max=3e9), SCENES / "contact_map.toml"
-    rows = {name: (value, meaning) for name, value, _, meaning in strength_values(card, load_scene(file))}
-    assert rows["stress_over_yield"][0] == pytest.approx(1.5) and rows["stress_over_strength"][0] == pytest.approx(2.0 / 3.0)
-    assert rows["yield_stress"] == (2e9, "elastic limit of the wire (assumed; set wire.yield_stress)")
-    given = load_scene(file, ["wire.yield_stress=2 GPa"])
-    assert {name: meaning for name, _, _, meaning in strength_values(card, given)}["yield_stress"] == "elastic limit of the wire"
-    (said,) = card_warnings(replace(card, stress_max=5e9), given)
-    assert "5 GPa, above the strength of 4.5 GPa (assumed; set wire.tensile_strength): the wire would break" in said
 
 
 def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
@@ -378,67 +297,3 @@ def test_another_mesh_in_the_directory_is_refused(reports):
     out, *_ = reports
     done = make_report(out, "--set", "wire.diameter=20 um")
     assert done.exit_code == 2 and "--force" in done.stderr and len(done.stderr.splitlines()) == 1
-
-
-def row(weft: float, warp: float, tension: tuple[float, float] | tuple[None, None]) -> MapRow:
-    return MapRow(
-        strain_weft=weft,
-        strain_warp=warp,
-        active_percent=50.0,
-        tension_weft_N_per_m=tension[0],
-        tension_warp_N_per_m=tension[1],
-        stress_max_Pa=1e9 * warp,
-        stop_reason="steady",
-    )
-
-
-def test_the_largest_equal_tension_of_a_bilinear_map():
-    """Weft tension 10 x + 2 y + 100 x y, warp tension 20 y: alike along x = 18 y/(10 + 100 y), up to 4 N/m at the edge;
-    with a stress of 1 GPa y, T = 20 y below 0.11 GPa goes up to 2.2 N/m."""
-    places = [(x, y) for x in (0.0, 0.1, 0.2) for y in (0.0, 0.1, 0.2)]
-    rows = [row(x, y, (10 * x + 2 * y + 100 * x * y, 20 * y)) for x, y in places]
-    found = equal_tension(rows, 0.11e9)
-    assert found.largest == pytest.approx(4.0, rel=1e-3)
-    assert found.elastic == pytest.approx(2.2, abs=20 * 0.1 / REFINED)
-    assert equal_tension(rows, 1e9).elastic == pytest.approx(4.0, rel=1e-3)
-
-
-def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
-    rows = [row(x, y, (1.0 + x, 2.0 + y)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
-    assert equal_tension(rows, 1e9).largest == 0.0
-    assert "no strains with equal tension" in equal_tension(rows, 1e9).text()
-
-
-def test_a_card_that_cannot_be_used_says_so():
-    """Moduli and Poisson's ratios come from the inverse, which has no meaning where the mesh is not stable."""
-    scene = load_scene(SCENES / "contact_map.toml")
-    card = replace(CARD, stiffness=np.diag([3.0, 2.0, -1.0]), step_difference=0.4, stress_max=3e9)
-    names = {name: value for name, value, _, _ in card_values(card)}
-    assert names["stable"] == 0.0 and names["difference"] == 0.4 and not {"E1", "nu12", "alpha1"} & set(names)
-    said = " ".join(card_warnings(card, scene))
-    assert "not positive definite" in said and "disagree by 40 %" in said and "3 GPa" in said
-    assert "unstable in shear" in said and "C33 = -1 N/m" in said and "a larger --tension" in said
-
-
-def test_prestress_may_hold_what_the_stiffness_does_not():
-    """Waves along weft or warp shear the mesh against C33 and the tension along them: C33 + S, the least of all directions."""
-    card = replace(CARD, stiffness=np.diag([3.0, 2.0, -0.75]))
-    assert not card.is_stable and card.softest == 2
-    assert card.least_wave_stiffness == pytest.approx(0.25, rel=1e-12)
-    said = " ".join(card_warnings(card, load_scene(SCENES / "contact_map.toml")))
-    assert "prestressed mesh is stable, with 250 mN/m against the softest plane wave" in said
-    slack = replace(card, tension_warp=0.5)
-    assert slack.least_wave_stiffness == pytest.approx(-0.25, rel=1e-12)
-    assert "even with the prestress" in " ".join(card_warnings(slack, load_scene(SCENES / "contact_map.toml")))
-
-
-def test_a_card_says_which_temperature_it_holds_for():
-    assert ("temperature", 293.15, "K") in [values[:3] for values in card_values(CARD)]
-    path = load_scene(SCENES / "contact_map.toml", ['path=[{temperature="-190 degC"}]'])
-    (said,) = card_warnings(CARD, path)
-    assert "valid at 20 degC" in said and "not at -190 degC of [[path]]" in said
-
-
-def test_unknown_states_carry_nothing():
-    rows = [row(x, y, (None, None)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
-    assert equal_tension(rows, 1e9).largest == 0.0

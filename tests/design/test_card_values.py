@@ -1,0 +1,69 @@
+"""What a material card says of itself: limits, stability, temperature."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from warpknit.design.card import MaterialCard
+from warpknit.design.card_files import card_values, card_warnings, strength_values
+from warpknit.design.findings import Findings
+from warpknit.scene import load_scene
+
+SCENES = Path(__file__).parents[2] / "scenes"
+CARD = MaterialCard(
+    strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.eye(3), asymmetry=0.0, step_difference=0.0,
+    expansion=np.zeros(3), areal_mass=0.01, stress_max=1e8, active_percent=50.0, temperature=293.15,
+)  # fmt: skip
+
+
+def test_a_card_of_a_wire_that_would_break_says_so_where_it_is_named():
+    scene = load_scene(SCENES / "contact_map.toml")
+    state = Findings.card_state.fget(SimpleNamespace(card=replace(CARD, stress_max=5e9), scene=scene, where="2 N/m"))
+    assert state.startswith("2 N/m, at 20 degC, with a wire stress of 5 GPa, above the strength of 4.5 GPa")
+    elastic = Findings.card_state.fget(SimpleNamespace(card=CARD, scene=scene, where="2 N/m"))
+    assert elastic == "2 N/m, at 20 degC"
+
+
+def test_a_card_says_how_near_the_wire_is_to_its_limits():
+    """3 GPa over 2 GPa and 4.5 GPa, the limits of tungsten, which are assumed until the scene gives them."""
+    card, file = replace(CARD, stress_max=3e9), SCENES / "contact_map.toml"
+    rows = {name: (value, meaning) for name, value, _, meaning in strength_values(card, load_scene(file))}
+    assert rows["stress_over_yield"][0] == pytest.approx(1.5) and rows["stress_over_strength"][0] == pytest.approx(2.0 / 3.0)
+    assert rows["yield_stress"] == (2e9, "elastic limit of the wire (assumed; set wire.yield_stress)")
+    given = load_scene(file, ["wire.yield_stress=2 GPa"])
+    assert {name: meaning for name, _, _, meaning in strength_values(card, given)}["yield_stress"] == "elastic limit of the wire"
+    (said,) = card_warnings(replace(card, stress_max=5e9), given)
+    assert "5 GPa, above the strength of 4.5 GPa (assumed; set wire.tensile_strength): the wire would break" in said
+
+
+def test_a_card_that_cannot_be_used_says_so():
+    """Moduli and Poisson's ratios come from the inverse, which has no meaning where the mesh is not stable."""
+    scene = load_scene(SCENES / "contact_map.toml")
+    card = replace(CARD, stiffness=np.diag([3.0, 2.0, -1.0]), step_difference=0.4, stress_max=3e9)
+    names = {name: value for name, value, _, _ in card_values(card)}
+    assert names["stable"] == 0.0 and names["difference"] == 0.4 and not {"E1", "nu12", "alpha1"} & set(names)
+    said = " ".join(card_warnings(card, scene))
+    assert "not positive definite" in said and "disagree by 40 %" in said and "3 GPa" in said
+    assert "unstable in shear" in said and "C33 = -1 N/m" in said and "a larger --tension" in said
+
+
+def test_prestress_may_hold_what_the_stiffness_does_not():
+    """Waves along weft or warp shear the mesh against C33 and the tension along them: C33 + S, the least of all directions."""
+    card = replace(CARD, stiffness=np.diag([3.0, 2.0, -0.75]))
+    assert not card.is_stable and card.softest == 2
+    assert card.least_wave_stiffness == pytest.approx(0.25, rel=1e-12)
+    said = " ".join(card_warnings(card, load_scene(SCENES / "contact_map.toml")))
+    assert "prestressed mesh is stable, with 250 mN/m against the softest plane wave" in said
+    slack = replace(card, tension_warp=0.5)
+    assert slack.least_wave_stiffness == pytest.approx(-0.25, rel=1e-12)
+    assert "even with the prestress" in " ".join(card_warnings(slack, load_scene(SCENES / "contact_map.toml")))
+
+
+def test_a_card_says_which_temperature_it_holds_for():
+    assert ("temperature", 293.15, "K") in [values[:3] for values in card_values(CARD)]
+    path = load_scene(SCENES / "contact_map.toml", ['path=[{temperature="-190 degC"}]'])
+    (said,) = card_warnings(CARD, path)
+    assert "valid at 20 degC" in said and "not at -190 degC of [[path]]" in said

@@ -1,0 +1,89 @@
+"""States of equal tension in weft and warp: the largest a map has, and what is said of those without a state."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from reference.map_rows import row
+from warpknit.design.equal_tension import YIELDED, EqualTensionPath, service_points, unreached_text
+from warpknit.design.report import _another
+from warpknit.design.sections import outside_text
+from warpknit.design.service import REFINED, ServicePoint, equal_tension
+from warpknit.scene import load_scene
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+def test_the_tension_to_ask_for_is_one_that_the_mesh_carries():
+    """Of 2, 3.4 and 4.9 N/m the first with the wire below its limit."""
+    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa"])
+    carried = {tension: SimpleNamespace(stress_max_Pa=stress) for tension, stress in ((1.0, 1e8), (2.0, 7e8), (3.4, 5e8))}
+    assert _another(scene, EqualTensionPath(at=carried)).endswith('--tension "3.4 N/m"')
+    assert "that the mesh carries" in _another(scene, EqualTensionPath())
+
+
+def test_a_service_tension_outside_the_map_names_the_sweep_that_holds_it():
+    """Whole steps of 2 % away from zero: 15.3 % / -0.5 % is within 0 to 16 % and -2 to 0 %."""
+    points = [ServicePoint(2.0, (0.153, -0.005), 100.0, 3e8)]
+    assert outside_text(points, by_tension=False) == (
+        "Outside the map, so without a marker: 2 N/m (15.3 % / -0.5 %). A [sweep] with strain_weft from 0 to 0.16 and strain_warp"
+        " from -0.02 to 0 would hold this."
+    )
+    assert 'tension_weft and tension_warp up to "2 N/m"' in outside_text(points, by_tension=True)
+
+
+def test_an_end_of_the_path_is_told_by_the_wire_first():
+    """To 1.2 N/m: under 700 MPa a wire of 600 and 800 MPa would yield, under 900 MPa break; below them the solver is quoted."""
+    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa", "wire.tensile_strength=800 MPa"])
+    told = {}
+    for stress in (5e8, 7e8, 9e8):
+        record = SimpleNamespace(tension_weft_N_per_m=1.25, tension_warp_N_per_m=1.15, stress_max_Pa=stress)
+        told[stress] = unreached_text(scene, EqualTensionPath(rows=[record], ended="level 0.5 did not converge"), 2.0)
+        assert told[stress].startswith("the mesh was followed up to 1.2 N/m")
+    assert "level 0.5 did not converge" in told[5e8] and "level" not in told[7e8] + told[9e8]
+    assert "above the elastic limit of 600 MPa: the wire would yield" in told[7e8]
+    assert "above the strength of 800 MPa: the wire would break" in told[9e8] and "assumed" not in told[9e8]
+
+
+@pytest.mark.parametrize(
+    ("tensions", "ended", "is_jump", "why"),
+    [
+        ((1.0, 3.4), "level 0.5 did not converge", False, "the relaxation did not converge beyond 3.4 N/m"),
+        ((1.0, 8.0), "", False, "the relaxation did not converge there"),  # its stage was missed, the next one was not
+        ((), "level 0 did not converge", False, "the mesh as knitted did not converge"),
+        ((), "", False, "no strains of equal tension in the map"),
+        ((1.0, 3.4), YIELDED, False, YIELDED),
+        ((1.0, 8.0), YIELDED, False, "the relaxation did not converge there"),  # first yield is beyond 4.9 N/m
+        ((1.0, 8.0), YIELDED, True, "the mesh jumps over it"),
+        ((1.0, 4.8), "", False, "not reached, up to 4.8 N/m"),
+    ],
+)
+def test_a_service_tension_without_a_state_says_why(tensions, ended, is_jump, why):
+    rows = [SimpleNamespace(tension_weft_N_per_m=one, tension_warp_N_per_m=one) for one in tensions]
+    jumps = [(rows[0], rows[1])] if is_jump else []
+    scene = load_scene(SCENES / "contact_map.toml")
+    points = service_points(scene, EqualTensionPath(rows=rows, ended=ended), jumps, None, None)
+    assert {point.tension: point.why for point in points}[4.9] == why
+
+
+def test_the_largest_equal_tension_of_a_bilinear_map():
+    """Weft tension 10 x + 2 y + 100 x y, warp tension 20 y: alike along x = 18 y/(10 + 100 y), up to 4 N/m at the edge;
+    with a stress of 1 GPa y, T = 20 y below 0.11 GPa goes up to 2.2 N/m."""
+    places = [(x, y) for x in (0.0, 0.1, 0.2) for y in (0.0, 0.1, 0.2)]
+    rows = [row(x, y, (10 * x + 2 * y + 100 * x * y, 20 * y)) for x, y in places]
+    found = equal_tension(rows, 0.11e9)
+    assert found.largest == pytest.approx(4.0, rel=1e-3)
+    assert found.elastic == pytest.approx(2.2, abs=20 * 0.1 / REFINED)
+    assert equal_tension(rows, 1e9).elastic == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
+    rows = [row(x, y, (1.0 + x, 2.0 + y)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
+    assert equal_tension(rows, 1e9).largest == 0.0
+    assert "no strains with equal tension" in equal_tension(rows, 1e9).text()
+
+
+def test_unknown_states_carry_nothing():
+    rows = [row(x, y, (None, None)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
+    assert equal_tension(rows, 1e9).largest == 0.0
