@@ -33,17 +33,22 @@ _BATCH = r"""
     const real fyx = real(steer[GRADIENT + 2]), fyy = real(steer[GRADIENT + 3]);
     const real reach = reach_at_rest * real(steer[LENGTH_FACTOR]), stiffness = real(steer[CONTACT_STIFFNESS]);
     const int count = pairs - begin < LANES ? pairs - begin : LANES;
-    int awake[LANES], any = 0;
-    for (int l = count; l < LANES; ++l) awake[l] = 0;
-    const real* __restrict wake = pair_wake.data + begin;
     #pragma clang diagnostic ignored "-Wpass-failed"  // loops that stay scalar are no news to a user
-    #pragma clang loop vectorize(enable)
-    for (int l = 0; l < count; ++l) {
-        awake[l] = travel >= double(wake[l]);
-        any |= awake[l];
-    }
+    // a loop over the pairs of the batch; of a whole one their number is known to the compiler
+    const auto for_each = [count](const auto& of_pair) {
+        if (count == LANES) {
+            #pragma clang loop vectorize(enable)
+            for (int l = 0; l < LANES; ++l) of_pair(l);
+        } else {
+            for (int l = 0; l < count; ++l) of_pair(l);
+        }
+    };
+    int awake[LANES] = {}, any = 0;
+    const real* __restrict wake = pair_wake.data + begin;
+    for_each([&](int l) { awake[l] = travel >= double(wake[l]); });
+    for (int l = 0; l < LANES; ++l) any |= awake[l];
     if (!any) {
-        for (int l = 0; l < count; ++l) pair_force.data[begin + l] = zero;
+        for_each([&](int l) { pair_force.data[begin + l] = zero; });
         return;
     }
     // what a later batch will gather is fetched by now, and of a mesh beyond the cache all that it reads and writes
@@ -56,6 +61,8 @@ _BATCH = r"""
         }
         enum { LINE = 64 / sizeof(real) };
         for (int k = 0; pairs > UNCACHED_PAIRS && k < LANES; k += LINE) {
+            __builtin_prefetch(body_ux.data + (next + k) / 2);
+            __builtin_prefetch(body_uy.data + (next + k) / 2);
             __builtin_prefetch(pair_wake.data + next + k);
             __builtin_prefetch(pair_low.data + next + k);
             __builtin_prefetch(pair_high.data + next + k);
@@ -91,20 +98,27 @@ _BATCH = r"""
     const int* __restrict highs = pair_high.data + begin;
     const int* __restrict sides = pair_side.data + begin;
     const real* __restrict offsets = pair_offset.data + begin;
-    for (int l = count; l < LANES; ++l) {
-        next_slide[l] = slide[l] = low[l] = high[l] = searching[l] = 0;
-        next_u[l] = u[l] = side[l] = offset[l] = zero;
+    if (count < LANES) {
+        for (int l = 0; l < LANES; ++l) {
+            next_slide[l] = slide[l] = low[l] = high[l] = 0;
+            next_u[l] = u[l] = side[l] = offset[l] = zero;
+        }
     }
-    #pragma clang loop vectorize(enable)
-    for (int l = 0; l < count; ++l) {
+    for_each([&](int l) {
         next_slide[l] = slide[l] = slides[l];
         next_u[l] = u[l] = us[l];
         low[l] = lows[l];
         high[l] = highs[l];
         side[l] = real(sides[l]);
         offset[l] = offsets[l];
-        searching[l] = awake[l];
-    }
+    });
+    for (int l = 0; l < LANES; ++l) searching[l] = awake[l];
+    // two pairs have a body
+    coordinate place_x[LANES] = {}, place_y[LANES] = {};
+    for_each([&](int l) {
+        place_x[l] = body_ux.data[begin / 2 + l / 2];
+        place_y[l] = body_uy.data[begin / 2 + l / 2];
+    });
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
         int stale = iteration == 0;
         for (int l = 0; l < count; ++l) {
@@ -136,11 +150,8 @@ _BATCH = r"""
             // what is not kept yet, or no pair, reads node 0
             const coordinate* __restrict x = ux.data;
             const coordinate* __restrict y = uy.data;
-            const coordinate* __restrict body_x = body_ux.data;
-            const coordinate* __restrict body_y = body_uy.data;
             #pragma clang loop vectorize(enable)
             for (int l = 0; l < LANES; ++l) {
-                const int body = (begin + (l < count ? l : 0)) / 2;
                 const int a = at[l], b = at[LANES + l], d = at[2 * LANES + l], e = at[3 * LANES + l];
                 dx0[l] = real(x[b] - x[a]);
                 dx1[l] = real(x[d] - x[b]);
@@ -148,8 +159,8 @@ _BATCH = r"""
                 dy0[l] = real(y[b] - y[a]);
                 dy1[l] = real(y[d] - y[b]);
                 dy2[l] = real(y[e] - y[d]);
-                bx[l] = real(body_x[body] - x[b]);
-                by[l] = real(body_y[body] - y[b]);
+                bx[l] = real(place_x[l] - x[b]);
+                by[l] = real(place_y[l] - y[b]);
             }
             {
             #pragma clang fp contract(fast)
@@ -270,8 +281,7 @@ _BATCH = r"""
     real* __restrict forces = pair_force.data + begin;
     real* __restrict body_x = pair_body_x.data + begin;
     real* __restrict body_y = pair_body_y.data + begin;
-    #pragma clang loop vectorize(enable)
-    for (int l = 0; l < count; ++l) {
+    for_each([&](int l) {
         slides[l] = next_slide[l];
         us[l] = next_u[l];
         forces[l] = force[l];
@@ -279,21 +289,19 @@ _BATCH = r"""
         gaps[l] = awake[l] ? gap[l] : gaps[l];
         body_x[l] = fx[l];
         body_y[l] = fy[l];
-    }
-    #pragma clang loop vectorize(enable)
-    for (int l = 0; l < count; ++l) {
+    });
+    for_each([&](int l) {
         out_x[4 * l] = x0[l];
         out_x[4 * l + 1] = x1[l];
         out_x[4 * l + 2] = x2[l];
         out_x[4 * l + 3] = x3[l];
-    }
-    #pragma clang loop vectorize(enable)
-    for (int l = 0; l < count; ++l) {
+    });
+    for_each([&](int l) {
         out_y[4 * l] = y0[l];
         out_y[4 * l + 1] = y1[l];
         out_y[4 * l + 2] = y2[l];
         out_y[4 * l + 3] = y3[l];
-    }
+    });
 """
 
 UNCACHED = -(2**30)  # in cached_slide: nothing is kept yet
