@@ -231,10 +231,11 @@ def interior_stress(r: Observables) -> float:
     stress, peak = r.wire_stress.node, r.wire_stress.contact
     if r.model.panel.boundary == "periodic":
         return largest_stress(r)
-    place = r.node_position[:, :2]
-    low, high = place.min(axis=0), place.max(axis=0)
-    share = (place - low) / (high - low)
-    inside = np.all((share > INTERIOR) & (share < 1.0 - INTERIOR), axis=1)
+    inside = np.ones(len(stress), dtype=bool)
+    for place in r.node_position[:, :2].T:
+        low, high = place.min(), place.max()
+        edge = INTERIOR * (high - low)
+        inside &= (place > low + edge) & (place < high - edge)
     peaks = peak[inside[r.wire_stress.contact_node]]
     return max(float(stress[inside].max(initial=0.0)), float(peaks.max(initial=0.0)))
 

@@ -135,13 +135,17 @@ def read_strip(model: Model, state: State) -> HostState:
         return take(values).astype(np.float64)
 
     def columns(ax: wp.array, ay: wp.array) -> np.ndarray:
-        return np.stack([take(ax), take(ay)], axis=1).astype(np.float64)
+        pair = np.empty((len(ax), 2))  # filled in place: the arrays of a large mesh are many
+        pair[:, 0], pair[:, 1] = take(ax), take(ay)
+        return pair
 
     def metres(ax: wp.array, ay: wp.array) -> np.ndarray:
-        return columns(ax, ay) * unit
+        pair = columns(ax, ay)
+        pair *= unit
+        return pair
 
     force = take(state.pair_force).astype(np.float64)
-    nodal = np.stack([take(state.pair_nodal_x), take(state.pair_nodal_y)], axis=1).astype(np.float64)
+    nodal = columns(state.pair_nodal_x, state.pair_nodal_y)
     return HostState(
         model=model,
         control=state.read_control().copy(),

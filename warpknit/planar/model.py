@@ -37,6 +37,7 @@ from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
+NODES_AT_CLAMP = 3  # at either end of a wire, of which clamps may cut the wire that they stand for
 
 
 @dataclass(frozen=True)
@@ -142,12 +143,15 @@ class Model:
         panel, table = self.panel, self.table
         if not len(panel.wire_begin):
             return table.node_length[panel.node_entry]
-        wire = np.repeat(np.arange(len(panel.wire_first)), panel.wire_count)
-        thread, begin = panel.wire_thread[wire], panel.node_entry[panel.wire_first[wire]]
-        spacing = table.spacing[thread]
-        arc = (begin - table.start[thread] + np.arange(len(wire)) - panel.wire_first[wire]) * spacing
-        low, high = panel.wire_begin[wire], panel.wire_begin[wire] + panel.wire_length[wire]
-        return np.maximum(0.0, np.minimum(arc + 0.5 * spacing, high) - np.maximum(arc - 0.5 * spacing, low))
+        # clamps are next to the ends
+        first, count, spacing = panel.wire_first[:, None], panel.wire_count[:, None], table.spacing[panel.wire_thread][:, None]
+        near, begin = np.arange(NODES_AT_CLAMP), panel.wire_begin[:, None]
+        local = np.concatenate([np.minimum(near, count - 1), np.maximum(count - 1 - near, 0)], axis=1)
+        arc = (panel.node_entry[first] - table.start[panel.wire_thread][:, None] + local) * spacing
+        low, high = begin, begin + panel.wire_length[:, None]
+        values = np.repeat(table.spacing[panel.wire_thread], panel.wire_count)
+        values[first + local] = np.maximum(0.0, np.minimum(arc + 0.5 * spacing, high) - np.maximum(arc - 0.5 * spacing, low))
+        return values
 
     @property
     def bodies(self) -> np.ndarray:

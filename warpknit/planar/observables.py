@@ -80,9 +80,9 @@ class PlanarObservables(HostState):
         moves with F c.
         """
         table, panel = self.model.table, self.model.panel
-        rest_edge = np.stack([table.rest_x[self.entry], table.rest_y[self.entry]], axis=1)
-        inside = np.any(self.edge != 0.0, axis=1)
-        sum_ = np.einsum("ia,ib->ab", self.segment_force[inside], rest_edge[inside])
+        # behind the last node of an open wire there is no segment, and no force
+        rest_edge = [rest[self.entry] for rest in (table.rest_x, table.rest_y)]
+        sum_ = np.array([[self.segment_force[:, a] @ rest for rest in rest_edge] for a in range(2)])
         touching = np.nonzero(self.pair_force > 0)[0]
         if len(touching):
             sum_ += np.einsum("pka,pkb->ab", self.pair_nodal[touching], pair_levers(self, touching))
@@ -246,17 +246,18 @@ class PlanarObservables(HostState):
     @cached_property
     def node_position(self) -> np.ndarray:
         """(node, 3) [m] in the frame of `stretch`; z is the rest height."""
-        rest = self._node_rest()
-        turned = rotation(self.clamp_rotation)
-        node = np.einsum("ia,ba->ib", rest - self._rest_corner(rest), self.stretch) + self.u @ turned.T
-        return np.column_stack([node, self.model.table.z[self.entry]])
+        node = np.empty((self.model.panel.node_count, 3))
+        node[:, :2] = (self._node_rest() - self._rest_corner) @ self.stretch.T
+        node[:, :2] += self.u @ rotation(self.clamp_rotation).T
+        node[:, 2] = self.model.table.z[self.entry]
+        return node
 
     @property
     def body_position(self) -> np.ndarray:
         """(body, 3) [m] in the same frame."""
         panel, table = self.model.panel, self.model.table
         turned = rotation(self.clamp_rotation)
-        rest = panel.body_rest + panel.body_origin - self._rest_corner(self._node_rest())
+        rest = panel.body_rest + panel.body_origin - self._rest_corner
         body = np.einsum("ia,ba->ib", rest, self.stretch) + self.body_u @ turned.T
         height = table.z[self.entry][panel.pair_seed].reshape(-1, 2).mean(axis=1)
         return np.column_stack([body, height])
@@ -267,10 +268,11 @@ class PlanarObservables(HostState):
         origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
         return np.stack([table.x[self.entry], table.y[self.entry]], axis=1) + origin
 
-    def _rest_corner(self, rest: np.ndarray) -> np.ndarray:
-        """(2,) [m] lower corner of the mesh whose nodes are at `rest`."""
+    @property
+    def _rest_corner(self) -> np.ndarray:
+        """(2,) [m] lower corner of the mesh at rest."""
         panel = self.model.panel
-        return rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
+        return self._node_rest().min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
 
     @property
     def corner(self) -> np.ndarray:
