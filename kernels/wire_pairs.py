@@ -16,6 +16,7 @@ from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
 from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
 
+KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
 NO_COMMON_WIRE = wp.constant(wp.float64(1.0e30))  # [m] arc separation of segments of different wires
 
 
@@ -179,6 +180,9 @@ def find_segment_pairs(
     tangent: wp.array(dtype=Any),
     # in: where the pairs of each segment begin
     start: wp.array(dtype=wp.int32),
+    # in and out: how many other segments form pairs with each, and the first KEPT of them
+    partner_count: wp.array(dtype=wp.int32),
+    partner: wp.array(dtype=wp.int32),
     # out: how many there are, or the pairs
     count: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
@@ -190,7 +194,7 @@ def find_segment_pairs(
     """One thread a segment, from `first_segment` on. Pairs are segments and images whose surfaces may come nearer than `margin`
     [m]; on one wire their arc separation is at least `min_arc_separation` radii. Lengths at rest are at most `rest_scale` times
     those in space; wires touch or are listed at most `largest_distance` [m] from each other; single precision moves places by at
-    most `round_off` [m].
+    most `round_off` [m]. The list is filled from the segments that the count has kept, or where they were more by the hash again.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch.
@@ -202,6 +206,8 @@ def find_segment_pairs(
     if own_reach < 0.0:
         return
     found = int(0)
+    partners = int(0)
+    is_kept = is_filling != 0 and partner_count[i] <= KEPT
     tile_size = wp.vec3(float(tile[0]), float(tile[1]), float(tile[2]))
     p = stencil(i, previous, following, position, length, tangent)
     p1 = row(p, 1)
@@ -215,9 +221,19 @@ def find_segment_pairs(
     farthest = rest_scale * (own_reach + longest_reach[0] + largest_distance + round_off)
     query = wp.hash_grid_query(grid, place[i], farthest / wp.min(cell[0], wp.min(cell[1], cell[2])))
     j = int(0)
-    while wp.hash_grid_query_next(query, j):
-        if j < i or reach[j] < 0.0:
+    number = int(0)
+    is_left = bool(True)
+    while is_left:
+        if is_kept:
+            is_left = number < partner_count[i]
+            if is_left:
+                j = partner[KEPT * i + number]
+                number += 1
+        else:
+            is_left = wp.hash_grid_query_next(query, j)
+        if not is_left or j < i or reach[j] < 0.0:
             continue
+        before = found
         contact_distance = length_factor * (node_radius[i] + node_radius[j])
         search_distance = contact_distance + margin
         both = own_reach + reach[j] + float(search_distance) + round_off
@@ -270,5 +286,10 @@ def find_segment_pairs(
                 pair_arc_separation[k] = separation
                 pair_wake_travel[k] = (gap - contact_distance) / CLOSING_RATE
             found += 1
+        if is_filling == 0 and found > before:
+            if partners < KEPT:
+                partner[KEPT * i + partners] = j
+            partners += 1
     if is_filling == 0:
         count[i] = found
+        partner_count[i] = partners

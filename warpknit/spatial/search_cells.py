@@ -12,6 +12,8 @@ from .rods import Rods
 APPROACH = 0.12  # of a segment: approach allowed before the next search
 MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
 MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
+STRETCHED = 1.2  # largest length of a segment under load over that at rest
+CELL = 0.5  # width of a cell over the radius, which bounds what most segments reach by far
 FREE_CELLS = np.array([64, 64, 8])  # fewest along x, y and z in directions without tiles
 
 
@@ -21,7 +23,6 @@ class SearchCells:
 
     approach: float  # of two wires, allowed before the next search
     margin: float  # gap up to which pairs are listed: what multipliers push apart, and the approach
-    max_sag: float  # of a segment, over its length
     radius: float  # bound on the distance of the midpoints of two segments that may touch before the next search
     count: np.ndarray  # (3,) cells along x, y and z
     size: np.ndarray  # (3,)
@@ -32,12 +33,12 @@ def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     segments = rods.natural_length[rods.following >= 0]
     approach = APPROACH * float(segments.max())
     margin = approach + 2.0 * MAX_OFFSET * rods.section.thickness
-    longest = 1.2 * float(segments.max())  # allows for stretch by the load
-    max_sag = MAX_SAG + float((curve.bulge / curve.length).max())
-    radius = longest * (1.0 + 2.0 * max_sag) + 2.0 * float(rods.wire_radius.max()) + margin
+    reach = STRETCHED * float(((0.5 + MAX_SAG) * curve.length + curve.bulge).max())  # of a curve, from the middle of its chord
+    radius = 2.0 * reach + 2.0 * float(rods.wire_radius.max()) + margin
     is_tiled = rods.tile > 0
-    count = np.where(is_tiled, np.maximum(np.floor(rods.tile / radius), 1), _free_cells(rods, radius)).astype(int)
-    return SearchCells(approach, margin, max_sag, radius, count, np.where(is_tiled & (count > 1), rods.tile / count, radius))
+    size = CELL * radius
+    count = np.where(is_tiled, np.maximum(np.floor(rods.tile / size), 1), _free_cells(rods, size)).astype(int)
+    return SearchCells(approach, margin, radius, count, np.where(is_tiled & (count > 1), rods.tile / count, size))
 
 
 def _free_cells(rods: Rods, size: float) -> np.ndarray:

@@ -26,7 +26,7 @@ from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE, Bump
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import find_near_starts, find_reach, list_near_pairs
-from ..kernels.wire_pairs import find_segment_pairs, place_segments_in_hash
+from ..kernels.wire_pairs import KEPT, find_segment_pairs, place_segments_in_hash
 from ..launch import Launch, bind, replay
 from ..memory import available_memory
 from .contact_checks import STICK_SHARE, ContactChecks
@@ -118,6 +118,8 @@ class WireContact:
         self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
         self._hash_reach = wp.zeros(rods.node_count, dtype=wp.float32, device=device)
         self._longest_reach = wp.zeros(1, dtype=wp.float32, device=device)
+        self._partner_count = wp.zeros(rods.node_count, dtype=wp.int32, device=device)
+        self._partner = wp.zeros(int(KEPT) * rods.node_count, dtype=wp.int32, device=device)
         self._wires = _upload_wires(rods, curve, device)
         self._place_in_hash = bind(
             place_segments_in_hash, rods.node_count, self._wires, stepper.arrays, stepper.state, cell=wp.vec3d(*self._cell),
@@ -346,6 +348,7 @@ class WireContact:
             named = pairs.named("first", "second", "shift", "arc_separation", "wake_travel")
             named |= {"start": pairs.start, "count": pairs.count, "place": self._hash_place}
             named |= {"reach": self._hash_reach, "longest_reach": self._longest_reach}
+            named |= {"partner_count": self._partner_count, "partner": self._partner}
             for part in range(stepper.threads):
                 first, count = stepper.team.share(rods.node_count, part)
                 one = bind(
