@@ -15,9 +15,9 @@ With LOOK_AHEAD = g the stored u is extrapolated by g steps, x + g dt v, so that
 frequency w then loses g (w dt)^2/2 of its amplitude a step in addition to c dt/2: stiff modes decay within tens of steps, slow
 modes are not affected. The step is stable up to w dt = 2/sqrt(1 + 2 g). A ramp has g = 0.
 
-The boundary moves by the deformation gradient F, which follows a ramp from FROM to TO over RAMP_STEPS steps, smooth or even.
-A displacement above STEP_LIMIT in a step freezes the state (STATUS_DIVERGED), and so does a travel above TRAVEL_LIMIT since the
-last neighbour search (STATUS_STALE): later steps of the graph then change nothing.
+The boundary moves by the deformation gradient F, which follows a ramp from FROM to TO over RAMP_STEPS steps, smooth or even;
+over more where it lags. A displacement above STEP_LIMIT in a step freezes the state (STATUS_DIVERGED), and so does a travel
+above TRAVEL_LIMIT since the last neighbour search (STATUS_STALE): later steps of the graph then change nothing.
 """
 
 import warp as wp
@@ -72,7 +72,8 @@ MEAN_PUSH = wp.constant(56)  # [N] mean force of the contacts that push
 IS_LOADING = wp.constant(57)  # 1 while a load is applied
 STICKING = wp.constant(58)  # [N/m] tangential stiffness of contacts
 STEP_TRAVEL = wp.constant(59)  # [m] of wires in space: the part of TRAVEL that steps of nodes have made
-CONTROL_COUNT = 60
+RAMP_LAG = wp.constant(60)  # of a step: by so much less RAMP_STEP moves on in each
+CONTROL_COUNT = 61
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -106,7 +107,7 @@ def advance_load(control: wp.array(dtype=wp.float64)):
     for k in range(4):
         control[LOAD_STEP + k] = -control[GRADIENT + k]
     if control[RAMP_STEP] < control[RAMP_STEPS]:
-        control[RAMP_STEP] = control[RAMP_STEP] + wp.float64(1.0)
+        control[RAMP_STEP] = wp.min(control[RAMP_STEP] + (wp.float64(1.0) - control[RAMP_LAG]), control[RAMP_STEPS])
         s = control[RAMP_STEP] / control[RAMP_STEPS]
         if control[EVEN_RAMP] == wp.float64(0.0):
             s = smooth_ramp(s)

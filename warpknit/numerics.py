@@ -1,4 +1,4 @@
-"""Solver constants of every model, damping, and the number of threads."""
+"""Solver constants of every model, damping, the pace of loads, and the number of threads."""
 
 from __future__ import annotations
 
@@ -34,6 +34,11 @@ AXIAL_ERROR = 2e-5  # allowed error of the axial strain of a softened segment
 # about twice the rms; among many thousands, some next to a clamp are still larger while nothing else changes
 TYPICAL_ALLOWANCE, OUTLIER_ALLOWANCE = 0.5, 5.0
 
+# --- pace at which a load or a correction is applied
+# of the thickness: overlap beyond which the pace is halved, and below which it is doubled again. Half a thickness is an error
+DEEP, SHALLOW = 0.25, 0.125
+LEAST_PACE = 0.125
+
 # --- ramps
 STEP_MARGIN = 0.9  # time step over the bound
 LOADING_PERIODS = 10.0  # slowest periods of the default loading time of a ramp
@@ -54,6 +59,16 @@ def slowest_damping(bending_stiffness: float, wave_length: float, spacing: float
     """[1/s] critical damping of a bending wave [m], of nodes `spacing` [m] apart with masses [kg]."""
     wave_number = 2.0 * math.pi / wave_length
     return 2.0 * math.sqrt(bending_stiffness * wave_number**4 * spacing / mass)
+
+
+def renewed_pace(pace: float, overlap: float) -> float:
+    """Share of its usual increments in which a load is applied, at most 1: less while wires overlap deeply.
+
+    overlap: the deepest since the last renewal, over the thickness of the wires.
+    """
+    if overlap > DEEP:
+        return max(0.5 * pace, LEAST_PACE)
+    return min(2.0 * pace, 1.0) if overlap < SHALLOW else pace
 
 
 def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, slowest: float) -> np.ndarray:

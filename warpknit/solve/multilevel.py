@@ -20,6 +20,7 @@ from ..measure.strain import strain_text, stretch
 from ..mechanics import EdgeMechanics, MultilevelMechanics, advance
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim, build_rim
+from ..numerics import renewed_pace
 from ..transfer.response import find_response, load_response, zero_response
 from .aitken import Aitken
 from .convergence import TENSION_FLOOR
@@ -341,12 +342,14 @@ class MultilevelRelaxation(Relaxation):
             self._move_in_parts(membrane, correction.scaled(self._correction.next_factor(correction.vector, most)))
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
-        """Move the mesh by a correction, in parts that it may take at once."""
-        while correction.max_factor < 1.0 - 1e-9:
-            self._move(membrane, correction.scaled(correction.max_factor))
+        """Move the mesh by a correction, in parts that it may take at once; in smaller ones after one that overlapped deeply."""
+        pace = 1.0
+        while (part := pace * correction.max_factor) < 1.0 - 1e-9:
+            self._move(membrane, correction.scaled(part))
             self.mechanics.search()
             self._step_on(PART_STEPS)
-            correction = correction.scaled(1.0 - correction.max_factor)
+            pace = renewed_pace(pace, self.mechanics.overlap())
+            correction = correction.scaled(1.0 - part)
         self._move(membrane, correction)
 
     def _move(self, membrane: Membrane, correction: Correction) -> None:

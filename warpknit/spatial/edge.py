@@ -57,9 +57,15 @@ class Edge:
     def move_given(self, share: float) -> np.ndarray:
         """Move given stations to `share` of the load level; returns the displacement (node, 2) [m] of the mesh."""
         before = self.station_displacement
-        given = self.start + share * (self.target - self.start)
+        given = self.start + share * (self.target - self.start) if share < 1.0 else self.target
         self.station_displacement = np.where(self.rim.given[:, None], given, before)
         return self.mesh_displacement(self.station_displacement - before)
+
+    @property
+    def is_at_target(self) -> bool:
+        """Whether the given stations are where the load level ends."""
+        given = self.rim.given
+        return bool(np.array_equal(self.station_displacement[given], self.target[given]))
 
     def relax_free(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Move free stations towards equilibrium; returns the displacement (node, 2) [m] of the mesh.

@@ -16,7 +16,7 @@ from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
-from ..numerics import FOLLOWED_INCREMENT, SLOWEST_WAVE
+from ..numerics import FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
@@ -91,6 +91,7 @@ class SpatialMechanics:
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._release: tuple[float, float] | None = None  # natural over rest curvature before and after the part in progress
+        self._overlap = 0.0  # over the thickness, deepest up to the last convergence check
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
@@ -145,7 +146,8 @@ class SpatialMechanics:
         ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
         if steps == 0:
             ramp |= {int(c.GRADIENT) + k: then[k] for k in range(5)}
-        state.write_control(ramp | {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps), int(c.EVEN_RAMP): float(evenly)})
+        ramp |= {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)}
+        state.write_control(ramp | {int(c.RAMP_LAG): 0.0, int(c.EVEN_RAMP): float(evenly)})
         if self.model.ramp is not None:
             return
         self._apply_release()
@@ -191,7 +193,8 @@ class SpatialMechanics:
         if self._release is None:
             return
         control, (before, after) = self.state.read_control(), self._release
-        share = min(1.0, float((control[int(c.RAMP_STEP)] + CHECK_STEPS) / max(control[int(c.RAMP_STEPS)], CHECK_STEPS)))
+        ahead = CHECK_STEPS * (1.0 - control[int(c.RAMP_LAG)])
+        share = min(1.0, float((control[int(c.RAMP_STEP)] + ahead) / max(control[int(c.RAMP_STEPS)], ahead)))
         set_natural_shape(
             self.stepper.arrays, self.model.rods, self.model.device, before + share * (after - before), self.model.precision
         )
@@ -229,7 +232,8 @@ class SpatialMechanics:
         self.stepper.step(count)
 
     def overlap(self) -> float:
-        return self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
+        self._overlap = self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
+        return self._overlap
 
     def deepest_overlap(self) -> str:
         observed, strip, state = self.observe(), self.strip, self.state
@@ -252,6 +256,9 @@ class SpatialMechanics:
             self.stability.begin_level()
 
     def check(self, checks: int, *, loading: bool) -> Check:
+        if loading and not self.may_overlap:
+            pace = 1.0 - float(self.state.read_control()[int(c.RAMP_LAG)])
+            self.state.write_control({c.RAMP_LAG: 1.0 - renewed_pace(pace, self._overlap)})
         self._apply_release()
         if not loading:
             self._release = None
@@ -265,7 +272,7 @@ class SpatialMechanics:
             self.relaxation.watch_progress(ratio, state.excess_ratio)
         self._renew_multipliers(state, contacts, loading)
         if self.edge is not None:
-            self._move_edge(self.edge, checks, ratio)
+            self._move_edge(self.edge, checks, ratio, loading=loading)
             ratio = max(ratio, self.edge.residual_ratio(tolerance))
         return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, self.stability.after_check(ratio))
 
@@ -276,11 +283,12 @@ class SpatialMechanics:
         self.relaxation.renew_masses(loading=loading)
         self.relaxation.keep_motion()
 
-    def _move_edge(self, edge: Edge, checks: int, ratio: float) -> None:
+    def _move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> None:
         """Move given stations while the load is applied, free ones once the mesh itself is close to convergence."""
-        steps, loading = checks * CHECK_STEPS, self.state.read_control()[int(c.RAMP_STEPS)]
-        if steps <= loading:
-            move = edge.move_given(steps / loading)
+        control = self.state.read_control()
+        step, steps = float(control[int(c.RAMP_STEP)]), float(control[int(c.RAMP_STEPS)])
+        if loading or (steps > 0.0 and not edge.is_at_target):
+            move = edge.move_given(step / steps)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
             move = edge.relax_free(self.state.gradient, fetch(self.state.force))
         else:
