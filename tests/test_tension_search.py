@@ -38,6 +38,23 @@ def test_the_stiffness_of_a_mesh_is_found_whatever_its_size(factor: float, scatt
         assert tension == pytest.approx(target, rel=TOLERANCE, abs=0.01 * TOLERANCE * SCALE)
 
 
+def test_steps_that_overshoot_by_the_same_tangent_are_halved() -> None:
+    """Beside the target tensions follow 2.2 times the tangent, in changes too small to renew it: full steps would leave 1.2 times
+    as much, of the other sign, each time."""
+    tangent, target = np.diag([100.0, 80.0]), np.array([10.0, 10.0])
+    search = TensionSearch(tangent.tolist(), [0.1, 0.125], target.tolist())
+    strain, misses = np.array([0.1, 0.125]) - 0.025 / 2.2 / np.diag(tangent), []
+    for _ in range(5):
+        tension = target + 2.2 * tangent @ (strain - np.array([0.1, 0.125]))
+        misses.append(float((target - tension)[0] / target[0]))
+        next_strain = search.next_strain(strain, tension, target, BOTH, SCALE, 3e-3)
+        if next_strain is None:
+            break
+        strain = next_strain
+    assert search.stiffness == tangent.tolist()
+    assert len(misses) == 3 and abs(misses[-1]) < 0.2 * abs(misses[0])
+
+
 @pytest.mark.parametrize("tried", [0, PATIENCE])
 def test_the_residual_tolerance_will_do_after_many_equilibria(tried: int) -> None:
     """1.992 N/m in place of 2 N/m, 0.4 %: within a residual tolerance of 1 %, not within 0.2 %."""

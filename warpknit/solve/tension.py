@@ -3,7 +3,7 @@
 Only tension-driven directions are unknowns. The mesh stiffens with strain, so steps are bounded and the diagonal of the
 tangent is kept positive. Where the mesh snaps, the tension falls with strain: the states that carry more lie beyond. The tensions
 of equilibria scatter by the tolerance of their convergence: a change of tension that is not well above it does not renew the
-tangent.
+tangent. Where steps by the same tangent overshoot, they are halved.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by
 TOLERANCE_SHARE = 2.0 / 3.0  # the same over the residual tolerance, by which tensions scatter
 PATIENCE = 20  # equilibria after which the residual tolerance will do, by which tensions scatter
 SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
+OVERSHOT = 0.5  # of a step, after one by the same tangent that changed the sign of what is lacking
 MAX_STATES = 60  # equilibria tried for one load level
 
 
@@ -29,9 +30,11 @@ class TensionSearch:
     strain: list[float] | None = None  # of the last state
     tension: list[float] | None = None  # [N/m] of the last state
     states: int = 0  # of this level
+    miss: list[float] | None = None  # [N/m] tension that the state before lacked
+    share: float = 1.0  # of a step by the tangent
 
     def begin_level(self) -> None:
-        self.states = 0
+        self.states, self.miss, self.share = 0, None, 1.0
 
     def next_strain(
         self,
@@ -48,16 +51,19 @@ class TensionSearch:
         [N/m] is EI/C^3, below which tensions count as zero; `residual_tolerance` is that of the equilibria.
         """
         significant = SIGNIFICANT * residual_tolerance * max(float(np.abs(tension).max()), 0.01 * scale)
-        self._renew_tangent(strain, tension, driven, significant, 0.02 * scale)
+        is_renewed = self._renew_tangent(strain, tension, driven, significant, 0.02 * scale)
         self.states += 1
         miss = np.where(driven, target - tension, 0.0)
+        overshot = self.miss is not None and miss @ self.miss < 0.0
+        self.share = 1.0 if is_renewed else self.share * (OVERSHOT if overshot else 1.0)
+        self.miss = miss.tolist()
         least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
         tolerance = min(TOLERANCE, TOLERANCE_SHARE * residual_tolerance)
         if self.states > PATIENCE:
             tolerance = max(TOLERANCE, residual_tolerance)
         if np.all(np.abs(miss) <= tolerance * np.maximum(np.abs(target), least)):
             return None
-        return strain + (self._step(miss, driven) if self.stiffness else PROBE * np.sign(miss))
+        return strain + (self.share * self._step(miss, driven) if self.stiffness else PROBE * np.sign(miss))
 
     def predicted_strain(self, target: np.ndarray, driven: np.ndarray) -> np.ndarray | None:
         """Strain (2,) at which the next target is expected, by the tangent; None before there is one."""
@@ -75,21 +81,25 @@ class TensionSearch:
 
     def _renew_tangent(
         self, strain: np.ndarray, tension: np.ndarray, driven: np.ndarray, significant: float, least: float
-    ) -> None:
-        """Take a change of tension, if it is `significant` [N/m], into the tangent; its diagonal is at least `least` [N/m]."""
+    ) -> bool:
+        """Take a change of tension, if it is `significant` [N/m], into the tangent; its diagonal is at least `least` [N/m].
+
+        Returns whether the tangent is renewed.
+        """
         if self.strain is None or self.tension is None:
             self.strain, self.tension = strain.tolist(), tension.tolist()
-            return
+            return False
         moved, pulled = strain - np.array(self.strain), tension - np.array(self.tension)
         if not moved.any():
-            return
+            return False
         if not self.stiffness:
             ratio = np.divide(pulled, moved, out=np.zeros(2), where=moved != 0.0)
             k = np.diag(np.where(driven & (ratio > 0.0), ratio, ratio.max()))
         else:
             k = np.array(self.stiffness)
             if max(np.abs(pulled).max(), np.abs(k @ moved).max()) < significant:
-                return
+                return False
             k = k + np.outer(pulled - k @ moved, moved) / (moved @ moved)
         k[np.diag_indices(2)] = np.maximum(np.diag(k), least)
         self.stiffness, self.strain, self.tension = k.tolist(), strain.tolist(), tension.tolist()
+        return True
