@@ -1,4 +1,4 @@
-"""Contact between wires: search for segment pairs that may touch, and the contact launches of a step."""
+"""Contact between wires: the lists of pairs that may touch, and the contact launches of a step."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..errors import OutOfResources
-from ..host import fetch, shared, store
+from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.lanes import QUAD, QUADS_A_BLOCK
 from ..kernels.wire_closest import (
@@ -23,24 +23,21 @@ from ..kernels.wire_closest import (
 )
 from ..kernels.wire_contact_by_batch import find_followed_contacts
 from ..kernels.wire_contact_forces import find_contact_forces
-from ..kernels.wire_curve import CLOSING_RATE, Bump
+from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
-from ..kernels.wire_near import find_near_starts, find_reach, list_near_pairs
-from ..kernels.wire_pairs import KEPT, find_segment_pairs, place_segments_in_hash
+from ..kernels.wire_near import find_near_starts, list_near_pairs
 from ..launch import Launch, bind, replay
 from ..memory import available_memory
 from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
 from .pair_list import SLIP_ARRAYS, PairList
+from .pair_search import MIN_ARC_SEPARATION, PairSearch
 from .rest_curve import RestCurve, catmull_rom
 from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
-from .rods import Rods
 from .search_cells import SearchCells, search_cells
+from .wire_arrays import WireArrays
 
-MIN_ARC_SEPARATION = (
-    4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
-)
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 7
@@ -49,36 +46,8 @@ PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each: about as many as run at once
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
-SINGLE = 1e-3  # of the search radius: allowance for distances in single precision
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
 CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
-
-
-@dataclass(frozen=True)
-class _WireArrays:
-    """Rest data for contact; [node] unless noted."""
-
-    node_arc: wp.array  # [m]
-    node_radius: wp.array  # [m]
-    rest_slope: wp.array
-    rest_bump: wp.array
-    rest_bulge: wp.array
-    slope_weight: wp.array
-    wire_length: wp.array  # [wire] [m]
-    wire_period: wp.array  # [wire] [m]
-
-
-def _upload_wires(rods: Rods, curve: RestCurve, device: str) -> _WireArrays:
-    return _WireArrays(
-        node_arc=shared(rods.arc, wp.float64, device),
-        node_radius=shared(rods.wire_radius[rods.wire_of], wp.float64, device),
-        rest_slope=shared(curve.slope, wp.vec2d, device),
-        rest_bump=shared(curve.bump, Bump, device),
-        rest_bulge=shared(curve.bulge, wp.float64, device),
-        slope_weight=shared(curve.slope_weight, wp.vec4d, device),
-        wire_length=shared(rods.wire_length, wp.float64, device),
-        wire_period=shared(rods.wire_period, wp.vec3d, device),
-    )
 
 
 @dataclass(frozen=True)
@@ -112,19 +81,8 @@ class WireContact:
         curve = catmull_rom(rods) if curve is None else curve
         cells = cells or search_cells(rods, curve)
         self.margin, self._approach = cells.margin, cells.approach
-        self._radius, self._cell = cells.radius, cells.size
-        along_x, along_y, along_z = map(int, cells.count)
-        self._grid = wp.HashGrid(along_x, along_y, along_z, device=device)
-        self._hash_place = wp.zeros(rods.node_count, dtype=wp.vec3, device=device)
-        self._hash_reach = wp.zeros(rods.node_count, dtype=wp.float32, device=device)
-        self._longest_reach = wp.zeros(1, dtype=wp.float32, device=device)
-        self._partner_count = wp.zeros(rods.node_count, dtype=wp.int32, device=device)
-        self._partner = wp.zeros(int(KEPT) * rods.node_count, dtype=wp.int32, device=device)
-        self._wires = _upload_wires(rods, curve, device)
-        self._place_in_hash = bind(
-            place_segments_in_hash, rods.node_count, self._wires, stepper.arrays, stepper.state, cell=wp.vec3d(*self._cell),
-            place=self._hash_place, reach=self._hash_reach, longest_reach=self._longest_reach,
-        ).record(device)  # fmt: skip
+        self._wires = WireArrays.of(rods, curve, device)
+        self._search = PairSearch(stepper, self._wires, cells)
         self._checks = ContactChecks(stepper, self._wires, curve, has_friction=friction > 0.0)
         # [m] of each thread, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
@@ -180,11 +138,6 @@ class WireContact:
             bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
         ]
 
-    @property
-    def _rest_scale(self) -> float:
-        """Bound on distances at rest over those of now."""
-        return 1.0 / min(float(np.linalg.svd(self.stepper.state.gradient, compute_uv=False).min()), 1.0)
-
     def _new_list(self, capacity: int, number: int) -> PairList:
         stepper = self.stepper
         return PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
@@ -199,22 +152,16 @@ class WireContact:
         """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
         stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
         stepper.update_frames()
-        stepper.watch_border(self._radius * self._rest_scale)
-        self._longest_reach.zero_()
-        self._place_in_hash.launch()
-        store(self._longest_reach, stepper.strip.ranks.largest(fetch(self._longest_reach)))
-        self._grid.build(self._hash_place, 1.0)
+        self._search.place()
         before, pairs = self._list, self._other
-        self._find(pairs, filling=False)
-        wp.utils.array_scan(pairs.count, pairs.start, inclusive=False)
-        total = int(fetch(pairs.start)[-1] + fetch(pairs.count)[-1])
+        total = self._search.count(pairs)
         if total > pairs.capacity:
             larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
             wp.copy(larger.start, pairs.start)
             wp.copy(larger.count, pairs.count)
             pairs = larger
         store(pairs.total, total)
-        self._find(pairs, filling=True)
+        self._search.fill(pairs)
         if self.friction > 0.0:
             bind(
                 transfer_elastic_slip, pairs.capacity, step=int(state.read_control()[int(c.STEP)]),
@@ -230,15 +177,9 @@ class WireContact:
         self.searches += 1
         self._search_travel = self._approach / float(CLOSING_RATE)
         store(state.block_travel, 0.0)
-        state.write_control({c.TRAVEL: 0.0, c.STEP_TRAVEL: 0.0, c.PAIR_REACH: self._reach(total) / float(CLOSING_RATE)})
+        reach = self._search.reach(pairs, total) / float(CLOSING_RATE)
+        state.write_control({c.TRAVEL: 0.0, c.STEP_TRAVEL: 0.0, c.PAIR_REACH: reach})
         self.list_near_pairs()
-
-    def _reach(self, total: int) -> float:
-        """[m] bound on the distance at rest of two points whose segments form a pair: by what a unit strain moves them apart."""
-        pairs, device = self._list, self.stepper.device
-        reach = wp.zeros(1, dtype=wp.float64, device=device)
-        bind(find_reach, total, self.stepper.arrays, reach=reach, **pairs.named("first", "second", "shift")).run(device)
-        return self._radius + float(self.stepper.strip.ranks.largest(fetch(reach))[0])
 
     def list_near_pairs(self, travel: float | None = None) -> None:
         """List the pairs that may touch within a travel [m] from the present positions; default: the last one given.
@@ -340,32 +281,6 @@ class WireContact:
                 f" available: {available / 2**20:,.0f} MiB"
             )
         return capacity
-
-    def _find(self, pairs: PairList, *, filling: bool) -> None:
-        """Count the pairs of each segment, or fill the list with them."""
-        stepper, state, rods = self.stepper, self.stepper.state, self.stepper.rods
-        if not pairs.find:
-            named = pairs.named("first", "second", "shift", "arc_separation", "wake_travel")
-            named |= {"start": pairs.start, "count": pairs.count, "place": self._hash_place}
-            named |= {"reach": self._hash_reach, "longest_reach": self._longest_reach}
-            named |= {"partner_count": self._partner_count, "partner": self._partner}
-            for part in range(stepper.threads):
-                first, count = stepper.team.share(rods.node_count, part)
-                one = bind(
-                    find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,
-                    grid=wp.uint64(self._grid.id), largest_distance=0.0, rest_scale=0.0, is_filling=0,
-                    round_off=SINGLE * self._radius, cell=wp.vec3(*self._cell), margin=wp.float64(self.margin),
-                    min_arc_separation=wp.float64(MIN_ARC_SEPARATION), tile=wp.vec3d(*rods.tile), **named,
-                )  # fmt: skip
-                pairs.find.append(one.record(stepper.device))
-        longer = max(float(state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
-        largest = longer * 2.0 * float(rods.wire_radius.max()) + self.margin
-        scale = self._rest_scale
-        for find in pairs.find:
-            find.set_param_by_name("largest_distance", largest)
-            find.set_param_by_name("rest_scale", scale)
-            find.set_param_by_name("is_filling", int(filling))
-        stepper.team.together([find.launch for find in pairs.find])
 
     def advance(self, steps: int) -> int:
         """Take steps, with a new search whenever the travel budget is used up.
