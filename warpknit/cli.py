@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from warpknit.device_choice import DEFAULT_DEVICE
-from warpknit.errors import Diverged
-from warpknit.program import FINISHED, INTERRUPTED, Program, configure_logging
+from warpknit.errors import FINISHED, INTERRUPTED, Diverged
+from warpknit.program import Program, configure_logging
 from warpknit.ranks.ranks import Ranks
 
 if TYPE_CHECKING:

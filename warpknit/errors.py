@@ -14,6 +14,8 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+FINISHED, FAULT, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 4, 130  # exit status; the other errors have their own
+
 
 class WarpknitError(Exception):
     """Base of the errors that this package raises on purpose; `exit_code` is the status the command line returns."""

@@ -12,11 +12,10 @@ from typing import Any, NoReturn
 
 import click
 
-from warpknit.errors import WarpknitError
+from warpknit.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, WarpknitError
 from warpknit.ranks.ranks import One, Ranks
 from warpknit.ranks.start import join_ranks, started_as
 
-FINISHED, FAULT, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 4, 130
 UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import Diverged, ModelError, in_python, naming_arguments
+from ..errors import INTERRUPTED, Diverged, ModelError, in_python, naming_arguments
 from ..knit.chain import KnitError
 from ..results import Run, load_run
 from ..runner.interrupts import to_continue
@@ -21,7 +21,6 @@ from ..scene.units import shown
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
 Directory = str | os.PathLike[str]
-INTERRUPTED = 130  # exit status
 
 
 def carried_out(

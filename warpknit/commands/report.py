@@ -12,7 +12,7 @@ from ..design.fe import CODES
 from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import write_report
-from ..errors import Diverged, InputError, naming_arguments
+from ..errors import INTERRUPTED, Diverged, InputError, naming_arguments
 from ..files import write_aside
 from ..results import Run
 from ..runner.progress_display import Progress
@@ -21,7 +21,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..sweep.contact_map import read_map
 from ..sweep.sweep import run_map as sweep_scene
-from .carried_out import INTERRUPTED, Directory, Source, carried_out
+from .carried_out import Directory, Source, carried_out
 
 
 def make_report(
