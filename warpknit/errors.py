@@ -14,19 +14,19 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-FINISHED, FAULT, BAD_INPUT, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 4, 130  # exit status; the other errors have their own
+FINISHED, FAULT, BAD_INPUT, DIVERGED, OUT_OF_RESOURCES, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit statuses
 
 
 class WarpknitError(Exception):
     """Base of the errors that this package raises on purpose; `exit_code` is the status the command line returns."""
 
-    exit_code = 1
+    exit_code = FAULT
 
 
 class InputError(WarpknitError, ValueError):
     """Something that was asked for cannot be done: a scene, a key, a value, a unit, a device or a file."""
 
-    exit_code = 2
+    exit_code = BAD_INPUT
 
 
 class SceneError(InputError):
@@ -60,7 +60,7 @@ class MissingExtra(InputError, ImportError):
 class Diverged(WarpknitError):
     """The run diverged: the line names the wire, the node, the load, the likely cause and what to change."""
 
-    exit_code = 3
+    exit_code = DIVERGED
 
 
 class NoProgress(Diverged):
@@ -74,7 +74,7 @@ class StepLimitExceeded(Diverged):
 class OutOfResources(WarpknitError):
     """Memory or disk ran out during a run: the line gives what was needed against what was available."""
 
-    exit_code = 4
+    exit_code = OUT_OF_RESOURCES
 
 
 @contextmanager

@@ -19,9 +19,8 @@ from .rod_step import RodStepper
 from .search_cells import SearchCells
 from .wire_arrays import WireArrays
 
-MIN_ARC_SEPARATION = (
-    4.0  # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
-)
+# radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
+MIN_ARC_SEPARATION = 4.0
 SINGLE = 1e-3  # of the search radius: allowance for distances in single precision
 
 
