@@ -5,11 +5,13 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import warp as wp
 
 from .kernels.barrier import wait_for_all
+from .kernels.control import STATUS, STATUS_RUNNING
 from .launch import Launch, bind
 
 TRIAL = 20  # calls after which the slower way is tried again
@@ -20,6 +22,7 @@ class Team:
 
     def __init__(self, threads: int, device: str) -> None:
         self.threads = threads
+        self._on_cpu = device == "cpu"
         self._state = wp.zeros(64, dtype=wp.int32, device=device)
         self._helpers = ThreadPoolExecutor(threads - 1, "step") if threads > 1 else None
 
@@ -29,6 +32,23 @@ class Team:
         parts[0]()
         for helper in waiting:
             helper.result()
+
+    def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
+        """Replay graphs[thread] of steps in turn, on the CPU while the state does not freeze; return how many.
+
+        All threads see the control array freeze after the same step.
+        """
+        replayed = [0] * self.threads
+
+        def of_thread(part: int) -> None:
+            for graph in graphs[part]:
+                if replayed[part] > 0 and self._on_cpu and control.numpy()[int(STATUS)] != float(STATUS_RUNNING):
+                    return
+                wp.capture_launch(graph)
+                replayed[part] += 1
+
+        self.together([partial(of_thread, part) for part in range(self.threads)])
+        return replayed[0]
 
     def barrier(self) -> list[Launch]:
         """What each thread launches to wait for all others; nothing for a single thread."""

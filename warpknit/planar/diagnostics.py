@@ -6,7 +6,6 @@ the full state on the host (observables.read).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ import warp as wp
 
 from ..host import Entries, fetch
 from ..kernels import sums as k
-from ..launch import bind
+from ..launch import Launch, bind
 from ..mesh.panel import Panel
 from .host_state import evaluation
 from .model import Model
@@ -95,11 +94,7 @@ class Diagnostics:
         names = ("force_x", "force_y", "strain", "tension", "turning")
         arrays = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
         self._force_x, self._force_y, self.strain, self.tension, self.turning = arrays.values()
-        self.stepper = stepper
-        shares = stepper.shares(len(panel.block_first))
-        self._evaluate: list[list[Callable[[], object]]] = [
-            [evaluation(model, state, parity, arrays, share).launch for share in shares] for parity in (0, 1)
-        ]
+        self.stepper, self._arrays = stepper, arrays
         pair, held = _pairs_at_clamps(model), panel.held_node
         self._held_entries = Entries(np.concatenate([held, np.maximum(held - 1, 0)]), device)
         self._clamp_pairs = Entries(pair, device) if len(pair) else None
@@ -109,31 +104,34 @@ class Diagnostics:
         self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
         self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
-        sources = (model.rest, model.mesh, state, model.constants)
-        self._sum_wires: list[Callable[[], object]] = [
-            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires, **arrays).record(device).launch
-            for block, blocks in shares
-        ]
-        pairs = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
-        self._sum_pairs: list[Callable[[], object]] = [
-            bind(k.sum_pairs, blocks, *sources, first_block=block, **pairs).record(device).launch
-            for block, blocks in stepper.shares(self._pairs.shape[0])
-            if blocks > 0
-        ]
 
     def sums(self) -> Sums:
         """Diagnostics of the current state: wire rows of this rank's strip, all other sums of the global mesh."""
-        for parts in self.launches():
-            self.stepper.team.together(parts)
+        self.stepper.run(self.evaluate, self.sum)
+        return self.last_sums()
+
+    def last_sums(self) -> Sums:
+        """Those of the state in which the stages `evaluate` and `sum` were run last."""
         return sum_up(self.model, self._first_block, *self.partial_sums())
+
+    def evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Stage of work: forces, strains, tensions and turnings of the nodes."""
+        return [evaluation(self.model, self.state, self.state.parity, self._arrays, stepper.blocks_of(part))]
+
+    def sum(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Stage of work: their sums, and those of the pairs."""
+        sources = (self.model.rest, self.model.mesh, self.state, self.model.constants)
+        block, blocks = stepper.blocks_of(part)
+        pair, pairs = stepper.team.share(self._pairs.shape[0], part)
+        rows = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
+        return [
+            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires, **self._arrays),
+            bind(k.sum_pairs, pairs, *sources, first_block=pair, **rows),
+        ]
 
     def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Partial sums of the last check, for `sum_up`: of wires, of pairs, of held nodes."""
         return fetch(self._wires), fetch(self._pairs), self.held_stress()
-
-    def launches(self) -> list[list[Callable[[], object]]]:
-        """Launches of a check, in order; those of one list may run in parallel."""
-        return [self._evaluate[self.state.parity], self._sum_wires, self._sum_pairs]
 
     def held_stress(self) -> np.ndarray:
         """(2, 2) [N m] contribution of held nodes, which move with their clamp."""

@@ -15,7 +15,7 @@ from ..host import lanes, take
 from ..kernels import clamp
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
-from ..launch import bind
+from ..launch import Launch, bind
 from ..measure.boundary import Boundary
 from .join import Join
 from .model import Model
@@ -127,7 +127,7 @@ def read_strip(model: Model, state: State) -> HostState:
     """Evaluate the wires and copy the strip of this rank to the host."""
     names = ("tension", "turning", "force_x", "force_y", *OPTIONAL[1:])
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
-    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
     now = state.parity
     unit = model.precision.unit
 
@@ -198,12 +198,12 @@ def strains(model: Model, state: State) -> np.ndarray:
     """[node] strain of the curved segments (kernels/energy.py)."""
     names = ("tension", "turning", "force_x", "force_y", "strain")
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
-    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).launch()
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
     return take(out["strain"]).astype(np.float64)
 
 
-def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> wp.Launch:
-    """Recorded launch of kernels/energy.py for (first block, number of blocks), with the displacements of `parity`.
+def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> Launch:
+    """Launch of kernels/energy.py for (first block, number of blocks), with the displacements of `parity`.
 
     `out`: output arrays [node] by name.
     """
@@ -212,4 +212,4 @@ def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array]
     return bind(
         evaluate_wires, blocks[1] * threads, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
         threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unused,
-    ).record(model.device)  # fmt: skip
+    )  # fmt: skip

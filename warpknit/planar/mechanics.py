@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from .. import measure
+from ..host import fetch
 from ..kernels import control as c
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..launch import bind
@@ -63,7 +64,7 @@ class PlanarMechanics:
         self.drift = drift_of(model.scene.model.nodes_per_loop)
         self.stepper = stepper_of(model, state)
         self.neighbours = NeighbourSearch(model, state)
-        self.diagnostics = Diagnostics(model, state, self.stepper.for_checks)
+        self.diagnostics = Diagnostics(model, state, self.stepper)
         self.residual = Residual(model)
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
         self._last: list[wp.array] = []  # values at the end of the previous level; none before the first
@@ -78,7 +79,7 @@ class PlanarMechanics:
 
     @cached_property
     def slowest_mode(self) -> SlowestMode:
-        return SlowestMode(self.model, self.state, self.stepper.for_checks)
+        return SlowestMode(self.model, self.state, self.stepper)
 
     @cached_property
     def history(self) -> HistoryVariables:
@@ -202,12 +203,13 @@ class PlanarMechanics:
         self.multipliers.begin_level()
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        control = self.state.read_control()
-        self.slowest_mode.update(use=not loading)
+        control, diagnostics = self.state.read_control(), self.diagnostics
         if loading:
+            self.slowest_mode.update(use=False)
             return Check(np.nan, np.inf)
         solver = self.model.scene.solver
-        self.sums = self.diagnostics.sums()
+        self.slowest_mode.update(diagnostics.evaluate, diagnostics.sum, use=True)
+        self.sums = diagnostics.last_sums()
         residual = float(self._residual(control, self.sums))
         ratio = residual / solver.residual_tolerance
         if solver.multipliers:
@@ -215,7 +217,7 @@ class PlanarMechanics:
         return Check(residual, ratio)
 
     def _residual(self, control: np.ndarray, sums: Sums) -> np.ndarray:
-        return self.residual.measure(control, sums, self.state.wire_axial.numpy())
+        return self.residual.measure(control, sums, fetch(self.state.wire_axial))
 
     def renew(self, checks: int) -> None:
         if self.model.scene.solver.multipliers and checks % SOFTENING_CHECKS == 0:

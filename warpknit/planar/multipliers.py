@@ -11,19 +11,19 @@ of each wire (numerics.unit_step_mass).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import warp as wp
 
+from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.multiplier_update import update_pair_offset, update_tension_offset
 from ..kernels.wire_forces import BLOCK_SIZE
-from ..launch import bind
+from ..launch import Launch, bind
 from .diagnostics import Diagnostics, Sums
 from .model import Model
 from .multiplier_rules import MultiplierRules
 from .state import State
+from .step import Stepper
 
 BEND_OVER_STRETCH = 3.0  # smallest ratio of the compliances in bending and in softened stretch
 
@@ -38,7 +38,6 @@ class Multipliers:
         self.diagnostics = diagnostics
         self.rules = MultiplierRules(model)
         self.axial = wp.zeros_like(state.wire_axial)  # [wire] [N] stiffness after the update
-        self._record()
 
     def begin_level(self) -> None:
         """Reset the rate at the start of a level."""
@@ -58,7 +57,7 @@ class Multipliers:
             return
         y = self.diagnostics.distance_from_chord()
         max_softening = np.maximum(1.0, y**2 * model.axial_stiffness / (BEND_OVER_STRETCH * model.bending_stiffness))
-        now = self.state.wire_axial.numpy().astype(np.float64)
+        now = fetch(self.state.wire_axial).astype(np.float64)
         axial = np.maximum(now, np.minimum(model.axial_stiffness / max_softening, model.axial_stiffness))
         if not model.ranks.any(bool(np.any(axial > now * (1 + 1e-6)))):
             return
@@ -68,40 +67,38 @@ class Multipliers:
 
     def update(self, sums: Sums, *, nearly_converged: bool) -> float:
         """Update every multiplier once; return the constraint error over its tolerance."""
-        stiffer = self.rules.renewed_axial_stiffness(self.state.wire_axial.numpy().astype(np.float64), sums, nearly_converged)
+        stiffer = self.rules.renewed_axial_stiffness(fetch(self.state.wire_axial).astype(np.float64), sums, nearly_converged)
         penalty = float(self.state.read_control()[int(c.CONTACT_STIFFNESS)])
         self._move_offsets(stiffer, float(self.rules.rate))
         self.renew(stiffer, float(self.rules.renewed_penalty(np.float64(penalty), sums)), sums)
         return float(self.rules.residual_ratio(sums))
 
     def _move_offsets(self, axial: np.ndarray, rate: float) -> None:
-        self.axial.assign(axial)
+        store(self.axial, axial)
         self.state.write_control({c.MULTIPLIER_RATE: rate})
-        for parts in filter(None, self.launches):
-            self.diagnostics.stepper.team.together(parts)
+        self.diagnostics.stepper.run(self.move)
 
-    def _record(self) -> None:
-        """Record the launches of an update: `launches` in order; those of one list may run in parallel."""
-        model, state, stepper = self.model, self.state, self.diagnostics.stepper
-        sources = (model.mesh, state, model.constants, self.diagnostics)
-        stiffness = {"axial_before": state.wire_axial, "axial": self.axial}
-        wires = [
-            bind(update_tension_offset, blocks * BLOCK_SIZE, *sources, first_block=block, **stiffness)
-            for block, blocks in stepper.shares(len(model.panel.block_first))
-        ]
-        pairs = [bind(update_pair_offset, n, state, first_pair=first) for first, n in stepper.shares(model.pair_count)]
-        self.launches: list[list[Callable[[], object]]] = [
-            [launch.record(model.device).launch for launch in parts if launch.threads > 0] for parts in (pairs, wires)
-        ]
+    def move(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Stage of work: the update of the multipliers."""
+        model, state = self.model, self.state
+        block, blocks = stepper.blocks_of(part)
+        pair, pairs = stepper.team.share(model.pair_count, part)
+        return [
+            bind(update_pair_offset, pairs, state, first_pair=pair),
+            bind(
+                update_tension_offset, blocks * BLOCK_SIZE, model.mesh, state, model.constants, self.diagnostics,
+                first_block=block, axial_before=state.wire_axial, axial=self.axial,
+            ),
+        ]  # fmt: skip
 
     def renew(self, axial: np.ndarray, penalty: float, sums: Sums) -> None:
         """Set new stiffnesses, and raise the fictitious masses where the step is unstable."""
         state = self.state
-        before = state.wire_mass.numpy().astype(np.float64)
+        before = fetch(state.wire_mass).astype(np.float64)
         mass = self.rules.renewed_mass(before, axial, np.float64(penalty), sums)
         if penalty != float(state.read_control()[int(c.CONTACT_STIFFNESS)]):
             state.stiffen_contact(penalty)
-        if np.any(axial != state.wire_axial.numpy()):
-            state.wire_axial.assign(axial)
+        if np.any(axial != fetch(state.wire_axial)):
+            store(state.wire_axial, axial)
         if np.any(mass != before):
-            state.wire_mass.assign(mass)
+            store(state.wire_mass, mass)

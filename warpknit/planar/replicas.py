@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..kernels import control as c
 from ..kernels.replica_steps import step_replicas
-from ..launch import bind
+from ..launch import bind, replay
 from ..mechanics import Check
 from ..numerics import CORES, thread_count
 from .diagnostics import Sums, first_blocks, sum_up
@@ -23,7 +22,7 @@ from .mechanics import NEARLY_CONVERGED, PlanarMechanics
 from .model import Model, body_blocks, contact_batches
 from .multiplier_rules import MultiplierRules
 from .state import State, initial_state
-from .step import PROBING
+from .step import PROBING, Stage, contact_stage
 
 
 class Replicas:
@@ -101,7 +100,7 @@ class ReplicaGroup:
         self._partial = [member.diagnostics.partial_sums()[:2] for member in self.members]
         self._moved = [member.slowest_mode.partial.numpy() for member in self.members]
         self._stiffer = [member.multipliers.axial.numpy() for member in self.members]
-        self._graphs: dict[str, list[wp.Graph]] = {}
+        self._work: dict[str, list[Callable[[], None]]] = {}
         for row, member in enumerate(self.members):
             member.begin_level = partial(self._begin_level, row)  # type: ignore[method-assign]
 
@@ -190,29 +189,24 @@ class ReplicaGroup:
 
     # --- launches
 
-    def _captured(self, name: str) -> list[wp.Graph]:
-        """Graphs of each replica; displacements are in the first buffers (CHECK_STEPS is even)."""
-        if name not in self._graphs:
-            graphs = []
+    def _of_members(self, name: str) -> list[Callable[[], None]]:
+        """What repeats the work of each replica; displacements are in the first buffers (CHECK_STEPS is even)."""
+        if name not in self._work:
+            self._work[name] = []
             for member in self.members:
-                sums = [launch for parts in member.diagnostics.launches() for launch in parts]
-                probe = [member.slowest_mode.probe.launch, member.slowest_mode.launch_sum]
-                moves = [launch for parts in member.multipliers.launches for launch in parts]
-                named: dict[str, list[Any]] = {"check": probe + sums, "sums": sums, "move": moves}
-                with wp.ScopedCapture(device=self.model.device) as capture:
-                    for launch in named[name]:
-                        launch()
-                graphs.append(capture.graph)
-            self._graphs[name] = graphs
-        return self._graphs[name]
+                sums: list[Stage] = [member.diagnostics.evaluate, member.diagnostics.sum]
+                probe = [contact_stage, member.slowest_mode.probe.stage, member.slowest_mode.sum]
+                named: dict[str, list[Stage]] = {"check": probe + sums, "sums": sums, "move": [member.multipliers.move]}
+                self._work[name].append(replay(member.stepper.all_launches(named[name]), self.model.device))
+        return self._work[name]
 
     def _replay(self, name: str, rows: np.ndarray) -> None:
-        """Launch the captured graphs of `rows`."""
-        graphs = self._captured(name)
+        """Do this work of `rows`."""
+        work = self._of_members(name)
         parts = [rows[part :: self.replicas.threads].tolist() for part in range(self.replicas.threads)]
-        self.replicas.together([partial(_launch_all, [graphs[row] for row in part]) for part in parts if part])
+        self.replicas.together([partial(_call_all, [work[row] for row in part]) for part in parts if part])
 
 
-def _launch_all(graphs: Sequence[wp.Graph]) -> None:
-    for graph in graphs:
-        wp.capture_launch(graph)
+def _call_all(calls: Sequence[Callable[[], None]]) -> None:
+    for call in calls:
+        call()

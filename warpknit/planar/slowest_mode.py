@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..host import fetch
 from ..kernels import control as c
 from ..kernels.rayleigh import sum_rayleigh
-from ..launch import bind
+from ..launch import Launch, bind
 from ..numerics import SLOWEST_WAVE, renewed_damping, slowest_damping
 from .model import Model
 from .state import State
-from .step import ForceProbe, Stepper
+from .step import ForceProbe, Stage, Stepper
 
 
 class SlowestMode:
@@ -29,17 +30,17 @@ class SlowestMode:
         kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
         self._last = [wp.zeros(nodes, dtype=kind, device=device) for kind in kinds]
         self.partial = wp.zeros((len(model.panel.block_first), 2), dtype=wp.float64, device=device)  # see kernels/rayleigh.py
-        shares = stepper.shares(len(model.panel.block_first))
-        self._team = stepper.team
-        self._sum = [[self._record(parity, *share).launch for share in shares] for parity in (0, 1)]
 
-    def _record(self, parity: int, first_block: int, blocks: int) -> wp.Launch:
-        model, state = self.model, self.state
+    def sum(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Stage of work after the probe: sum the changes since the last check, and store the state."""
+        model, state, (block, blocks) = self.model, self.state, stepper.blocks_of(part)
         kept = dict(zip(("last_ux", "last_uy", "last_acceleration_x", "last_acceleration_y"), self._last, strict=True))
-        return bind(
-            sum_rayleigh, blocks, model.rest, model.mesh, state, model.constants, self.probe, first_block=first_block,
-            ux=state.node_ux[parity], uy=state.node_uy[parity], partial=self.partial, **kept,
-        ).record(model.device)  # fmt: skip
+        return [
+            bind(
+                sum_rayleigh, blocks, model.rest, model.mesh, state, model.constants, self.probe, first_block=block,
+                ux=state.node_ux[state.parity], uy=state.node_uy[state.parity], partial=self.partial, **kept,
+            )
+        ]  # fmt: skip
 
     def state_dict(self) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint."""
@@ -49,19 +50,14 @@ class SlowestMode:
         for k, value in enumerate(self._last):
             value.assign(kept[f"slowest_mode_{k}"])
 
-    def update(self, *, use: bool) -> None:
-        """Store the state; with `use`, set the damping from the change since the last check."""
+    def update(self, *then: Stage, use: bool) -> None:
+        """Store the state, and run other stages of work; with `use`, set the damping from the change since the last check."""
         state = self.state
-        self.probe.evaluate()
-        self.launch_sum()
+        self.probe.evaluate(self.sum, *then)
         control = state.read_control()
         if use and control[int(c.DRIVE)] == 0.0:
-            renewed = self.renewed(control[int(c.DAMPING)], self.model.ranks.exact_sum(self.partial.numpy()))
+            renewed = self.renewed(control[int(c.DAMPING)], self.model.ranks.exact_sum(fetch(self.partial)))
             self.state.write_control({c.DAMPING: float(renewed)})
-
-    def launch_sum(self) -> None:
-        """Sum the changes since the last check, after the probe, and store the state."""
-        self._team.together(self._sum[self.state.parity])
 
     def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
         """Updated damping (...) [1/s] from the sums (..., 2) of kernels/rayleigh.py; unchanged without motion.

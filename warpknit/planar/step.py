@@ -8,12 +8,14 @@ and so the result, does not depend on their number.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from functools import cached_property, partial
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from itertools import chain
+from typing import Any
 
 import warp as wp
 
-from ..host import lanes
+from ..host import lanes, store
 from ..kernels import control as c
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.bodies import BODY_BLOCK, step_bodies
@@ -26,7 +28,7 @@ from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
 from ..kernels.wire_forces import WIRE_LANES
 from ..kernels.wires import step_wires
-from ..launch import Launch, bind
+from ..launch import Launch, bind, replay
 from ..numerics import thread_count
 from ..row_sums import fewer_rows
 from ..team import Pace, Team
@@ -36,6 +38,8 @@ from .state import State
 GRAPH_STEPS = (10, 1)  # steps of one graph replay: capturing more takes longer than replaying few more often
 LONG_STEP_NODES = 100_000  # from there on a step takes longer than threads wait for each other
 NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they save
+# launches of one part of a stage of work, for a stepper and the number of its part
+Stage = Callable[["Stepper", int], list[Launch]]
 # a step then stores f/m as velocities and moves nothing
 PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}
 
@@ -57,26 +61,15 @@ class Stepper:
         self.team = Team(self.threads, model.device)
         short = threads is None and self.threads > 1 and model.panel.node_count < LONG_STEP_NODES and model.strip is None
         self._alone = Stepper(model, state, threads=1) if short else None
+        self._faster: Stepper = self
         self._pace = Pace()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
+        self._runs: dict[tuple[Any, ...], list[Callable[[], None]]] = {}
 
     @cached_property
     def _launches(self) -> list[list[list[wp.Launch]]]:
         """[part][parity] launches of a step."""
         return [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
-
-    @cached_property
-    def _contact(self) -> list[list[Callable[[], object]]]:
-        """[parity][part] launches of the contact forces."""
-        return [
-            [partial(_launch_all, self._commands(self._contact_work(parity, part))) for part in range(self.threads)]
-            for parity in (0, 1)
-        ]
-
-    @property
-    def for_checks(self) -> Stepper:
-        """The stepper for single launches: alone where steps are short, as handing a launch over takes longer than it."""
-        return self._alone or self
 
     def step(self, count: int) -> None:
         """Take `count` steps; a frozen state (kernels/control.py) does not change."""
@@ -84,23 +77,26 @@ class Stepper:
             self._take(count)
             return
         shared, begin = self._pace.is_shared(), time.perf_counter()
-        (self if shared else self._alone)._take(count)
+        self._faster = self if shared else self._alone
+        self._faster._take(count)
         self._pace.took(shared, (time.perf_counter() - begin) / max(1, count))
 
     def _take(self, count: int) -> None:
         for size in GRAPH_STEPS:
-            for _ in range(count // size):
-                self._replay(self.state.parity, size)
-                self.state.parity = (self.state.parity + size) % 2
+            if count >= size:
+                self._replay(size, count // size)
             count %= size
 
-    def _replay(self, parity: int, steps: int) -> None:
-        """Replay the steps in all threads."""
-        self.team.together([partial(wp.capture_launch, graph) for graph in self._graphs_of(parity, steps)])
+    def _replay(self, steps: int, times: int) -> None:
+        """Replay graphs of so many steps in all threads, while the state does not freeze."""
+        state = self.state
+        graphs = [self._graphs_of((state.parity + k * steps) % 2, steps) for k in range(times)]
+        taken = self.team.replay(list(zip(*graphs, strict=True)), state.control)
+        state.parity = (state.parity + taken * steps) % 2
 
-    def shares(self, count: int) -> list[tuple[int, int]]:
-        """Begin and number of the share of each thread in `count` items."""
-        return [self.team.share(count, part) for part in range(self.threads)]
+    def blocks_of(self, part: int) -> tuple[int, int]:
+        """First block of a thread's part of the wires, and their number."""
+        return self.team.share(len(self.model.panel.block_first), part)
 
     def _graphs_of(self, parity: int, steps: int) -> list[wp.Graph]:
         """A graph for each thread: `steps` steps from `parity`."""
@@ -115,10 +111,32 @@ class Stepper:
             self._graphs[parity, steps] = graphs
         return self._graphs[parity, steps]
 
+    def run(self, *stages: Stage, contact: bool = False) -> None:
+        """Run stages of work, which threads share as they do steps; with `contact` after the contact forces of the state.
+
+        They are captured at the first call at a parity, and again for other stages: functions that compare equal.
+        """
+        self._faster._run_stages((contact_stage, *stages) if contact else stages)
+
+    def _run_stages(self, stages: tuple[Stage, ...]) -> None:
+        key = (stages, self.state.parity)
+        if key not in self._runs:
+            self._runs[key] = [replay(self._launches_of(stages, part), self.model.device) for part in range(self.threads)]
+        self.team.together(self._runs[key])
+
+    def _launches_of(self, stages: Sequence[Stage], part: int) -> list[Launch]:
+        """One thread's part of stages of work, with barriers in between."""
+        launches = [stage(self, part) for stage in stages]
+        return [*launches[0], *chain.from_iterable([*self.team.barrier(), *later] for later in launches[1:])]
+
+    def all_launches(self, stages: Sequence[Stage]) -> list[Launch]:
+        """All parts of stages of work, for a single thread."""
+        return [launch for stage in stages for part in range(self.threads) for launch in stage(self, part)]
+
     def evaluate_contact(self) -> None:
         """Contact forces of the current state, without a step."""
         if self.model.pair_count:
-            self.team.together(self._contact[self.state.parity])
+            self.run(contact=True)
 
     def _contact_work(self, parity: int, part: int) -> list[Launch]:
         """Launches of one part of the contact forces, with friction and the contact constraint."""
@@ -156,7 +174,7 @@ class Stepper:
         """One thread's part of the motion: wires and bodies; the first thread also grips."""
         model, state = self.model, self.state
         now, then = parity, 1 - parity
-        block, blocks = self.team.share(len(model.panel.block_first), part)
+        block, blocks = self.blocks_of(part)
         body, bodies = self.team.share(body_blocks(model), part)
         return [
             self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
@@ -190,9 +208,9 @@ class Stepper:
         )  # fmt: skip
 
 
-def _launch_all(launches: list[wp.Launch]) -> None:
-    for launch in launches:
-        launch.launch()
+def contact_stage(stepper: Stepper, part: int) -> list[Launch]:
+    """Stage of work: contact forces of the state."""
+    return stepper._contact_work(stepper.state.parity, part)
 
 
 class ForceProbe:
@@ -203,26 +221,20 @@ class ForceProbe:
         real, nodes, device = model.precision.real, model.panel.node_count, model.device
         self.acceleration_x = wp.zeros(nodes, dtype=real, device=device)
         self.acceleration_y = wp.zeros(nodes, dtype=real, device=device)
-        unused = [wp.zeros(nodes, dtype=model.precision.coordinate, device=device) for _ in range(2)]
+        self._unused = [wp.zeros(nodes, dtype=model.precision.coordinate, device=device) for _ in range(2)]
         self._stepper = stepper
-        self._launches = []
-        for parity in (0, 1):
-            parts = []
-            for block, blocks in stepper.shares(len(model.panel.block_first)):
-                launch = stepper.wire_launch(parity, block, blocks, self.acceleration_x, self.acceleration_y, *unused)
-                parts.append(launch.record(device).launch)
-            self._launches.append(parts)
 
-    def evaluate(self) -> None:
+    def stage(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Evaluate, after the contact forces; the control array must hold PROBING."""
+        block, blocks = stepper.blocks_of(part)
+        return [stepper.wire_launch(self.state.parity, block, blocks, self.acceleration_x, self.acceleration_y, *self._unused)]
+
+    def evaluate(self, *then: Stage) -> None:
+        """Evaluate, and go on with other stages of work."""
         kept = self.state.read_control().copy()
         self.state.write_control(PROBING)
-        self.launch()
-        self.state.control.assign(kept)
-
-    def launch(self) -> None:
-        """Evaluate; the control array must hold PROBING."""
-        self._stepper.evaluate_contact()
-        self._stepper.team.together(self._launches[self.state.parity])
+        self._stepper.run(self.stage, *then, contact=True)
+        store(self.state.control, kept)
 
 
 def body_launch(model: Model, state: State, blocks: int, first_block: int, bodies: slice, partial_sums: wp.array) -> Launch:

@@ -23,7 +23,7 @@ from ..mesh.strip import Strip
 from ..row_sums import fewer_rows
 from .model import Model
 from .state import State
-from .step import Stepper, body_launch
+from .step import Stage, Stepper, body_launch
 
 VALUES_A_PAIR = 3  # force and its components
 
@@ -100,18 +100,22 @@ class StripStepper(Stepper):
         control = bind(update_control, 1, control=state.control, **rows)
         return [[*([control] if part == 0 else []), *self.team.barrier()] for part in parts]
 
-    def _replay(self, parity: int, steps: int) -> None:
-        self._run(parity, "contact")
-        for k in range(steps):
-            now = (parity + k) % 2
+    def _take(self, count: int) -> None:
+        state = self.state
+        self._run(state.parity, "contact")
+        for left in reversed(range(count)):
             self._exchange_at_border()
-            self._run(now, "motion")
+            self._run(state.parity, "motion")
             self._row.copy_to_host()
             self._collect_rows()
             self._rows.copy_to_device()
-            if k < steps - 1:
-                self._run(1 - now, "control", "contact")
-        self._run(parity, "control")
+            state.parity = 1 - state.parity
+            self._run(state.parity, "control", *(["contact"] if left else []))
+
+    def run(self, *stages: Stage, contact: bool = False) -> None:
+        if contact:
+            self.evaluate_contact()
+        super().run(*stages)
 
     def evaluate_contact(self) -> None:
         self._run(self.state.parity, "contact")

@@ -214,7 +214,7 @@ class RodStepper:
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
         graphs = self._graphs_of(steps, partial(self._launches_of, steps))
-        self.team.together([partial(self._replay_part, graph, times) for graph in graphs])
+        self.team.replay([[graph] * times for graph in graphs], self.state.control)
 
     def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
         """The graph of each thread's part, captured once by name and version of the contact; launches_of: of a part."""
@@ -225,13 +225,6 @@ class RodStepper:
             self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
             self._graphs[key] = [self._captured(launches_of(part)) for part in range(self.team.threads)]
         return self._graphs[key]
-
-    def _replay_part(self, graph: wp.Graph, times: int) -> None:
-        """Replay a graph; all threads see the state freeze after the same step."""
-        for time in range(times):
-            if time > 0 and self.device == "cpu" and self.state.read_control()[int(c.STATUS)] != float(c.STATUS_RUNNING):
-                return
-            wp.capture_launch(graph)
 
     def _launches_of(self, steps: int, part: int) -> list[list[Launch]]:
         """The launches of one thread's part, step by step; for none, those of the forces alone."""
