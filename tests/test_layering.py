@@ -46,10 +46,19 @@ LAYERS = (
     {"results"},
     {"commands"},
     {"program"},
+    {"command_options"},
     {"cli"},
     {"__main__"},
 )
-MAY_IMPORT_EXPORT = {"runner.recorder", "sweep.sweep", "trade.study", "cli", "design.report_files", "results.run"}
+MAY_IMPORT_EXPORT = {
+    "runner.recorder",
+    "sweep.sweep",
+    "trade.study",
+    "cli",
+    "command_options",
+    "design.report_files",
+    "results.run",
+}
 EXPORT_MAY_IMPORT = {"errors", "files", "frame", "hermite", "knit", "processes", "text", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 STARTED_BY_THE_COMMAND_LINE = {"runner.run", "sweep.sweep", "trade.study", "design.report", "plan"}

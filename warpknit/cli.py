@@ -12,11 +12,18 @@ import os
 import webbrowser
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from warpknit.device_choice import DEFAULT_DEVICE
+from warpknit.command_options import (
+    ExportFormat,
+    positive_lengths,
+    positive_quantity,
+    refuse_both,
+    result_options,
+    scene_options,
+)
 from warpknit.errors import FINISHED, INTERRUPTED, Diverged
 from warpknit.program import Program, configure_logging
 from warpknit.ranks.ranks import Ranks
@@ -42,44 +49,6 @@ def main(context: click.Context) -> None:
         context.exit()  # the first rank is enough
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
-
-
-def scene_options(command: Any) -> Any:
-    """The argument and options of the scene."""
-    for option in (
-        click.option("--device", metavar="cpu|cuda:N", help=f"Default: {DEFAULT_DEVICE}."),
-        click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
-        click.option(
-            "--set",
-            "overrides",
-            multiple=True,
-            metavar="KEY=VALUE",
-            help='Another value for a dotted key of the scene, such as wire.diameter="17 um". Repeatable.',
-        ),
-        click.argument("scene", metavar="SCENE"),
-    ):
-        command = option(command)
-    return command
-
-
-def _refuse_both(resume: bool, force: bool) -> None:
-    """Refuse --resume together with --force."""
-    if resume and force:
-        raise click.UsageError(
-            "--resume and --force: both given, allowed: one of them (--resume continues the run in DIR, --force replaces it)."
-        )
-
-
-def result_options(command: Any) -> Any:
-    """The options of the output directory."""
-    for option in (
-        click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed."),
-        click.option("--force", is_flag=True, help="Replace finished results in DIR."),
-        click.option("--resume", is_flag=True, help="Continue an interrupted command in DIR."),
-        click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
-    ):
-        command = option(command)
-    return command
 
 
 def open_scene(
@@ -139,7 +108,7 @@ def run(
     quiet: bool,
 ) -> int:
     """Run SCENE and write its results to DIR."""
-    _refuse_both(resume, force)
+    refuse_both(resume, force)
     if error is not None and preset is not None:
         raise click.UsageError("--error and --preset: both given, allowed: one of them.")
     quiet = quiet or not ranks.is_first
@@ -179,7 +148,7 @@ def contact_map(
     quiet: bool,
 ) -> int:
     """Run the strains of SCENE's [sweep] and write the contact map to DIR."""
-    _refuse_both(resume, force)
+    refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet, ranks=ranks.count)
 
     from warpknit.commands.carried_out import naming_the_file
@@ -212,7 +181,7 @@ def trade(
     quiet: bool,
 ) -> int:
     """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
-    _refuse_both(resume, force)
+    refuse_both(resume, force)
     loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet, ranks=ranks.count)
 
     from warpknit.commands.carried_out import naming_the_file
@@ -302,23 +271,6 @@ def report(
     return FINISHED
 
 
-def positive_lengths(option: str, given: str | None) -> tuple[float, ...] | None:
-    """Lengths of an option in SI, with commas between them, or None."""
-    if given is None:
-        return None
-    return tuple(value for text in given.split(",") if (value := positive_quantity(option, text.strip(), "length")) is not None)
-
-
-def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
-    """Value of an option in SI, or None; raises unless it has a unit and is positive."""
-    from warpknit.commands.report import positive
-    from warpknit.scene.units import DIMENSIONS, has_unit, shown
-
-    if given is not None and not has_unit(given):
-        raise click.UsageError(f"{option}: given {shown(given)}, allowed: {DIMENSIONS[dimension]}, with its unit.")
-    return positive(option, given, dimension)
-
-
 @main.command()
 @scene_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text.")
@@ -334,30 +286,6 @@ def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str
     with naming_the_file(loaded):
         planned = make_plan(loaded, device)
     click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
-
-
-class ExportFormat(click.ParamType):
-    """An export format; the table is imported on demand."""
-
-    name = "format"
-
-    @property
-    def _choice(self) -> click.Choice[str]:
-        from warpknit.export import FORMATS
-
-        return click.Choice(tuple(FORMATS))
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The format; raises for other names."""
-        return self._choice.convert(value, param, ctx)
-
-    def get_metavar(self, *where: Any, **more: Any) -> str | None:
-        """The names for the usage line."""
-        return self._choice.get_metavar(*where, **more)
-
-    def get_missing_message(self, *where: Any, **more: Any) -> str | None:
-        """The names for the error of a missing option."""
-        return self._choice.get_missing_message(*where, **more)
 
 
 @main.command()

@@ -35,8 +35,9 @@ AXIAL_ERROR = 2e-5  # allowed error of the axial strain of a softened segment
 TYPICAL_ALLOWANCE, OUTLIER_ALLOWANCE = 0.5, 5.0
 
 # --- pace at which a load or a correction is applied
-# of the thickness: overlap beyond which the pace is halved, and below which it is doubled again. Half a thickness is an error
-DEEP, SHALLOW = 0.25, 0.125
+# overlaps of wires, of the thickness
+MAX_OVERLAP = 0.5  # above it they may pass through each other
+DEEP, SHALLOW = 0.25, 0.125  # above the first one the pace is halved, below the second one it is doubled again
 LEAST_PACE = 0.125
 
 # --- ramps

@@ -17,8 +17,8 @@ from ..measure.strain import clamp_rotation, rotation, true_stress
 from ..mechanics import Mechanics
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
+from ..numerics import MAX_OVERLAP
 from ..scene import Stage
-from .equilibrium import MAX_OVERLAP
 from .progress import LoadStart, Progress, Record
 from .stage_load import load_at, temperature_at
 

@@ -17,8 +17,6 @@ from ..mechanics import Group
 from .convergence import TENSION_FLOOR, Convergence
 from .progress import Progress
 
-MAX_OVERLAP = 0.5  # of the thickness: above it wires may pass through each other
-
 
 class Relaxing(Protocol):
     """What the loop needs of a relaxation (relax.py)."""

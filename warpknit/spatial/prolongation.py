@@ -6,12 +6,11 @@ import numpy as np
 import warp as wp
 
 from ..host import take
+from ..numerics import MAX_OVERLAP
 from ..transfer.prolongation import RepeatProlongation
 from ..transfer.repeat_mesh import RepeatArrays
 from ..transfer.response import Response
 from .fields import Fields
-
-MAX_OVERLAP = 0.5  # of the thickness, after the transfer: wires that lie deeper in each other may push each other through
 
 
 class Prolongation:
@@ -50,7 +49,7 @@ class Prolongation:
         own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
         before = self.large.snapshot()
         self.large.add({name: self._prolonged(name, change, response) - own[name] for name in taken})
-        if self.large.overlap() <= MAX_OVERLAP:
+        if self.large.overlap() <= MAX_OVERLAP:  # else wires may push each other through
             return True
         self.large.put_back(before)
         return False
