@@ -122,6 +122,7 @@ REFUSED = [
         ("wire.diameter='16'", f"wire.diameter: given '16', allowed: {LENGTH} (a bare number is in m)"),
         ("wire.diameter=16 m", f"wire.diameter: given '16 m', allowed: {LENGTH}"),
         ("load.temperature=-100 K", "such as '-190 degC' (absolute, not a change; degrees Celsius are degC)"),
+        ("load.temperature=+80 K", "such as '-190 degC' (absolute, not a change; degrees Celsius are degC)"),
         ("load.temperature=-80 C", "such as '-190 degC' (absolute, not a change; degrees Celsius are degC)"),
         ("load.temperature=-190", "such as '-190 degC' (a bare number is in K)"),
         ("knit.wales=26", "such as '26 /inch' (a bare number is in 1/m; write its unit)"),

@@ -80,3 +80,19 @@ def test_a_tension_beyond_a_snap_is_found(drop: float, width: float, mix: float)
             break
         strain = next_strain
     assert s > 0.15 and tension == pytest.approx(target, rel=TOLERANCE)
+
+
+@pytest.mark.parametrize("slack", [0.013, 0.094, 0.17])
+@pytest.mark.parametrize("target", [1e-3, 0.02, 1.0])
+def test_a_mesh_that_is_slack_at_first_is_found_taut(target: float, slack: float) -> None:
+    """Weft carries nothing up to a strain, then 250 N/m of what is beyond and pulls on warp, which carries 2 N/m of its strain at
+    once: the secant through a slack and a taut state leads from either back to the other side."""
+    search, strain = TensionSearch(), np.zeros(2)
+    for _ in range(40):
+        taut = 250.0 * max(0.0, strain[0] + 0.3 * strain[1] - slack)
+        tension = np.array([taut, 1.25 * taut + 2.0 * strain[1]])
+        next_strain = search.next_strain(strain, tension, np.array([target, target]), BOTH, 1.6, 3e-3)
+        if next_strain is None:
+            break
+        strain = next_strain
+    assert tension == pytest.approx(target, rel=2 * TOLERANCE, abs=0.01 * TOLERANCE * 1.6)

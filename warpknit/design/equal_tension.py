@@ -85,6 +85,8 @@ def load_equally(
                 under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends))
             ):
                 rows.append(row_of(record))
+                if record.load_factor == 1.0:
+                    at[high] = rows[-1]
                 if low >= (requested or 0.0) and _has_passed(scene.wire.yield_stress, rows):
                     return EqualTensionPath(rows, states, at, YIELDED)
                 if _has_passed(scene.wire.tensile_strength, rows):
@@ -95,7 +97,7 @@ def load_equally(
                 return EqualTensionPath(rows, states, at, str(error))
             del rows[before:]
         else:
-            states[high], at[high] = path.state, rows[-1]
+            states[high] = path.state
             low, missed = high, 0
     return EqualTensionPath(rows, states, at)
 

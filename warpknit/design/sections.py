@@ -151,12 +151,12 @@ def map_section(
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
         note = optimum_note(optimum.load, jumps, found_again=found_again)
-        margin = f"margin {percent(optimum.stress_margin, 0)} of the {limit_text(scene)}"
+        share = f"{percent(1.0 - optimum.stress_margin, 0)} of the {limit_text(scene)}"
         page.table([
             ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}{note}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
-            ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {margin}"),
+            ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {share}"),
             *((f"tension, where {drift.along} may drift", drift_text(asdict(drift))) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:

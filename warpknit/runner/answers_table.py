@@ -13,6 +13,7 @@ from .answers import HEATED
 State = Mapping[str, Any]
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain
+LEAST_STRESS = 1e-9  # of the elastic limit: less is round-off
 SAME = 1e-9  # of a tension: round-off of a state found twice
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
 RANGES_TOLD = 4
@@ -88,6 +89,7 @@ def _is_far_apart(one: Mapping[str, Any]) -> bool:
 
 def unreached_text(answers: Mapping[str, Any]) -> str:
     """How far a run that did not converge got, of the tension that it was asked for."""
+    answers = _without_scatter(answers, answers["tension_tolerance_N_per_m"])
     top, asked = answers["largest_tension"], answers["asked_tension_N_per_m"]
     of_asked = "" if asked is None else f" of the {exact(asked, 'N/m')} that the scene asks for"
     return f"the relaxation converged up to {_tension(top)}{of_asked}, {_strain(top)}"
@@ -235,6 +237,8 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
     found = answers["first_yield"]
     if found is None:
         peak = answers["largest_stress"]
+        if peak["stress_max_Pa"] < LEAST_STRESS * limit:
+            return f"not {reached}: without stress"
         stress = engineering(peak["stress_max_Pa"], "Pa")
         return f"not {reached}: {stress}, {percent(peak['stress_max_Pa'] / limit, 0)} of the limit, {_place(peak)}"
     if found["as_knitted"]:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..text import alike, celsius, duration, engineering, percent, short_percent
-from .answers_table import LEAST_SHARE, advice_rows, answer_rows, unreached_text
+from .answers_table import LEAST_SHARE, LEAST_STRESS, advice_rows, answer_rows, unreached_text
 from .strength import assumed_note
 
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
@@ -59,6 +59,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
         of_limit = f", {percent(stress / limit, 0)} of the elastic limit" if limit else ""
+        stress *= stress > LEAST_STRESS * (limit or 0.0)
         note = assumed_note("wire.yield_stress", bool(value("wire", "yield_stress_assumed")))
         yield "largest stress", engineering(stress, "Pa") + of_limit + note
         has_grips = hook is not None or value("model", "boundary") == "gripped"

@@ -43,6 +43,7 @@ class Quantity(Check):
     usual: str = ""  # a usual value, where the example of the dimension is none
     bare_least: float | None = None  # smallest bare number [SI]: below it a forgotten unit is likelier
     hint: str = ""  # added where a value is refused, unless its unit or the lack of one is the fault
+    no_change: bool = False  # whether a text that begins with + is refused: it means a change of the value
 
     @property
     def example(self) -> str:
@@ -67,6 +68,8 @@ class Quantity(Check):
         except QuantityError as error:
             raise refused(self.allowed + (error.hint or self.hint)) from error
         is_bare = not isinstance(value, str) or not has_unit(value)
+        if self.no_change and isinstance(value, str) and value.lstrip().startswith("+"):
+            raise refused(self.allowed + self.hint)
         if (
             (self.above is not None and number <= self.above)
             or (self.least is not None and number < self.least)
@@ -235,9 +238,9 @@ Hardness = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual=
 Density = Annotated[float, BeforeValidator(Quantity("density", above=0.0))]
 Expansion = Annotated[float, BeforeValidator(Quantity("expansion", least=-1e-3, most=1e-3))]
 ABSOLUTE = " (absolute, not a change; degrees Celsius are degC)"
-Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, hint=ABSOLUTE))]
+Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, hint=ABSOLUTE, no_change=True))]
 RoomTemperature = Annotated[
-    float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, usual="20 degC", hint=ABSOLUTE))
+    float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, usual="20 degC", hint=ABSOLUTE, no_change=True))
 ]
 Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
 Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]

@@ -165,7 +165,8 @@ class Drive(ABC):
             return None
         return Diverged(
             f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()},"
-            f" {self.mechanics.deepest_overlap()}: the contact penalty is too small; raise {self.rate_key} or contact.stiffness"
+            f" {self.mechanics.deepest_overlap()}{self.mechanics.causes()}: the contact penalty is too small for this load; raise"
+            f" {self.rate_key} or contact.stiffness"
         )
 
     def _where(self) -> str:

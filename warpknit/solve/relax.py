@@ -256,7 +256,8 @@ class Relaxation(Drive):
                 raise NoProgress(
                     f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"
                     f" carries {force[0]} in weft and {force[1]} in warp (last state: {force[2]} and"
-                    f" {force[3]}): give smaller tensions, more output.frames, a smaller solver.residual_tolerance, or strains"
+                    f" {force[3]} at {percent(strain[0])} / {percent(strain[1])}): the mesh goes from slack to taut"
+                    " there, or jumps to another equilibrium; give other output.frames, or strains"
                 )
             self._begin_solving()
             load = load.strained(wanted.gradient(self.state.gradient, next_strain))

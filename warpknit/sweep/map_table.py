@@ -40,8 +40,8 @@ def map_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         tensions = [optimum[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
         yield "  tension, weft / warp", " / ".join(alike(tensions, "N/m"))
         yield "  active contacts", percent(0.01 * optimum["active_percent"])
-        margin = f"margin {percent(optimum['stress_margin'], 0)} of the elastic limit"
-        yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {margin}{note}"
+        share = f"{percent(1.0 - optimum['stress_margin'], 0)} of the elastic limit"
+        yield "  largest stress", f"{engineering(optimum['stress_max_Pa'], 'Pa')}, {share}{note}"
         for drift in optimum.get("drift", ()):
             yield f"  {drift['along']} may drift", drift_text(drift)
     yield "stopped", summary["stop_reason"]
