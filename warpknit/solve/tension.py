@@ -6,9 +6,9 @@ of equilibria scatter by the tolerance of their convergence: a change of tension
 tangent. Where steps by the same tangent overshoot, they are halved.
 
 A slack mesh becomes taut within a small strain, which the secant through a state on either side does not see: from a slack state
-it leads far beyond, from a taut one back to slack. After states have changed sides twice, a step ends half way to the last state
-on the other side at most, and there after some states that lack the same; unless several such steps in a row have not changed
-sides.
+it leads far beyond, from a taut one back to slack. Where a direction is slack and its tension has not changed, its step grows.
+After states have changed sides twice, a step ends half way to the last state on the other side at most, unless several such steps
+in a row have not changed sides.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ TOLERANCE_SHARE = 2.0 / 3.0  # the same over the residual tolerance, by which te
 PATIENCE = 20  # equilibria after which the residual tolerance will do, by which tensions scatter
 SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
 OVERSHOT = 0.5  # of a step, after one by the same tangent that changed the sign of what is lacking
+UNCHANGED = 0.1  # of what a direction lacks: a smaller change counts as none
+GROWTH = 2.0  # of the step of a slack direction, whose tension has not changed
 BRACKETED = 2  # changes of side after which a step stays on this side of the last state on the other one
 BRACKETED_STEPS = 4  # in a row, shortened so, after which that state counts no more: the mesh has snapped
-STUCK = 3  # states on one side in which what is lacking does not fall to a half
 MAX_STATES = 60  # equilibria tried for one load level
 
 
@@ -39,17 +40,16 @@ class TensionSearch:
     tension: list[float] | None = None  # [N/m] of the last state
     states: int = 0  # of this level
     miss: list[float] | None = None  # [N/m] tension that the state before lacked
-    tried: list[float] | None = None  # strain of the state before
     share: float = 1.0  # of a step by the tangent
+    pace: list[float] = field(default_factory=lambda: [1.0, 1.0])  # the same of weft and warp, each by itself
+    tried: list[float] | None = None  # strain of the state before
     opposite: list[float] | None = None  # strain of the last state that lacked tension of the other sign
     changes: int = 0  # of the sign, in this level
     shortened: int = 0  # steps since the last change
-    stuck: int = 0  # states since then, or since what is lacking fell to a half
-    lacking: float = 0.0  # [N/m] then
 
     def begin_level(self) -> None:
-        self.states, self.miss, self.tried, self.share = 0, None, None, 1.0
-        self.opposite, self.changes, self.shortened, self.stuck, self.lacking = None, 0, 0, 0, 0.0
+        self.states, self.miss, self.tried, self.share, self.pace = 0, None, None, 1.0, [1.0, 1.0]
+        self.opposite, self.changes, self.shortened = None, 0, 0
 
     def next_strain(
         self,
@@ -69,13 +69,13 @@ class TensionSearch:
         is_renewed = self._renew_tangent(strain, tension, driven, significant, 0.02 * scale)
         self.states += 1
         miss = np.where(driven, target - tension, 0.0)
-        overshot = self.miss is not None and miss @ self.miss < 0.0
+        before = None if self.miss is None else np.array(self.miss)
+        overshot = before is not None and miss @ before < 0.0
         if overshot:
             self.opposite, self.changes, self.shortened = self.tried, self.changes + 1, 0
-        lacking = float(np.abs(miss).max())
-        if overshot or lacking <= 0.5 * self.lacking:
-            self.stuck, self.lacking = 0, lacking
-        self.stuck += 1
+        if before is not None and self.states > 2:  # not after the probe
+            slack = (miss > 0.5 * target) & (np.abs(miss - before) < UNCHANGED * miss)
+            self.pace = np.where(slack, GROWTH * np.array(self.pace), 1.0).tolist()
         self.share = 1.0 if is_renewed else self.share * (OVERSHOT if overshot else 1.0)
         self.miss, self.tried = miss.tolist(), strain.tolist()
         least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
@@ -86,7 +86,18 @@ class TensionSearch:
             return None
         if not self.stiffness:
             return strain + PROBE * np.sign(miss)
-        return strain + self._shortened(strain, self.share * self._step(miss, driven))
+        step = self.share * np.array(self.pace) * self._step(miss, driven)
+        return strain + self._shortened(strain, np.clip(step, -STEP_LIMIT, STEP_LIMIT))
+
+    def _shortened(self, strain: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """The step, half way to the last state on the other side at most."""
+        if self.opposite is None or self.changes < BRACKETED or self.shortened >= BRACKETED_STEPS:
+            return step
+        half = 0.5 * (np.array(self.opposite) - strain)
+        if step @ half <= half @ half:
+            return step
+        self.shortened += 1
+        return np.asarray(step * (half @ half) / (step @ half))
 
     def predicted_strain(self, target: np.ndarray, driven: np.ndarray) -> np.ndarray | None:
         """Strain (2,) at which the next target is expected, by the tangent; None before there is one."""
@@ -101,16 +112,6 @@ class TensionSearch:
         if step @ miss <= 0.0:  # of a stable mesh it is positive, as its tangent is: go on, past the snap
             step[index] = miss[index] / np.diag(k)[index]
         return np.asarray(step * min(1.0, STEP_LIMIT / max(float(np.abs(step).max()), 1e-300)))
-
-    def _shortened(self, strain: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """The step, half way to the last state on the other side at most, and this way where it is stuck."""
-        if self.opposite is None or self.changes < BRACKETED or self.shortened >= BRACKETED_STEPS:
-            return step
-        way = 0.5 * (np.array(self.opposite) - strain)
-        is_stuck, is_long = self.stuck > STUCK, step @ way > way @ way
-        if is_stuck or is_long:
-            self.shortened, self.stuck = self.shortened + 1, 0
-        return way if is_stuck else np.asarray(step * (way @ way) / (step @ way)) if is_long else step
 
     def _renew_tangent(
         self, strain: np.ndarray, tension: np.ndarray, driven: np.ndarray, significant: float, least: float
