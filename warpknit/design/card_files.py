@@ -55,7 +55,7 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     yield "temperature", card.temperature, "K", "temperature of the mesh"
     yield "stress_max", card.stress_max, "Pa", "largest stress in the wire"
     yield "active", 0.01 * card.active_percent, "1", "fraction of active contacts"
-    yield "stable", float(card.is_stable), "1", "whether the stiffness is positive definite (1 or 0; see the warnings)"
+    yield "stable", float(card.is_stable), "1", "whether the stiffness is positive definite (see the warnings)"
     yield (
         "difference",
         card.difference,

@@ -13,7 +13,7 @@ class QuantityError(ValueError):
     """A value that is not a finite quantity of the wanted dimension; `allowed` says what would be, `hint` what is near."""
 
     def __init__(self, given: object, allowed: str, hint: str = "") -> None:
-        super().__init__(f"given {shown(given)}, expected {allowed}{hint}")
+        super().__init__(f"given {shown(given)}, allowed: {allowed}{hint}")
         self.allowed, self.hint = allowed, hint
 
 

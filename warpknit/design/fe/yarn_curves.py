@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...runner.history import Row
+from ...text import alike, percent
 from ..card import MaterialCard
 from .tangent import NoConstants
 
@@ -40,7 +41,9 @@ def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, Yar
     way to the card, and where a tension is no rising function of the strain along it.
     """
     if min(card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp) <= 0.0:
-        raise NoConstants("the mesh is not stretched and tensioned both ways")
+        strains, tensions = (card.strain_weft, card.strain_warp), (card.tension_weft, card.tension_warp)
+        values = f"strain {' / '.join(map(percent, strains))}, tension {' / '.join(alike(tensions, 'N/m'))}"
+        raise NoConstants(f"a direction of the mesh is not stretched or carries no tension ({values} in weft / warp)")
     if card.stiffness[2, 2] <= 0.0:
         raise NoConstants("its shear stiffness is not positive")
     if card.jumps:
