@@ -151,6 +151,8 @@ def find_contact_forces(
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_friction: wp.array(dtype=wp.vec3d),
     touch_normal: wp.array(dtype=wp.vec3d),
+    # out: [J] work of the slip beyond the Coulomb limit, where an equilibrium is accepted
+    touch_slip_work: wp.array(dtype=wp.float64),
     # out: whether a touch pushes at all; [m] largest overlap
     touch_loaded: wp.array(dtype=wp.int32),
     max_penetration: wp.array(dtype=wp.float64),
@@ -301,6 +303,8 @@ def find_contact_forces(
                 limit = friction * own * normal_force / weight
                 size = wp.length(friction_force)
                 if size > limit:
+                    if is_accepting:
+                        touch_slip_work[k] = limit * (one - limit / size) * wp.length(slip)
                     friction_force = friction_force * (limit / size)
                     slip = slip * (limit / size)
                 couple_p = wp.cross(lever_p, friction_force)

@@ -68,8 +68,8 @@ EXCESS: dict[str, Resources] = {
     "wire_contact_by_batch.find_followed_contacts[vec3f]": (168, 232, 30720),
     "wire_contact_forces.find_contact_forces[float32, vec3f]": (255, 2104, 2048),
     "wire_contact_forces.find_contact_forces[float64, vec3d]": (255, 2120, 2048),
-    "wire_pairs.find_segment_pairs[vec3d]": (189, 0, 2048),
-    "wire_pairs.find_segment_pairs[vec3f]": (198, 0, 2048),
+    "wire_pairs.find_segment_pairs[vec3d]": (202, 0, 2048),
+    "wire_pairs.find_segment_pairs[vec3f]": (203, 0, 2048),
     "wires.step_wires[float64]": (70, 0, 24832),
 }
 

@@ -221,7 +221,7 @@ class SpatialMechanics:
 
     @property
     def dissipated(self) -> float:
-        return self.stepper.yielding.dissipated
+        return self.stepper.yielding.dissipated + self.contact.dissipated
 
     # --- steps
 

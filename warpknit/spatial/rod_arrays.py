@@ -322,6 +322,7 @@ class TouchArrays:
     touch_normal_force: wp.array  # [N]
     touch_friction: wp.array  # vec3d [N] on the first wire; not without friction
     touch_normal: wp.array  # vec3d towards the first wire
+    touch_slip_work: wp.array  # [J] of the slip of an increment beyond the Coulomb limit; not without friction
 
     @property
     def capacity(self) -> int:
@@ -348,7 +349,7 @@ class TouchArrays:
             whole(capacity),
             zeros(8 * capacity, precision.vec3, device), zeros(6 * capacity, precision.vec3, device),
             reals(places), reals(places),
-            vectors(places if with_friction else 1), vectors(places),
+            vectors(places if with_friction else 1), vectors(places), reals(places if with_friction else 1),
         )  # fmt: skip
 
 

@@ -76,6 +76,7 @@ class WireContact:
         """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom; cells: default: those of the rods."""
         self.stepper = stepper
         self.friction = friction
+        self.dissipated = 0.0  # [J] by friction in a relaxation, over all ranks
         rods, device = stepper.rods, stepper.device
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
@@ -242,7 +243,7 @@ class WireContact:
         kept["pairs_near"] = self._near_pairs()
         if self.friction > 0.0:
             kept |= {name: fetch(array).copy() for name, array in vars(self._before).items()}
-        numbers = [self.searches, fetch(self.max_penetration).max(), self._travel, self._search_travel]
+        numbers = [self.searches, fetch(self.max_penetration).max(), self._travel, self._search_travel, self.dissipated]
         return kept | {"contact": np.array(numbers)}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -256,7 +257,7 @@ class WireContact:
         else:
             for name, array in vars(self._before).items():
                 store(array, kept[name])
-        searches, penetration, self._travel, self._search_travel = kept["contact"].tolist()
+        searches, penetration, self._travel, self._search_travel, self.dissipated = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.max_penetration, penetration)
         self._take_near_pairs(kept["pairs_near"])
@@ -302,12 +303,18 @@ class WireContact:
     def advance_history(self) -> None:
         """Accept the equilibrium: scale elastic slip back at the Coulomb limit, and begin the next increment.
 
-        It counts as a step, as the slips pass from one half of their arrays to the other.
+        Friction dissipates the work of its forces, as they are now, on the slip beyond that limit. The evaluation counts as a
+        step, as the slips pass from one half of their arrays to the other.
         """
         if self.friction == 0.0:
             return
+        touch, state = self.touch, self.stepper.state
+        store(touch.touch_slip_work, 0.0)
         self.stepper.evaluate(0.0, accepting=True)
-        state = self.stepper.state
+        near = self._near_pairs()
+        work = fetch(touch.touch_slip_work)[: PLACES * len(near)].reshape(-1, PLACES).sum(axis=1)
+        of_node = np.bincount(fetch(self._list.first)[near], work, self.stepper.rods.node_count)
+        self.dissipated += self.stepper.sums.of_nodes(of_node)
         for name, array in vars(self._before).items():
             store(array, fetch(getattr(state, name.removeprefix("before_"))))
         state.write_control({c.STEP: float(state.read_control()[int(c.STEP)]) + 1.0})
