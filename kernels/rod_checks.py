@@ -5,6 +5,9 @@ softening leaves of it, with the thermal strain s of the segment beyond the comm
 
     strain = l/L - 1 + bow - bow at rest        excess = (strain - s)/(1 + s) - T/EA
 
+Beside a clamp the half segment H inside it stretches too, while the clamp keeps its nodes apart: strain - s is (1 + H/L) times as
+large.
+
 Multipliers take up a share of the excess: offset -> offset + rate K excess. A change of K keeps the tension T.
 """
 
@@ -40,8 +43,8 @@ _EXCESS = (
         const double next = turn[2 * j] * turn[2 * j] + turn[2 * j + 1] * turn[2 * j + 1];
         strain += BOW * (weight[0] * own + weight[1] * next) - bow_at_rest.data[i];
     }
-    const double heated = thermal_strain.data[i];
-    return (strain - heated) / (1 + heated) - tension / axial_stiffness;
+    const double longer = 1 + half_in_clamp.data[i] / natural_length.data[i], heated = thermal_strain.data[i];
+    return (strain - heated * longer) / ((1 + heated) * longer) - tension / axial_stiffness;
 """
 )
 
@@ -52,6 +55,7 @@ def excess_strain(
     i: wp.int32,
     following: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    half_in_clamp: wp.array(dtype=wp.float64),
     bow_weight: wp.array(dtype=wp.vec2d),
     bow_at_rest: wp.array(dtype=wp.float64),
     thermal_strain: wp.array(dtype=wp.float64),
@@ -99,6 +103,7 @@ def sum_states(
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    half_in_clamp: wp.array(dtype=wp.float64),
     bow_weight: wp.array(dtype=wp.vec2d),
     bow_at_rest: wp.array(dtype=wp.float64),
     thermal_strain: wp.array(dtype=wp.float64),
@@ -137,11 +142,12 @@ def sum_states(
             strain = chord_strain(i, natural_length, control, length)
             tension = tension_offset[i] + stretch_stiffness[i] * strain
             stored = wp.where(keeps_arc_length != 0, axial_stiffness, stretch_stiffness[i])
-            stretched += half * natural_length[i] * control[LENGTH_FACTOR] * tension * tension / stored
+            stretching = natural_length[i] + wp.where(keeps_arc_length != 0, half_in_clamp[i], wp.float64(0.0))
+            stretched += half * stretching * control[LENGTH_FACTOR] * tension * tension / stored
             if is_free(i, held) or is_free(after, held):
                 excess = excess_strain(
-                    i, following, natural_length, bow_weight, bow_at_rest, thermal_strain, axial_stiffness, keeps_arc_length,
-                    control, stretch_stiffness, tension_offset, length, curvature,
+                    i, following, natural_length, half_in_clamp, bow_weight, bow_at_rest, thermal_strain, axial_stiffness,
+                    keeps_arc_length, control, stretch_stiffness, tension_offset, length, curvature,
                 )  # fmt: skip
                 excess_max = wp.max(excess_max, wp.abs(excess))
                 excess_square += excess * excess
@@ -163,6 +169,7 @@ def renew_tension_offsets(
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
+    half_in_clamp: wp.array(dtype=wp.float64),
     bow_weight: wp.array(dtype=wp.vec2d),
     bow_at_rest: wp.array(dtype=wp.float64),
     thermal_strain: wp.array(dtype=wp.float64),
@@ -187,8 +194,8 @@ def renew_tension_offsets(
     if after >= 0:
         if is_free(i, held) or is_free(after, held):
             excess = excess_strain(
-                i, following, natural_length, bow_weight, bow_at_rest, thermal_strain, axial_stiffness, keeps_arc_length,
-                control, stretch_stiffness, tension_offset, length, curvature,
+                i, following, natural_length, half_in_clamp, bow_weight, bow_at_rest, thermal_strain, axial_stiffness,
+                keeps_arc_length, control, stretch_stiffness, tension_offset, length, curvature,
             )  # fmt: skip
             offset = tension_offset[i] + control[MULTIPLIER_RATE] * stiffness * excess
             offset += (stiffness - stiffer) * chord_strain(i, natural_length, control, length)

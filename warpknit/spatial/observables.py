@@ -51,6 +51,7 @@ class SpatialObservables(Boundary):
     rigid_pull: float  # [J] of rigid segments: tension times rest length, in the plane
     segment_tangent: np.ndarray  # (node, 3)
     chord: np.ndarray  # [m] length of the segments; what heat lengthens is their arcs
+    half_in_clamp: np.ndarray  # [m] length of the wire inside clamps that stretches with the segments
     moment: np.ndarray  # (node, 3) [N m] against turns along the section directors, and twist
     plastic_curvature: np.ndarray  # (node, 2) [1/m] plastic
     twist_change: np.ndarray  # [1/m]
@@ -95,7 +96,7 @@ class SpatialObservables(Boundary):
     @property
     def thermal_strain_force(self) -> np.ndarray:
         """[node] [J] derivative of the energy with respect to `thermal_strain`."""
-        return -self.tension * self.chord
+        return -self.tension * (self.chord + self.half_in_clamp)
 
     @property
     def held_forces(self) -> np.ndarray:
@@ -324,7 +325,8 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     segment_tension, tension = (
         strip.gathered(values) for values in (own_tension, np.where(relaxation.can_stretch, own_tension, 0.0))
     )
-    length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0)
+    half_in_clamp = factor * rods.half_in_clamp if relaxation.keeps_arc_length else np.zeros(rods.node_count)
+    length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0) + half_in_clamp
     touching = strip.gathered_contacts(contact.read_contacts())
     return SpatialObservables(
         model=model,
@@ -336,6 +338,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         rigid_pull=float(np.sum((segment_tension - tension)[:, None] * tangent[:, :2] * rods.rest_edge[:, :2])),
         segment_tangent=tangent,
         chord=of_mesh(state.length),
+        half_in_clamp=half_in_clamp,
         moment=of_mesh(state.moment),
         plastic_curvature=share[:, None] * (strip.gathered(yielding.plastic) if yielding.yields else yielding.plastic),
         twist_change=twisted,

@@ -47,6 +47,7 @@ class RodArrays:
     held: wp.array
     rest_position: wp.array  # vec3d [m]
     natural_length: wp.array  # [m]
+    half_in_clamp: wp.array  # [m] see Rods.half_in_clamp
     rest_row: wp.array  # int, see Rods.row
     rest_edge: wp.array  # [row] vec3d [m]
     node_length: wp.array  # [row] [m]
@@ -159,6 +160,7 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodAr
         held=shared(rods.held, wp.int32, device),
         rest_position=shared(rods.position, wp.vec3d, device),
         natural_length=shared(rods.natural_length, wp.float64, device),
+        half_in_clamp=shared(rods.half_in_clamp, wp.float64, device),
         rest_row=shared(rods.row, wp.int32, device),
         **(_row_arrays(rods, device) if forms is None else {name: getattr(forms, name) for name in BY_ROW}),
         forms=forms,

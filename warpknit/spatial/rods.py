@@ -133,11 +133,26 @@ class Rods:
         return 0.5 * (own + before)
 
     @cached_property
+    def is_clamped(self) -> np.ndarray:
+        """[node] whether a clamp holds the segment, with both nodes and the section; True where there is none."""
+        held = (self.held & int(HELD_NODE)) != 0
+        return (self.following < 0) | (held & held[self.following] & ((self.held & int(HELD_TURN)) != 0))
+
+    @cached_property
     def slope_length(self) -> np.ndarray:
         """[node] [m] natural arc of a segment along which the moment varies; 0 for a segment that a clamp holds, and none."""
-        held = (self.held & int(HELD_NODE)) != 0
-        rigid = held & held[self.following] & ((self.held & int(HELD_TURN)) != 0)
-        return np.where((self.following >= 0) & ~rigid, self.natural_arc, 0.0)
+        return np.where(self.is_clamped, 0.0, self.natural_arc)
+
+    @cached_property
+    def half_in_clamp(self) -> np.ndarray:
+        """[node] [m] natural length of the wire that stretches with a segment inside the clamps beside it.
+
+        A clamp ends in the middle of the segment that it holds: the half outside is part of the wire between the clamps.
+        """
+        half = np.where(self.is_clamped & (self.following >= 0), 0.5 * self.natural_length, 0.0)
+        before, behind = self.previous, self.following
+        beside = np.where(before >= 0, half[before], 0.0) + np.where(behind >= 0, half[behind], 0.0)
+        return np.where(self.is_clamped, 0.0, beside)
 
     @cached_property
     def arc(self) -> np.ndarray:
