@@ -24,8 +24,10 @@ TOLERANCE_SHARE = 2.0 / 3.0  # the same over the residual tolerance, by which te
 PATIENCE = 20  # equilibria after which the residual tolerance will do, by which tensions scatter
 SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
 OVERSHOT = 0.5  # of a step, after one by the same tangent that changed the sign of what is lacking
+SLACK = 0.05  # of its target: a direction that carries less is slack
 UNCHANGED = 0.1  # of what a direction lacks: a smaller change counts as none
 GROWTH = 2.0  # of the step of a slack direction, whose tension has not changed
+FAR = 0.1  # of the target: what is lacking where a step is kept from the other side; nearer to it the tangent is good
 BRACKETED = 2  # changes of side after which a step stays on this side of the last state on the other one
 BRACKETED_STEPS = 4  # in a row, shortened so, after which that state counts no more: the mesh has snapped
 MAX_STATES = 60  # equilibria tried for one load level
@@ -74,7 +76,7 @@ class TensionSearch:
         if overshot:
             self.opposite, self.changes, self.shortened = self.tried, self.changes + 1, 0
         if before is not None and self.states > 2:  # not after the probe
-            slack = (miss > 0.5 * target) & (np.abs(miss - before) < UNCHANGED * miss)
+            slack = driven & (np.abs(tension) < SLACK * target) & (np.abs(miss - before) < UNCHANGED * miss)
             self.pace = np.where(slack, GROWTH * np.array(self.pace), 1.0).tolist()
         self.share = 1.0 if is_renewed else self.share * (OVERSHOT if overshot else 1.0)
         self.miss, self.tried = miss.tolist(), strain.tolist()
@@ -87,7 +89,9 @@ class TensionSearch:
         if not self.stiffness:
             return strain + PROBE * np.sign(miss)
         step = self.share * np.array(self.pace) * self._step(miss, driven)
-        return strain + self._shortened(strain, np.clip(step, -STEP_LIMIT, STEP_LIMIT))
+        step = np.clip(step, -STEP_LIMIT, STEP_LIMIT)
+        is_far = float(np.abs(miss).max()) > FAR * float(np.abs(target).max())
+        return strain + (self._shortened(strain, step) if is_far else step)
 
     def _shortened(self, strain: np.ndarray, step: np.ndarray) -> np.ndarray:
         """The step, half way to the last state on the other side at most."""
