@@ -108,7 +108,7 @@ PRESETS = {
     ),
 }
 DEFAULT_PRESET = "standard"
-COMPARED_NODES = 40  # a loop in space: with more, a tight knit no longer changes its state (docs/studies/extremes.md)
+COMPARED_NODES = 40  # a loop in space; the locknit of docs/studies/extremes.md has the same state with 32 and more
 
 
 def tight_knits(name: str, kind: str) -> str:

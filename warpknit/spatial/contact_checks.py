@@ -16,8 +16,8 @@ from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
 from ..team import SharedLaunches
 from .pair_list import PairList
 from .rest_curve import RestCurve
-from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
+from .touch_arrays import TouchArrays
 
 STICK_SHARE = 0.5  # tangential over normal stiffness
 

@@ -18,12 +18,12 @@ from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import ALWAYS, update_frames
 from ..kernels.rod_motion import MOTION_LANES, move_rods
-from ..kernels.wire_closest import PLACES
 from ..launch import Launch, bind
 from ..precision import DOUBLE, Precision
 from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
+from .touch_arrays import TouchArrays, no_contact
 
 WIRE_PARTS = 64  # of a wire whose masses a GPU factors
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
@@ -293,71 +293,6 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         }
     )
     return state
-
-
-@dataclass(frozen=True)
-class TouchArrays:
-    """Pairs of segments that may touch, their forces, and where those of a segment stand (kernels/wire_contact_forces.py).
-
-    A pair is a first segment's by its own number, and a second segment's by `touch_of_second`.
-    """
-
-    touch_pair: wp.array  # [touch] int, in the list of all pairs
-    touch_count: wp.array  # [1]
-    touch_awake: wp.array  # [touch] int, those to look at: all, on a GPU those that do not sleep
-    touch_awake_count: wp.array  # [1]
-    touch_left: wp.array  # [touch] int, of these those to search: all, on a GPU those that do not go on from the step before
-    touch_left_count: wp.array  # [1]
-    touch_found: wp.array  # [touch] int, those whose forces are left to find: all, on a GPU those of them that touch
-    touch_found_count: wp.array  # [1]
-    touch_first_start: wp.array  # [node + 1] int
-    touch_second_start: wp.array  # [node + 1]
-    touch_of_second: wp.array  # [touch] int
-    touch_followed: (
-        wp.array
-    )  # [touch] int, what of it is found that goes on from the step before (kernels/wire_contact_by_batch.py)
-    touch_loaded: wp.array  # [touch] int, 0 where there is no force
-    touch_force: wp.array  # [8 touch] vec3d [N] on the four nodes of either segment
-    touch_couple: wp.array  # [6 touch] vec3d [N m] on three sections of either segment
-    # of each place of a pair, PLACES a touch
-    touch_overlap: wp.array  # [m]
-    touch_normal_force: wp.array  # [N]
-    touch_friction: wp.array  # vec3d [N] on the first wire; not without friction
-    touch_normal: wp.array  # vec3d towards the first wire
-    touch_slip_work: wp.array  # [J] of the slip of an increment beyond the Coulomb limit; not without friction
-
-    @property
-    def capacity(self) -> int:
-        return self.touch_pair.shape[0]
-
-    @staticmethod
-    def of(nodes: int, capacity: int, device: str, precision: Precision = DOUBLE, *, with_friction: bool = False) -> TouchArrays:
-        """Empty ones."""
-
-        def whole(count: int) -> wp.array:
-            return zeros(count, wp.int32, device)
-
-        def reals(count: int) -> wp.array:
-            return zeros(count, wp.float64, device)
-
-        def vectors(count: int) -> wp.array:
-            return zeros(count, wp.vec3d, device)
-
-        places, count = PLACES * capacity, whole(1)
-        pairs = shared(np.arange(capacity, dtype=np.int32), wp.int32, device), count
-        awake, left, found = 3 * (pairs,) if is_in_place(device) else [(whole(capacity), whole(1)) for _ in range(3)]
-        return TouchArrays(
-            whole(capacity), count, *awake, *left, *found, whole(nodes + 1), whole(nodes + 1), whole(capacity), whole(capacity),
-            whole(capacity),
-            zeros(8 * capacity, precision.vec3, device), zeros(6 * capacity, precision.vec3, device),
-            reals(places), reals(places),
-            vectors(places if with_friction else 1), vectors(places), reals(places if with_friction else 1),
-        )  # fmt: skip
-
-
-def no_contact(rods: Rods, device: str, precision: Precision = DOUBLE) -> TouchArrays:
-    """No pairs."""
-    return TouchArrays.of(rods.node_count, 1, device, precision)
 
 
 class StepForces(NamedTuple):

@@ -37,17 +37,16 @@ from .rod_arrays import (
     RodArrays,
     RodState,
     StepForces,
-    TouchArrays,
     factor_launches,
     force_launch,
     frames_launch,
     motion_launch,
-    no_contact,
     rest_state,
     upload_rods,
 )
 from .rods import Rods
 from .strip import RodStrip
+from .touch_arrays import TouchArrays, no_contact
 from .wire_groups import shared_forces, wire_groups
 from .wire_sums import WireSums
 from .yielding import Yielding

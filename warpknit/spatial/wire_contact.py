@@ -33,14 +33,14 @@ from .contacts import Contacts
 from .pair_list import SLIP_ARRAYS, PairList
 from .pair_search import MIN_ARC_SEPARATION, PairSearch
 from .rest_curve import RestCurve, catmull_rom
-from .rod_arrays import TouchArrays
 from .rod_step import RodStepper
 from .search_cells import SearchCells, search_cells
+from .touch_arrays import TouchArrays
 from .wire_arrays import WireArrays
 
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
-TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (2 + 2 * 3)) + 4 * 7
+TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each: about as many as run at once
