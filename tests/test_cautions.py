@@ -258,12 +258,15 @@ def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut(
     short, long = int(np.argmin(length)), int(np.argmax(length))
     assert length[short] < model.cloth.stitch_length < length[long]
 
-    def said(wire: int, largest: float, of: object = model) -> list[str]:
+    def said(wire: int, largest: float, of: object = model, part: float = 0.0) -> list[str]:
         stress = {"stress_max_wire": wire, "stress_max_Pa": largest, "stress_interior_max_Pa": 1e8}
-        return list(_taut_between_grips(of, [{"wire": stress}]))
+        mesh = {"tension_weft_N_per_m": 2.0, "fragment_tension_weft_N_per_m": part, "tension_warp_N_per_m": 1.0}
+        return list(_taut_between_grips(of, [{"wire": stress, "mesh": mesh}]))
 
     (line,) = said(short, 2e9)
     assert line.startswith(f"{np.count_nonzero(length < model.cloth.stitch_length)} of {len(length)} wires have less than a loop")
     assert "one is taut with 2 GPa (100 MPa away from the grips)" in line
     tile = build_model(load_scene(SCENE.with_name("atlas_cell.toml")))
-    assert not said(long, 2e9) and not said(short, 2e8) and not said(0, 2e9, tile)
+    assert not said(long, 2e9) and not said(short, 2e8) and not said(0, 2e9, tile) and not said(long, 2e9, part=0.2)
+    (line,) = said(long, 2e9, part=1.0)
+    assert "apart: they carry 50 % in weft of the tension; the tension" in line

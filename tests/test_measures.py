@@ -22,11 +22,13 @@ from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables
 from warpknit.sweep.states import mesh_of
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
+PATCH = CELL.with_name("atlas_patch.toml")
 QUICK = ("load.strain_weft=0.01", "load.strain_warp=0.01", "output.frames=1", "output.figures=false", "output.usd=false")
 OF_KIND = {"planar": ("model.nodes_per_loop=12",), "spatial": ("model.kind=spatial", "model.nodes_per_loop=16")}
 
@@ -134,3 +136,30 @@ def test_a_class_has_the_force_that_half_of_its_pairs_reach(loaded: int, found: 
     force = np.zeros(model.pair_count)
     force[pairs[:loaded]] = 283e-6
     assert median_force(SimpleNamespace(model=model, pair_force=force), "A") == found
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_pieces_at_the_grips_carry_the_virial_of_their_own_forces(kind: str) -> None:
+    """A piece that touches nothing is pulled by its two clamps alone, by equal and opposite forces: its part of the tension is
+    that of its clamps in the sum over all clamps, whatever the origin. A tile has no pieces."""
+    overrides = {
+        "model.kind": kind,
+        "knit.repeats": [2, 2],
+        "load.strain_weft": 0.02,
+        "load.strain_warp": 0.02,
+        "output.frames": 1,
+    }
+    simulation = Simulation(build_model(load_scene(PATCH, overrides, "draft")))
+    *_, record = simulation.run()
+    r = record.observables
+    panel, loop = r.model.panel, r.model.cloth.stitch_length
+    short = np.repeat(panel.wire_length < loop, 2)
+    force, clamp = r.edge_force[:, :2], panel.clamp_position
+    found = measure.fragment_tension(r)
+    for origin in (panel.low, panel.low + panel.size):
+        pull = force[short].T @ (clamp[short] - origin) / panel.area
+        assert np.abs(force[short].sum(axis=0)).max() < 1e-2 * np.abs(force[short]).max()
+        cauchy = pull @ (np.eye(2) + 0.02 * np.eye(2)).T / 1.02**2
+        assert found == pytest.approx(tuple(np.diag(cauchy)), rel=0.02)
+    tile = load_scene(PATCH, overrides | {"model.boundary": "periodic"}, "draft")
+    assert measure.fragment_tension(SimpleNamespace(model=build_model(tile))) == (None, None)

@@ -31,6 +31,18 @@ class Model(MeshModel, Protocol):
         """Whether one launch can step many states."""
 
     @property
+    def softening(self) -> float:
+        """EA over the axial stiffness of the dynamics."""
+
+    @property
+    def loop_length(self) -> float:
+        """[m] of wire."""
+
+    @property
+    def time_step(self) -> float:
+        """[s] initial time step."""
+
+    @property
     def loading_time(self) -> float:
         """Loading time [s] of a stage of a ramp."""
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from .device import devices
 from .errors import DeviceError, InputError
-from .estimate import Estimates
+from .estimate import Estimates, Size
 from .mechanics import Group, Mechanics, Model
 from .mesh.layout import knit_scene
 from .ranks.ranks import Ranks
@@ -68,11 +68,11 @@ def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
     return replicas
 
 
-def node_count(scene: Scene) -> int:
-    """Nodes of the mesh of a scene, estimated where it is large."""
+def size_of(scene: Scene) -> Size:
+    """Sizes of the mesh of a scene, estimated where it is large."""
     cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
     size, _counted = estimates_of(scene).size_of(scene, cloth)
-    return size.nodes
+    return size
 
 
 def estimates_of(scene: Scene) -> Estimates:

@@ -74,12 +74,11 @@ def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
     monkeypatch.setattr(parameters, "PRESETS", coarse)
     monkeypatch.setattr(study, "RAMP_NODES", 0)
-    monkeypatch.setattr(parameters, "COMBINED_NODES", (10, 12))
-    monkeypatch.setattr(parameters, "COMBINED_TOLERANCES", (0.01,))
-    monkeypatch.setattr(parameters, "COMBINED_SOFTENINGS", (1000.0,))
-    for name, values in (("NODES", (10,)), ("TOLERANCES", (0.03,)), ("SOFTENINGS", (200.0,)), ("STIFFNESSES", (4.0,)),
-                         ("LEVELS", (2,))):  # fmt: skip
-        monkeypatch.setattr(parameters, name, values)
+    monkeypatch.setattr(trials, "COMBINED", ((10, 12), (1000.0,), (0.01,)))
+    for name, values in (("NODES", (10,)), ("TOLERANCES", (0.03,)), ("SOFTENINGS", (200.0,))):
+        monkeypatch.setattr(trials, f"VARIED_{name}", values)
+    monkeypatch.setattr(parameters, "STIFFNESSES", (4.0,))
+    monkeypatch.setattr(parameters, "LEVELS", (2,))
 
 
 def loader(more: parameters.Overrides, preset: str | None) -> object:
@@ -134,6 +133,32 @@ def _check_study(out: Path, rows: list[Row], summary: dict) -> None:
     prices = [point["price"] for point in summary["front"]]
     errors = [point["largest_error_percent"] for point in summary["front"]]
     assert prices == sorted(prices) and errors == sorted(errors, reverse=True)
+
+
+def test_study_in_space_varies_what_space_has(tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points stay in the kind of model of the scene, whatever `auto` would take with one of their values; settings that it lacks
+    are left out, and a point that is expected far beyond the limit is not run. More nodes are nearer to the reference."""
+    monkeypatch.setattr(spatial_trials, "REFERENCE", ((math.inf, 40),))
+    monkeypatch.setattr(spatial_trials, "COMBINED", ((24,), (0.01,)))
+    for name, values in (("NODES", (16, 32)), ("TOLERANCES", (0.01,)), ("SOFTENINGS", (0.25,)), ("RAMP_NODES", (40,))):
+        monkeypatch.setattr(spatial_trials, name if name.startswith("RAMP") else f"VARIED_{name}", values)
+    monkeypatch.setattr(study, "RAMP_NODES", math.inf)
+    for name in ("PERIODS", "DAMPINGS", "STEPS"):
+        monkeypatch.setattr(parameters, name, ())
+    scene = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
+    small = ("load.strain_weft=0.04", "load.strain_warp=0.08", "output.frames=1")
+    result = run_trade(lambda more, preset: load_scene(scene, (*small, *more), preset), out=tmp_path / "t")
+    rows = read_rows(tmp_path / "t" / "trade.csv")
+    assert result.exit_code == 0 and {row.outcome.settings["kind"] for row in rows} == {"spatial"}
+    assert not {row.parameter for row in rows} & {"multipliers", "body_mass"}
+    ramp = next(row for row in rows if row.parameter == "drive")
+    assert ramp.outcome.stop_reason == "cost limit" and ramp.outcome.node_steps == 0
+    assert "not run" in ramp.outcome.message
+    errors = {
+        knob["value"]: knob["largest_error_percent"] for knob in result.summary["knobs"] if knob["knob"] == "nodes_per_loop"
+    }
+    assert errors["model.nodes_per_loop=32"] < errors["model.nodes_per_loop=16"]
+    assert all(row.outcome.results is not None for row in rows if row.outcome.settings["drive"] == "relax")
 
 
 def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
 
@@ -80,6 +81,7 @@ def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
     if own > LEAST:
         place.axhline(own, color=GREY, linestyle=":", linewidth=1.0)
     place.set_xscale("log")
+    place.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     place.set_yscale("log")
     place.margins(0.12)  # labels of the outermost marks stay inside
     place.grid(which="major", color="#E0E0E0", linewidth=0.6)

@@ -72,6 +72,24 @@ def mesh_tension(r: Observables) -> tuple[float, float]:
     return float(cauchy[0, 0]), float(cauchy[1, 1])
 
 
+def fragment_tension(r: Observables) -> tuple[float | None, float | None]:
+    """Part of `mesh_tension` [N/m] of the wires that have less than a loop between two grips, which pull on each other by them.
+
+    Of a wire with the clamps X1 and X2 and their forces f1 and f2 on it, P = (f2 - f1)/2 (x) (X2 - X1)/A0. None without such
+    wires.
+    """
+    panel, cloth = r.model.panel, r.model.cloth
+    if cloth is None or panel.boundary == "periodic":
+        return None, None
+    is_short = panel.wire_length < cloth.stitch_length
+    if not is_short.any():
+        return None, None
+    force, clamp = (array[:, :2].reshape(-1, 2, 2)[is_short] for array in (r.edge_force, panel.clamp_position))
+    pull = 0.5 * np.einsum("ia,ib->ab", force[:, 1] - force[:, 0], clamp[:, 1] - clamp[:, 0]) / panel.area
+    cauchy = true_stress(rotation(r.clamp_rotation) @ pull, r.stretch)
+    return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+
 def clamp_couple(r: Observables) -> float:
     """[N/m] counter-clockwise couple on the clamps per rest area: derivative of the energy by their rotation.
 

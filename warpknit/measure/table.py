@@ -37,6 +37,8 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     central_rhombus         the counts of the bodies around the complete opening nearest to the centre
     tension_weft_N_per_m    force per current width in weft
     tension_warp_N_per_m    force per current width in warp
+    fragment_tension_weft_N_per_m  part of the tension in weft of wires of less than a loop, which two grips pull apart
+    fragment_tension_warp_N_per_m  part of the tension in warp of wires of less than a loop, which two grips pull apart
     stress_max_Pa           largest stress, bending and tension, with the peaks under contacts
     stress_max_part         part of the loop where the stress is largest: head, leg, foot or underlap; not of wires from a file
     stress_max_node         node where the stress is largest, or the one before it
@@ -258,6 +260,8 @@ MEASURES: tuple[Measure, ...] = (
     # tensions, force per current width
     Measure("tension_weft_N_per_m", lambda r: m.mesh_tension(r)[0], history=True, summary="mesh", map="map"),
     Measure("tension_warp_N_per_m", lambda r: m.mesh_tension(r)[1], history=True, summary="mesh", map="map"),
+    Measure("fragment_tension_weft_N_per_m", lambda r: m.fragment_tension(r)[0], summary="mesh"),
+    Measure("fragment_tension_warp_N_per_m", lambda r: m.fragment_tension(r)[1], summary="mesh"),
     # wires
     Measure("stress_max_Pa", m.largest_stress, history=True, summary="wire", map="map", over_seeds=max),
     Measure("stress_max_part", stress_peak.peak_part, history=True, summary="wire", kind=str),

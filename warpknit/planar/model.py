@@ -97,6 +97,11 @@ class Model:
         return self.panel.node_count
 
     @property
+    def loop_length(self) -> float:
+        """[m] of wire: the nodes are evenly spaced."""
+        return float(self.table.spacing.mean()) * self.scene.model.nodes_per_loop
+
+    @property
     def is_gripped(self) -> bool:
         """Whether two clamps hold every wire (kernels/clamp.py)."""
         return len(self.panel.clamp_position) == 2 * len(self.panel.wire_first)

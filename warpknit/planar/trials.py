@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..scene import Scene
-from ..trial import SOFTENING, Setting, edge_of
+from ..trial import SOFTENING, Setting, Varied, combined, edge_of
 
 NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop
 HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire
@@ -11,6 +11,13 @@ FINE = {"periodic": 48, "gripped": 34, "hook": 128}  # nodes of the fine run, a 
 TOLERANCE = 1e-4  # of fine runs and references
 REFERENCE = ((2_000, 96), (float("inf"), 54))  # nodes a loop of the reference of a trade, up to so many nodes of the scene
 HOOK_REFERENCE = 192  # segments a wire of the same, where two wires are hooked
+
+VARIED_NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)  # of a trade, a loop
+VARIED_HOOK_NODES = (64, 96, 128)  # beside these, segments of a hooked wire
+VARIED_SOFTENINGS = (16.0, 64.0, 200.0, 400.0, 700.0, 1000.0, 2000.0)
+VARIED_TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
+RAMP_NODES = (12, 16, 40)  # a loop
+COMBINED = ((8, 10, 12, 14, 16, 18, 20, 24, 30, 40), (700.0, 2000.0), (0.03, 0.01, 0.003))  # nodes, softenings, tolerances
 
 
 def settings(scene: Scene, percent: float) -> list[Setting]:
@@ -31,3 +38,11 @@ def reference(scene: Scene, nodes: int) -> tuple[int, float]:
     """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade."""
     finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
     return finest, TOLERANCE
+
+
+def varied(scene: Scene, softening: float) -> Varied:
+    """Values that a trade tries."""
+    is_hook = scene.hook is not None
+    nodes = VARIED_NODES + (VARIED_HOOK_NODES if is_hook else ())
+    together = combined(*COMBINED, "double" if is_hook else "single")
+    return Varied(nodes, VARIED_SOFTENINGS, VARIED_TOLERANCES, RAMP_NODES, together)

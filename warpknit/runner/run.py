@@ -16,7 +16,7 @@ from ..device import compile_times, find_device
 from ..errors import RunDirectoryError
 from ..files import held_directory
 from ..mechanics import Model
-from ..model import build_model, node_count
+from ..model import build_model, size_of
 from ..ranks.ranks import One, Ranks
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
@@ -66,7 +66,7 @@ def run_scene(
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force, own.names))
     if finished is not None:
         return finished
-    name = find_device(device, ranks.place, lambda: node_count(scene))
+    name = find_device(device, ranks.place, lambda: size_of(scene).nodes)
     if ranks.count > 1 and device is not None and name != "cpu":
         _log.warning("warning: --device %s puts all %d ranks on one GPU; without --device they take those of the machine in turn",
                      name, ranks.count)  # fmt: skip

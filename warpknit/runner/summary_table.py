@@ -11,6 +11,7 @@ import click
 from ..text import alike, celsius, duration, engineering, percent, short_percent
 from .answers_table import LEAST_SHARE, LEAST_STRESS, advice_rows, answer_rows, unreached_text
 from .strength import assumed_note
+from .warnings_of import CARRIED, fragment_share
 
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
 
@@ -50,6 +51,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
         least = max(LEAST_SHARE * max(abs(tension), abs(warp)), value("answers", "tension_tolerance_N_per_m") or 0.0)
         yield "tension, weft / warp", " / ".join(alike([part if abs(part) > least else 0.0 for part in (tension, warp)], "N/m"))
+        if max(fragment_share(value("mesh"), side) for side in ("weft", "warp")) > CARRIED:
+            parts = [value("mesh", f"fragment_tension_{side}_N_per_m") for side in ("weft", "warp")]
+            yield "  of pieces at the grips", " / ".join(alike(parts, "N/m"))
         medians = [value("panel", f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
         if None not in medians:
             yield "  median of the panel", " / ".join(alike(medians, "N/m"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +24,7 @@ LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to dete
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
 PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direction that is held counts as compressed
 PRESTRESS = 0.01  # of the largest tension: less at zero load is not told
+CARRIED = 0.2  # of the tension, by wires of less than a loop
 TAUT = 3.0  # largest stress over that away from the grips, of wires that are taut between two grips
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
@@ -63,18 +64,31 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iter
 
 
 def _taut_between_grips(model: MeshModel, stages: Stages) -> Iterator[str]:
-    """Whether a wire of less than a loop, which two grips pull apart, carries the largest stress."""
+    """Whether wires of less than a loop, which two grips pull apart, carry the largest stress, or a large part of the tension."""
     if not stages or model.cloth is None or model.panel.boundary == "periodic":
         return
-    wire, length = stages[-1]["wire"], model.panel.wire_length
+    wire, mesh, length = stages[-1]["wire"], stages[-1]["mesh"], model.panel.wire_length
     largest, interior = wire["stress_max_Pa"], wire["stress_interior_max_Pa"]
     is_short = length < model.cloth.stitch_length
-    if is_short[wire["stress_max_wire"]] and largest > TAUT * interior:
-        yield (
-            f"{np.count_nonzero(is_short)} of {len(length)} wires have less than a loop between two grips, which strains pull"
-            f" apart: one is taut with {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips); the"
-            " tension of the mesh includes them, the larger the mesh the less: compare with model.boundary = 'periodic'"
-        )
+    sides = {side: fragment_share(mesh, side) for side in ("weft", "warp")}
+    carried = " and ".join(f"{percent(share, 0)} in {side}" for side, share in sides.items() if share > CARRIED)
+    is_taut = is_short[wire["stress_max_wire"]] and largest > TAUT * interior
+    if not is_taut and not carried:
+        return
+    found = [f"they carry {carried} of the tension"] if carried else []
+    if is_taut:
+        found.append(f"one is taut with {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips)")
+    yield (
+        f"{np.count_nonzero(is_short)} of {len(length)} wires have less than a loop between two grips, which strains pull"
+        f" apart: {'; '.join(found)}; the tension of the mesh includes them, the larger the mesh the less: compare with"
+        " model.boundary = 'periodic'"
+    )
+
+
+def fragment_share(mesh: Mapping[str, Any], side: str) -> float:
+    """Share of the tension in weft or warp that wires of less than a loop between two grips carry; by the section `mesh`."""
+    tension, part = mesh.get(f"tension_{side}_N_per_m") or 0.0, mesh.get(f"fragment_tension_{side}_N_per_m") or 0.0
+    return part / tension if tension > 0.0 else 0.0
 
 
 def _yielding(model: MeshModel, stages: Stages) -> str:

@@ -132,12 +132,6 @@ RULES = (
     Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the loads"),
     Rule("ramp", ("map",), "'relax' for maps and reports", "a map consists of equilibria"),
     Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
-    Rule(
-        "spatial",
-        ("trade",),
-        "'planar' for a trade; --against spatial takes a reference in space",
-        "its parameters are those of the planar model",
-    ),
     Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "its errors were not measured for hooks in space"),
     *(
         Rule(trait, ("spatial", "ranks"), f"{allowed} {SPATIAL} on several ranks: run without mpirun", NOT_BUILT)

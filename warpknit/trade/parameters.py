@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from ..mechanics import Model
 from ..scene.presets import PRESETS
+from ..trial import Varied, setting_of
 
 Overrides = tuple[tuple[str, object], ...]
 
 BASE = "base"  # name of the point with no parameter changed
-NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)
-HOOK_NODES = (64, 96, 128)  # beside these, segments of a hooked wire
-TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
-SOFTENINGS = (16.0, 64.0, 200.0, 400.0, 700.0, 1000.0, 2000.0)
 STIFFNESSES = (0.25, 4.0, 16.0)  # times what the model chooses
 LEVELS = (1, 2, 5, 10, 20)
-COMBINED_NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40)
-COMBINED_TOLERANCES = (0.03, 0.01, 0.003)
-COMBINED_SOFTENINGS = (700.0, 2000.0)
 PERIODS = (1.0, 3.0, 10.0, 30.0)  # slowest periods over which a ramp loads
 DAMPINGS = (0.1, 0.3, 3.0)  # times the slowest angular frequency
 SCALINGS = (100.0, 1e4)  # of all masses
@@ -61,16 +54,16 @@ def preset_points(base: Model) -> list[Point]:
             ("model.nodes_per_loop", preset.nodes_per_loop), ("solver.axial_softening", preset.axial_softening),
             ("solver.residual_tolerance", preset.residual_tolerance),
         ), preset=name)
-        for name, preset in ((name, preset.of("planar", drive)) for name, preset in PRESETS.items())
+        for name, preset in ((name, preset.of(base.scene.model.kind, drive)) for name, preset in PRESETS.items())
     ]  # fmt: skip
 
 
-def single_parameter_points(base: Model) -> Iterator[Point]:
+def single_parameter_points(base: Model, varied: Varied) -> Iterator[Point]:
     """The scene itself, then one parameter varied at a time."""
     scene = base.scene
     preset = scene.solver.preset
     yield Point("alone", BASE, (), preset=preset)
-    for parameter, key, values in _relaxation_parameters(base):
+    for parameter, key, values in _relaxation_parameters(base, varied):
         for value in values:
             yield Point("alone", parameter, ((key, value),), preset=preset)
     if scene.hook is None and scene.model.boundary == "gripped" and scene.panel.outline == "rectangle":
@@ -79,10 +72,10 @@ def single_parameter_points(base: Model) -> Iterator[Point]:
             yield Point("alone", "size", overrides, preset=preset)
 
 
-def _relaxation_parameters(base: Model) -> Iterator[tuple[str, str, Sequence[object]]]:
-    yield "nodes_per_loop", "model.nodes_per_loop", NODES + (HOOK_NODES if base.scene.hook is not None else ())
-    yield "axial_softening", "solver.axial_softening", SOFTENINGS
-    yield "residual_tolerance", "solver.residual_tolerance", TOLERANCES
+def _relaxation_parameters(base: Model, varied: Varied) -> Iterator[tuple[str, str, Sequence[object]]]:
+    yield "nodes_per_loop", "model.nodes_per_loop", varied.nodes_per_loop
+    yield "axial_softening", "solver.axial_softening", varied.axial_softening
+    yield "residual_tolerance", "solver.residual_tolerance", varied.residual_tolerance
     yield "contact_stiffness", "contact.stiffness", [_rounded(factor * base.contact_stiffness) for factor in STIFFNESSES]
     yield "precision", "solver.precision", ("single", "double")
     yield "multipliers", "solver.multipliers", (False,)
@@ -91,7 +84,7 @@ def _relaxation_parameters(base: Model) -> Iterator[tuple[str, str, Sequence[obj
         yield "merge_lenses", "model.merge_lenses", (not base.scene.model.merge_lenses,)
 
 
-def ramp_points(base: Model, period: float, time_step: float) -> Iterator[Point]:
+def ramp_points(base: Model, varied: Varied, period: float, time_step: float) -> Iterator[Point]:
     """A ramp in real time, then one of its parameters varied at a time.
 
     `period` [s] is that of the slowest mode, `time_step` [s] the stable one at the ramp's masses.
@@ -105,7 +98,7 @@ def ramp_points(base: Model, period: float, time_step: float) -> Iterator[Point]
         ("target_time_step", "solver.target_time_step", [_rounded(k * time_step) for k in STEPS]),
         ("body_mass", "contact.body_mass", BODY_MASSES),
         ("ramp_softening", "solver.axial_softening", RAMP_SOFTENINGS),
-        ("ramp_nodes", "model.nodes_per_loop", (12, 16, 40)),
+        ("ramp_nodes", "model.nodes_per_loop", varied.ramp_nodes_per_loop),
     ):
         for value in values:
             yield Point("alone", parameter, (drive, (key, value)), preset=preset)
@@ -114,14 +107,13 @@ def ramp_points(base: Model, period: float, time_step: float) -> Iterator[Point]
         yield Point("alone", "mass_scaling", (drive, ("solver.mass_scaling", value)), preset=preset)
 
 
-def combined_points(base: Model, finest: int) -> Iterator[Point]:
-    """All combinations of the parameters with the largest effect on cost."""
-    for n, tolerance, softening in itertools.product(COMBINED_NODES, COMBINED_TOLERANCES, COMBINED_SOFTENINGS):
-        if n < finest:
-            yield Point("together", "", (
-                ("model.nodes_per_loop", n), ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening),
-                ("solver.precision", "single" if base.scene.hook is None else "double"),
-            ))  # fmt: skip
+def combined_points(base: Model, varied: Varied, finest: int) -> Iterator[Point]:
+    """Several parameters varied together."""
+    _nodes, *others = setting_of(base.scene).overrides
+    for setting in varied.combined:
+        changed = tuple(each for each in setting.overrides if each not in others)
+        if setting.nodes_per_loop < finest and len(changed) > 1:
+            yield Point("together", "", changed)
 
 
 def _rounded(value: float) -> float:

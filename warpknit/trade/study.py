@@ -15,9 +15,8 @@ from typing import Any
 
 from ..device import find_device
 from ..errors import Diverged, InputError
-from ..estimate import Size
 from ..files import write_aside, write_table
-from ..model import build_model, estimates_of, node_count, trials_of
+from ..model import build_model, estimates_of, size_of, trials_of
 from ..numerics import slowest_rate
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Progress as Display
@@ -26,11 +25,12 @@ from ..runner.summary_table import model_rows
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..text import duration, rounded
+from ..trial import Varied
 from . import parameters
 from .extrapolation import extrapolate
 from .parameters import Overrides, Point
 from .pareto import pareto
-from .point import Results, errors_of, run_point, scales_of
+from .point import Outcome, Results, errors_of, run_point, scales_of, settings_of_scene
 from .trade_table import Row, read_rows, write_rows
 
 _log = logging.getLogger(__name__)
@@ -66,7 +66,7 @@ def run_trade(
         return finished
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
-    name = find_device(device, nodes=lambda: node_count(scene))
+    name = find_device(device, nodes=lambda: size_of(scene).nodes)
     base = build_model(scene, name)
     open_directory(out, resolved, keep=keep)
     return _Study(load, base, of_reference, name, out, progress or Display()).run()
@@ -76,9 +76,11 @@ class _Study:
     """Runs the remaining points and writes their results."""
 
     def __init__(self, load: Loader, base: Any, of_reference: Overrides, device: str, out: Path, display: Display) -> None:
-        self.load, self.base, self.device, self.out, self.display = load, base, device, out, display
+        self.load_with, self.base, self.device, self.out, self.display = load, base, device, out, display
+        self.of_kind: Overrides = (("model.kind", base.scene.model.kind),)
         self.of_reference = of_reference
         self.scales = scales_of(base)
+        self.size = size_of(base.scene)
         self.path = out / "trade.csv"
         self.rows = read_rows(self.path)
         truth = load(of_reference, None)
@@ -111,11 +113,24 @@ class _Study:
     # --- points ---
 
     def _points(self) -> list[Point]:
-        points = parameters.reference_points(self.finest, self.tolerance)
-        points += [*parameters.preset_points(self.base), *parameters.single_parameter_points(self.base)]
-        points += self._ramp_points()
-        points += parameters.combined_points(self.base, self.finest[0])
-        return points
+        varied = trials_of(self.base.scene).varied(self.base.scene, self.base.softening)
+        points = [*parameters.preset_points(self.base), *parameters.single_parameter_points(self.base, varied)]
+        points += self._ramp_points(varied)
+        points += parameters.combined_points(self.base, varied, self.finest[0])
+        return [*parameters.reference_points(self.finest, self.tolerance), *filter(self._is_available, points)]
+
+    def _is_available(self, point: Point) -> bool:
+        """Whether this kind of model has the parameter that a point varies."""
+        try:
+            self._load(point)
+        except InputError:
+            return False
+        return True
+
+    def _load(self, point: Point) -> Scene:
+        """The scene of a point, in the kind of model of the scene or of the reference."""
+        last = self.of_reference if point.group == "reference" else ()
+        return self.load_with((*self.of_kind, *point.overrides, *last), point.preset)
 
     def _log_estimate(self, points: Sequence[Point]) -> None:
         """Log the number of remaining points and their estimated time."""
@@ -131,63 +146,61 @@ class _Study:
             total += time * min(1.0, limit / max(work, 1.0))
             if point.group == "reference" and limit == math.inf:
                 limit = COST_LIMIT * work
-        factor = estimates_of(self.base.scene).notes(self.base.scene, Size(0, 0, 0)).factor
-        about = f"about {duration(total)} on this CPU, within a factor of {factor:g}"
+        about = f"about {duration(total)} on this CPU, within a factor of {self._factor:g}"
         _log.info("%d points to run: %s", len(remaining), "not estimated on a GPU" if self.device != "cpu" else about)
+
+    @property
+    def _factor(self) -> float:
+        """By which estimates may be wrong."""
+        return estimates_of(self.base.scene).notes(self.base.scene, self.size).factor
 
     def _expected(self, point: Point) -> tuple[float, float]:
         """Expected time [s] and node-steps of a point; zero where it is refused."""
-        is_reference = point.group == "reference"
         try:
-            scene = self.load(point.overrides + (self.of_reference if is_reference else ()), point.preset)
+            scene = self._load(point)
             ramp = build_model(scene) if scene.solver.drive == "ramp" else None
         except InputError:
             return 0.0, 0.0
-        base, finer = self.base, scene.model.nodes_per_loop / self.base.scene.model.nodes_per_loop
-        share = math.prod(scene.knit.repeats) / math.prod(base.scene.knit.repeats)
-        size = Size(
-            nodes=round(base.panel.node_count * finer * share),
-            wires=len(base.panel.wire_first),
-            bodies=base.panel.body_count,
-            spacing=float(base.table.spacing.min()) / finer,
-            time_step=1.0 if ramp is None else ramp.time_step,
-            loading_time=0.0 if ramp is None else ramp.loading_time,
-        )
+        finer = scene.model.nodes_per_loop / self.base.scene.model.nodes_per_loop
+        finer *= math.prod(scene.knit.repeats) / math.prod(self.base.scene.knit.repeats)
+        counts = {name: round(finer * getattr(self.size, name)) for name in ("nodes", "near", "close")}
+        size = replace(self.size, **counts, spacing=self.size.spacing / finer)
+        if ramp is not None:
+            size = replace(size, time_step=ramp.time_step, loading_time=ramp.loading_time)
         cost = estimates_of(scene).cost_of(scene, size)
         return cost.seconds, cost.steps * size.nodes
 
-    def _ramp_points(self) -> Iterator[Point]:
-        if self.base.panel.node_count > RAMP_NODES:
+    def _ramp_points(self, varied: Varied) -> Iterator[Point]:
+        if self.base.node_count > RAMP_NODES:
             _log.info("ramps are left out: the mesh has more than %d nodes", RAMP_NODES)
             return
         try:
-            model = build_model(self.load((("solver.drive", "ramp"),), None))
+            model = build_model(self._load(Point("alone", "drive", (("solver.drive", "ramp"),))))
         except InputError as error:
             _log.info("ramps are left out: %s", error)
             return
-        rate = slowest_rate(model.scene, self._loop_length(model))
-        yield from parameters.ramp_points(self.base, 2.0 * math.pi / rate, model.time_step)
-
-    @staticmethod
-    def _loop_length(model: Any) -> float:
-        """Wire length of a loop [m]: its nodes are evenly spaced."""
-        return float(model.table.spacing.mean()) * model.scene.model.nodes_per_loop
+        rate = slowest_rate(model.scene, model.loop_length)
+        yield from parameters.ramp_points(self.base, varied, 2.0 * math.pi / rate, model.time_step)
 
     def _run(self, point: Point) -> None:
         if any(row.point == point.name for row in self.rows):
             return
         is_reference = point.group == "reference"
-        overrides = point.overrides + (self.of_reference if is_reference else ())
         if is_reference:
-            self.load(overrides, point.preset)  # raises where the reference is refused
+            self._load(point)  # raises where the reference is refused
         reference = next((row for row in self.rows if row.group == "reference"), None)
         limit = math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
-        outcome = run_point(
-            lambda: self.load(overrides, point.preset),
-            device=self.device,
-            max_node_steps=limit,
-            watch=lambda progress: self._interrupts.check(),
-        )
+        expected = self._expected(point)[1]
+        if expected > self._factor * limit:
+            message = f"not run: about {rounded(expected):,} node-steps, where the limit is {rounded(limit):,}"
+            outcome = Outcome(settings_of_scene(self._load(point)), None, "cost limit", message)
+        else:
+            outcome = run_point(
+                lambda: self._load(point),
+                device=self.device,
+                max_node_steps=limit,
+                watch=lambda progress: self._interrupts.check(),
+            )
         if is_reference and outcome.results is None:
             raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {outcome.message}")
         self.rows.append(Row(point.name, point.group, point.parameter, outcome))
@@ -309,7 +322,9 @@ def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for warning in summary.get("warnings", ()):
         yield "warning", warning
     yield from model_rows(summary.get("model"))
-    yield "points", f"{summary['points']}, {summary['without_result']} without a result"
+    why = sorted({row["stop_reason"] for row in summary["knobs"] if row["largest_error_percent"] is None})
+    reasons = f" ({', '.join(why)})" if why else ""
+    yield "points", f"{summary['points']}, {summary['without_result']} without a result{reasons}"
     own = summary["reference"].get("own_error")
     if own:
         worst = max(own["active_percent"], *(100.0 * own[name] for name in ("tension", "contact_force", "stress")))
