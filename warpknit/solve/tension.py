@@ -27,7 +27,7 @@ OVERSHOT = 0.5  # of a step, after one by the same tangent that changed the sign
 SLACK = 0.05  # of its target: a direction that carries less is slack
 UNCHANGED = 0.1  # of what a direction lacks: a smaller change counts as none
 GROWTH = 2.0  # of the step of a slack direction, whose tension has not changed
-TRUST = 4.0  # of the last step, unless that was the probe: the tangent is not known farther away
+TRUST = 4.0  # of the last step, unless that was the probe or a direction is slack: the tangent is not known farther away
 FAR = 0.1  # of the target: what is lacking where a step is kept from the other side; nearer to it the tangent is good
 BRACKETED = 2  # changes of side after which a step stays on this side of the last state on the other one
 BRACKETED_STEPS = 4  # in a row, shortened so, after which that state counts no more: the mesh has snapped
@@ -93,7 +93,7 @@ class TensionSearch:
         step = self.share * np.array(self.pace) * self._step(miss, driven)
         step = np.clip(step, -STEP_LIMIT, STEP_LIMIT)
         last = float(np.abs(moved).max())
-        if before is not None and (self.states > 2 or last > 2.0 * PROBE):
+        if before is not None and max(self.pace) == 1.0 and (self.states > 2 or last > 2.0 * PROBE):
             step *= min(1.0, TRUST * last / max(float(np.abs(step).max()), 1e-300))
         is_far = float(np.abs(miss).max()) > FAR * float(np.abs(target).max())
         return strain + (self._shortened(strain, step) if is_far else step)
