@@ -247,7 +247,7 @@ def test_the_strain_under_a_tension_is_expected_from_a_smaller_mesh_and_endless_
     )
     wanted = WantedTension(np.array([True, True]), np.array([1.0, 1.0]))
     smaller = SimpleNamespace(scene=SimpleNamespace(knit=SimpleNamespace(repeats=(10, 10))), progress=Progress())
-    smaller.progress.search.stiffness = [[130.0, 0.0], [0.0, 130.0]]
+    smaller.progress.search.tangent.stiffness = [[130.0, 0.0], [0.0, 130.0]]
     smaller.strain_and_tension = lambda: (np.full(2, 1.0 / 130.0), np.ones(2))
     strain = np.zeros(2)
     cell = SimpleNamespace(snapshot=dict, strain_and_tension=lambda: (strain, 50.0 * strain))
@@ -258,4 +258,4 @@ def test_the_strain_under_a_tension_is_expected_from_a_smaller_mesh_and_endless_
     cell.solve = solve
     expected = MultilevelRelaxation._expect(here, smaller, cell, LoadPoint(np.eye(2), 293.0), wanted)
     assert np.diag(expected.gradient) - 1.0 == pytest.approx(1.0 / 70.0, rel=TENSION_TOLERANCE)
-    assert np.diag(here.progress.search.stiffness) == pytest.approx(70.0)
+    assert np.diag(here.progress.search.tangent.stiffness) == pytest.approx(70.0)

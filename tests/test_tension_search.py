@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from warpknit.solve.tension import MAX_STATES, PATIENCE, TOLERANCE, TensionSearch
+from warpknit.solve.secant_tangent import SecantTangent
+from warpknit.solve.tension import MAX_STATES, PATIENCE, TOLERANCE, LevelSearch, TensionSearch
 
 BOTH = np.array([True, True])
 SCALE = 20.0  # [N/m]
@@ -12,7 +13,7 @@ SCALE = 20.0  # [N/m]
 def states_to(search: TensionSearch, stiffness: np.ndarray, target: np.ndarray, scatter: float) -> tuple[int, np.ndarray]:
     """Equilibria until a mesh of this stiffness [N/m] carries the target, and its tension; tensions scatter, relative."""
     rng = np.random.default_rng(3)
-    strain = search.predicted_strain(target, BOTH)
+    strain = search.tangent.predicted_strain(target, BOTH)
     strain = np.zeros(2) if strain is None else strain
     for states in range(1, 30):
         tension = stiffness @ strain * (1.0 + scatter * rng.uniform(-1.0, 1.0, 2))
@@ -42,7 +43,7 @@ def test_steps_that_overshoot_by_the_same_tangent_are_halved() -> None:
     """Beside the target tensions follow 2.2 times the tangent, in changes too small to renew it: full steps would leave 1.2 times
     as much, of the other sign, each time."""
     tangent, target = np.diag([100.0, 80.0]), np.array([10.0, 10.0])
-    search = TensionSearch(tangent.tolist(), [0.1, 0.125], target.tolist())
+    search = TensionSearch(SecantTangent(tangent.tolist(), [0.1, 0.125], target.tolist()))
     strain, misses = np.array([0.1, 0.125]) - 0.025 / 2.2 / np.diag(tangent), []
     for _ in range(5):
         tension = target + 2.2 * tangent @ (strain - np.array([0.1, 0.125]))
@@ -51,14 +52,14 @@ def test_steps_that_overshoot_by_the_same_tangent_are_halved() -> None:
         if next_strain is None:
             break
         strain = next_strain
-    assert search.stiffness == tangent.tolist()
+    assert search.tangent.stiffness == tangent.tolist()
     assert len(misses) == 3 and abs(misses[-1]) < 0.2 * abs(misses[0])
 
 
 @pytest.mark.parametrize("tried", [0, PATIENCE])
 def test_the_residual_tolerance_will_do_after_many_equilibria(tried: int) -> None:
     """1.992 N/m in place of 2 N/m, 0.4 %: within a residual tolerance of 1 %, not within 0.2 %."""
-    search = TensionSearch(states=tried)
+    search = TensionSearch(level=LevelSearch(states=tried))
     strain, tension, target = np.array([0.1, 0.1]), np.array([1.992, 2.0]), np.array([2.0, 2.0])
     found = search.next_strain(strain, tension, target, BOTH, SCALE, 1e-2) is None
     assert found == (tried == PATIENCE)

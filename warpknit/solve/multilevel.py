@@ -163,12 +163,12 @@ class MultilevelRelaxation(Relaxation):
         strain on. The search of the mesh begins with the tangent of this sum.
         """
         share = float(np.sum(1.0 / np.array(self.scene.knit.repeats)) / np.sum(1.0 / np.array(smaller.scene.knit.repeats)))
-        tangent, search = np.array(smaller.progress.search.stiffness or np.zeros((2, 2))), TensionSearch()
+        tangent, search = np.array(smaller.progress.search.tangent.stiffness or np.zeros((2, 2))), TensionSearch()
         begin, tension = smaller.strain_and_tension()
         strain: np.ndarray | None = begin
         before, there = cell.snapshot(), load
         try:
-            while strain is not None and search.states <= MAX_STATES:
+            while strain is not None and search.level.states <= MAX_STATES:
                 there = load.strained(wanted.gradient(load.gradient, strain))
                 cell.solve(there)
                 beside_grips = tension + tangent @ (strain - begin)
@@ -177,7 +177,7 @@ class MultilevelRelaxation(Relaxation):
         except Diverged:
             cell.restore(before)
             return load
-        self.progress.search.stiffness = self.progress.search.stiffness or search.stiffness
+        self.progress.search.tangent.stiffness = self.progress.search.tangent.stiffness or search.tangent.stiffness
         return there
 
     def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:

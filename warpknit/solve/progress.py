@@ -104,4 +104,4 @@ class Progress:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Progress:
-        return cls(**{**values, "search": TensionSearch(**values["search"]), "start": LoadStart(**values["start"])})
+        return cls(**{**values, "search": TensionSearch.from_dict(values["search"]), "start": LoadStart(**values["start"])})

@@ -206,7 +206,7 @@ class Relaxation(Drive):
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """Prepare a load level; return its load, with the strain at which the wanted tension is expected."""
-        strain = None if wanted is None else self.progress.search.predicted_strain(wanted.tension, wanted.driven)
+        strain = None if wanted is None else self.progress.search.tangent.predicted_strain(wanted.tension, wanted.driven)
         return load if wanted is None or strain is None else load.strained(wanted.gradient(load.gradient, strain))
 
     def begin_level(self, load: LoadPoint) -> None:
@@ -251,7 +251,7 @@ class Relaxation(Drive):
             next_strain = self.next_strain(self.progress.search, strain, tension, wanted)
             if next_strain is None:
                 return
-            if self.progress.search.states > MAX_STATES:
+            if self.progress.search.level.states > MAX_STATES:
                 force = [engineering(float(value), "N/m") for value in (*wanted.tension, *tension)]
                 raise NoProgress(
                     f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"

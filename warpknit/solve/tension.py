@@ -1,4 +1,4 @@
-"""The strain at which the mesh carries a prescribed tension, by Broyden's method over equilibria.
+"""The strain at which the mesh carries a prescribed tension, by a tangent from equilibria (secant_tangent.py).
 
 Only tension-driven directions are unknowns. The mesh stiffens with strain, so steps are bounded and the diagonal of the
 tangent is kept positive. Where the mesh snaps, the tension falls with strain: the states that carry more lie beyond. The tensions
@@ -14,10 +14,12 @@ in a row have not changed sides.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-STEP_LIMIT = 0.02  # strain
+from .secant_tangent import STEP_LIMIT, SecantTangent
+
 PROBE = 2e-4  # strain of the first step, which measures the stiffness: before it the order of magnitude is unknown
 TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by which both scatter; at most
 TOLERANCE_SHARE = 2.0 / 3.0  # the same over the residual tolerance, by which tensions scatter
@@ -35,24 +37,66 @@ MAX_STATES = 60  # equilibria tried for one load level
 
 
 @dataclass
-class TensionSearch:
-    """Secant tangent of the search, as plain numbers for a checkpoint."""
+class LevelSearch:
+    """The equilibria of one load level: what they lacked, and how long the next step may be."""
 
-    stiffness: list[list[float]] = field(default_factory=list)  # [N/m] change of tension by strain, (2, 2)
-    strain: list[float] | None = None  # of the last state
-    tension: list[float] | None = None  # [N/m] of the last state
-    states: int = 0  # of this level
-    miss: list[float] | None = None  # [N/m] tension that the state before lacked
+    states: int = 0
+    miss: list[float] | None = None  # [N/m] tension that the last state lacked
+    tried: list[float] | None = None  # its strain
     share: float = 1.0  # of a step by the tangent
     pace: list[float] = field(default_factory=lambda: [1.0, 1.0])  # the same of weft and warp, each by itself
-    tried: list[float] | None = None  # strain of the state before
+    last: float = 0.0  # larger strain of the last step
     opposite: list[float] | None = None  # strain of the last state that lacked tension of the other sign
-    changes: int = 0  # of the sign, in this level
+    changes: int = 0  # of the sign
     shortened: int = 0  # steps since the last change
 
+    def add(
+        self, strain: np.ndarray, tension: np.ndarray, target: np.ndarray, driven: np.ndarray, *, is_renewed: bool
+    ) -> np.ndarray:
+        """A further equilibrium; returns what it lacks (2,) [N/m]. `is_renewed`: the tangent knows it."""
+        self.states += 1
+        miss = np.where(driven, target - tension, 0.0)
+        overshot = False
+        if self.miss is not None and self.tried is not None:
+            before = np.array(self.miss)
+            overshot = bool(miss @ before < 0.0)
+            self.last = float(np.abs(strain - np.array(self.tried)).max())
+            if overshot:
+                self.opposite, self.changes, self.shortened = self.tried, self.changes + 1, 0
+            if self.states > 2:  # not after the probe
+                slack = driven & (np.abs(tension) < SLACK * target) & (np.abs(miss - before) < UNCHANGED * miss)
+                self.pace = np.where(slack, GROWTH * np.array(self.pace), 1.0).tolist()
+        self.share = 1.0 if is_renewed else self.share * (OVERSHOT if overshot else 1.0)
+        self.miss, self.tried = miss.tolist(), strain.tolist()
+        return miss
+
+    def limited(self, step: np.ndarray, *, is_far: bool) -> np.ndarray:
+        """The step (2,) of the tangent, no longer than the equilibria so far allow; `is_far` from the target."""
+        step = np.clip(self.share * np.array(self.pace) * step, -STEP_LIMIT, STEP_LIMIT)
+        if max(self.pace) == 1.0 and self.last > (0.0 if self.states > 2 else 2.0 * PROBE):
+            step *= min(1.0, TRUST * self.last / max(float(np.abs(step).max()), 1e-300))
+        if not is_far or self.opposite is None or self.changes < BRACKETED or self.shortened >= BRACKETED_STEPS:
+            return step
+        half = 0.5 * (np.array(self.opposite) - np.array(self.tried))
+        if step @ half <= half @ half:
+            return step
+        self.shortened += 1
+        return np.asarray(step * (half @ half) / (step @ half))
+
+
+@dataclass
+class TensionSearch:
+    """Search of one load level after the other, as plain numbers for a checkpoint."""
+
+    tangent: SecantTangent = field(default_factory=SecantTangent)
+    level: LevelSearch = field(default_factory=LevelSearch)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> TensionSearch:
+        return cls(SecantTangent(**values["tangent"]), LevelSearch(**values["level"]))
+
     def begin_level(self) -> None:
-        self.states, self.miss, self.tried, self.share, self.pace = 0, None, None, 1.0, [1.0, 1.0]
-        self.opposite, self.changes, self.shortened = None, 0, 0
+        self.level = LevelSearch()
 
     def next_strain(
         self,
@@ -69,80 +113,15 @@ class TensionSearch:
         [N/m] is EI/C^3, below which tensions count as zero; `residual_tolerance` is that of the equilibria.
         """
         significant = SIGNIFICANT * residual_tolerance * max(float(np.abs(tension).max()), 0.01 * scale)
-        is_renewed = self._renew_tangent(strain, tension, driven, significant, 0.02 * scale)
-        self.states += 1
-        miss = np.where(driven, target - tension, 0.0)
-        before = None if self.miss is None else np.array(self.miss)
-        overshot = before is not None and miss @ before < 0.0
-        if overshot:
-            self.opposite, self.changes, self.shortened = self.tried, self.changes + 1, 0
-        if before is not None and self.states > 2:  # not after the probe
-            slack = driven & (np.abs(tension) < SLACK * target) & (np.abs(miss - before) < UNCHANGED * miss)
-            self.pace = np.where(slack, GROWTH * np.array(self.pace), 1.0).tolist()
-        self.share = 1.0 if is_renewed else self.share * (OVERSHOT if overshot else 1.0)
-        moved = strain - np.array(strain if self.tried is None else self.tried)
-        self.miss, self.tried = miss.tolist(), strain.tolist()
+        is_renewed = self.tangent.renew(strain, tension, driven, significant, 0.02 * scale)
+        miss = self.level.add(strain, tension, target, driven, is_renewed=is_renewed)
         least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
         tolerance = min(TOLERANCE, TOLERANCE_SHARE * residual_tolerance)
-        if self.states > PATIENCE:
+        if self.level.states > PATIENCE:
             tolerance = max(TOLERANCE, residual_tolerance)
         if np.all(np.abs(miss) <= tolerance * np.maximum(np.abs(target), least)):
             return None
-        if not self.stiffness:
+        if not self.tangent.stiffness:
             return strain + PROBE * np.sign(miss)
-        step = self.share * np.array(self.pace) * self._step(miss, driven)
-        step = np.clip(step, -STEP_LIMIT, STEP_LIMIT)
-        last = float(np.abs(moved).max())
-        if before is not None and max(self.pace) == 1.0 and (self.states > 2 or last > 2.0 * PROBE):
-            step *= min(1.0, TRUST * last / max(float(np.abs(step).max()), 1e-300))
         is_far = float(np.abs(miss).max()) > FAR * float(np.abs(target).max())
-        return strain + (self._shortened(strain, step) if is_far else step)
-
-    def _shortened(self, strain: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """The step, half way to the last state on the other side at most."""
-        if self.opposite is None or self.changes < BRACKETED or self.shortened >= BRACKETED_STEPS:
-            return step
-        half = 0.5 * (np.array(self.opposite) - strain)
-        if step @ half <= half @ half:
-            return step
-        self.shortened += 1
-        return np.asarray(step * (half @ half) / (step @ half))
-
-    def predicted_strain(self, target: np.ndarray, driven: np.ndarray) -> np.ndarray | None:
-        """Strain (2,) at which the next target is expected, by the tangent; None before there is one."""
-        if not self.stiffness:
-            return None
-        return np.array(self.strain) + self._step(target - np.array(self.tension), driven)
-
-    def _step(self, miss: np.ndarray, driven: np.ndarray) -> np.ndarray:
-        """Strain step (2,) that the tangent gives for a change of tension, at most STEP_LIMIT."""
-        k, step, index = np.array(self.stiffness), np.zeros(2), np.nonzero(driven)[0]
-        step[index] = np.linalg.lstsq(k[np.ix_(index, index)], miss[index], rcond=None)[0]
-        if step @ miss <= 0.0:  # of a stable mesh it is positive, as its tangent is: go on, past the snap
-            step[index] = miss[index] / np.diag(k)[index]
-        return np.asarray(step * min(1.0, STEP_LIMIT / max(float(np.abs(step).max()), 1e-300)))
-
-    def _renew_tangent(
-        self, strain: np.ndarray, tension: np.ndarray, driven: np.ndarray, significant: float, least: float
-    ) -> bool:
-        """Take a change of tension, if it is `significant` [N/m], into the tangent; its diagonal is at least `least` [N/m].
-
-        Returns whether the tangent is renewed.
-        """
-        if self.strain is None or self.tension is None:
-            self.strain, self.tension = strain.tolist(), tension.tolist()
-            return False
-        moved, pulled = strain - np.array(self.strain), tension - np.array(self.tension)
-        if not moved.any():
-            return False
-        if not self.stiffness:
-            ratio = np.divide(pulled, moved, out=np.zeros(2), where=moved != 0.0)
-            k = np.diag(np.where(driven & (ratio > 0.0), ratio, ratio.max()))
-        else:
-            k = np.array(self.stiffness)
-            if max(np.abs(pulled).max(), np.abs(k @ moved).max()) < significant:
-                return False
-            k = k + np.outer(pulled - k @ moved, moved) / (moved @ moved)
-        k[np.diag_indices(2)] = np.maximum(np.diag(k), least)
-        self.stiffness, self.strain, self.tension = k.tolist(), strain.tolist(), tension.tolist()
-        return True
+        return strain + self.level.limited(self.tangent.step(miss, driven), is_far=is_far)
