@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import clamp
+from warpknit.knit.named import named_knit
 from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
-from warpknit.scene import load_scene
+from warpknit.scene import load_scene, make_scene
 from warpknit.solve.simulate import Simulation
 
 PATCH = Path(__file__).parents[1] / "scenes/atlas_patch.toml"
@@ -80,3 +82,22 @@ def test_tension_of_a_small_gripped_patch_settles_with_the_nodes() -> None:
         *_, last = Simulation(model, initial_state(model)).run()
         tension.append(measure.mesh_tension(last.observables))
     assert tension[0] == pytest.approx(tension[1], rel=0.06)
+
+
+@pytest.mark.parametrize("knit", ["full-double-atlas", "tricot", "atlas", "reverse-locknit"])
+def test_wires_of_a_tight_patch_are_the_same_however_they_are_divided(knit: str) -> None:
+    """In the plane and in space, at the nodes of every preset: grips leave pieces of a sixth of a loop and more, and what is
+    shorter than a quarter of a loop is not part of the mesh."""
+    bars = [asdict(bar) for bar in named_knit(knit).bars]
+    spacing = {"wale_spacing": 25.4e-3 / 26, "course_spacing": 25.4e-3 / 30}
+    lengths = []
+    for kind, nodes in (("planar", 12), ("planar", 16), ("spatial", 20), ("spatial", 28), ("spatial", 40)):
+        scene = make_scene({
+            "wire": {"material": "tungsten", "diameter": 15e-6},
+            "knit": {"bars": bars, **spacing, "repeats": [4, 4]},
+            "model": {"kind": kind, "boundary": "gripped", "nodes_per_loop": nodes},
+        })  # fmt: skip
+        model = build_model(scene)
+        lengths.append(np.sort(model.panel.wire_length) / model.cloth.stitch_length)
+        assert lengths[-1].min() >= 0.25
+    assert all(len(each) == len(lengths[0]) and each == pytest.approx(lengths[0], rel=1e-6) for each in lengths)

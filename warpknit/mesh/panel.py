@@ -24,6 +24,8 @@ from .strands import Strands, closed_strands, cut_strands
 
 END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
 SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
+SHORTEST_PIECE = 0.25  # loops of wire between two grips: what is shorter is part of the grips, and holds no loop
+NOT_HELD = "hold no clasp, or are shorter than a quarter of a loop"
 FRAGMENT_SHARE = 0.1  # of the wire, from which on fragments of less than a loop are told
 GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
@@ -105,11 +107,14 @@ class _Bodies:
     strand_column: np.ndarray  # [body, 2]
 
 
-def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float, clearance: float) -> _Bodies:
-    """All copies of the clasps whose lens lies whole on wires that are there, `clearance` [m] of wire from any grip.
+def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float) -> _Bodies:
+    """All copies of the clasps whose lens lies whole on wires that are there, GRIP_CLEARANCE from any grip.
 
     `slack` [m] is how far a contact may slide beyond its lens along the wire.
     """
+
+    loop = cloth.stitch_length
+    clearance = GRIP_CLEARANCE * loop
 
     def of_arms(name: str, dtype: type = np.int64) -> np.ndarray:
         return np.array([[getattr(a, name) for a in clasp.arms] for clasp in cloth.clasps], dtype=dtype).reshape(-1, 2)
@@ -136,7 +141,8 @@ def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float, cl
         end = begin + strands.count[wire] - 1
         low = np.maximum(low, begin + END_NODES - node)
         high = np.minimum(high, end - 1 - END_NODES - node)
-        wire[(low > 0) | (high < 0) | (strands.count[wire] <= SHORTEST)] = -1
+        is_piece = (strands.arc_end - strands.arc_begin)[wire] < SHORTEST_PIECE * loop
+        wire[(low > 0) | (high < 0) | (strands.count[wire] <= SHORTEST) | is_piece] = -1
     keep = (wire >= 0).all(axis=1)
     return _Bodies(
         clasp=clasp[keep], column=column[keep], row=row[keep], wire=wire[keep], node=node[keep],
@@ -157,8 +163,8 @@ def _fragments(length: np.ndarray, loop: float, dropped: int) -> str:
     is_short = length < loop
     share, short = float(length[is_short].sum() / max(length.sum(), 1e-300)), int(np.count_nonzero(is_short))
     if share < FRAGMENT_SHARE:
-        return f"{dropped} wire fragments at the edges hold no clasp: dropped" if dropped else ""
-    also = f" (and {dropped} fragments that hold no clasp are dropped)" if dropped else ""
+        return f"{dropped} wire fragments at the edges {NOT_HELD}: dropped" if dropped else ""
+    also = f" (and {dropped} fragments that {NOT_HELD} are dropped)" if dropped else ""
     return (
         f"{short} of {len(length)} wires, {percent(share, 0)} of the wire, are fragments of less than a loop, clamped at both"
         f" ends{also}: the grips count as much as the knit; for a tile of endless cloth give model.boundary = 'periodic', for a"
@@ -196,7 +202,7 @@ def build_panel(
         strands = cut_strands(cloth, table, outline)
     if not len(strands.thread):
         raise ModelError("panel.size: no wire crosses the outline: use a larger one")
-    bodies = _place_bodies(cloth, table, strands, slack, GRIP_CLEARANCE * cloth.stitch_length)
+    bodies = _place_bodies(cloth, table, strands, slack)
     if outline is None:
         used = np.arange(len(strands.thread))
     else:
