@@ -16,6 +16,7 @@ from warpknit.cli import main
 from warpknit.commands.run import run
 from warpknit.device_choice import DEFAULT_DEVICE, LEAST_NODES, device_of_mesh
 from warpknit.errors import MemoryNeeded, OutOfResources
+from warpknit.estimate import Size
 from warpknit.mesh.layout import knit_scene
 from warpknit.plan import make_plan
 from warpknit.ranks.ranks import One
@@ -79,7 +80,7 @@ def test_ranks_that_take_gpus_in_turn_are_not_warned(
     tmp_path: Path,
 ) -> None:
     caplog.set_level(logging.WARNING, logger="warpknit")
-    monkeypatch.setattr(runner, "node_count", lambda _scene: LEAST_NODES)
+    monkeypatch.setattr(runner, "size_of", lambda _scene: Size(LEAST_NODES, 0, 0))
     monkeypatch.setattr(runner, "build_model", ends)
     with pytest.raises(Reached):
         runner.run_scene(load_scene(CELL), out=tmp_path / "run", device=asked, ranks=Pair())

@@ -87,7 +87,6 @@ def test_a_kind_that_is_given_stays(kind: str) -> None:
     ("tables", "options", "words"),
     [
         ({"solver": {"multipliers": False}}, {}, "no multipliers"),
-        ({}, {"command": "trade"}, "`warpknit trade`"),
         ({"solver": {"drive": "ramp"}}, {"ranks": 2}, '`solver.drive = "ramp"` and `mpirun`'),
         ({"model": {"boundary": "gripped"}, "panel": {"focal_length": "1 m"}}, {}, "held on a paraboloid"),
     ],
