@@ -27,7 +27,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     at_reach_end            active pairs whose contact has slid to the end of its range along the wire: not reliable
     force_max_N             largest force of the active pairs
     force_mean_N            mean force of the active pairs
-    contact_force_sum_N     sum of the contact forces, in the tables of a trade
+    contact_force_sum_N     sum of the contact forces, in the tables of a trade; in space each counts twice, as the two pairs of a site
     threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
     near_bodies             in space: sites whose wires are closer than 1.25 diameters
     near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
@@ -249,7 +249,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("at_reach_end", m.pairs_at_reach_end, summary="contacts"),
     Measure("force_max_N", lambda r: float(m.active_forces(r).max(initial=0.0)), summary="contacts"),
     Measure("force_mean_N", _mean_force, summary="contacts"),
-    Measure("contact_force_sum_N", lambda r: float(r.pair_force.sum())),
+    Measure("contact_force_sum_N", lambda r: float(r.pair_force.sum() + 2.0 * r.elsewhere_force.sum())),
     Measure("threshold_N", lambda r: m.active_threshold(r.model), summary="contacts"),
     Measure("near_bodies", _near(lambda near: int(near.sum())), summary="contacts"),
     Measure("near_percent", _near(lambda near: 100.0 * float(near.mean()) if len(near) else 0.0), summary="contacts"),

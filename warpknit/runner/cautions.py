@@ -26,6 +26,10 @@ CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few per
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
 BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the error of its minimum
+SEVERAL = (
+    "a tight knit without friction has several equilibria under one load, and this is one of them: compare with other"
+    " model.nodes_per_loop and output.frames"
+)
 SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
 CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
@@ -66,8 +70,12 @@ def _is_loaded(scene: Scene, stage: Stage) -> bool:
 
 def preset_cautions(scene: Scene) -> Iterator[str]:
     """What `plan` says of the accuracy of tight knits, beside a result or a card of one."""
-    if scene.preset_caveat and first_touch(scene) < PLANE_IS_GOOD:
+    if scene.hook is not None or scene.wires is not None or first_touch(scene) >= PLANE_IS_GOOD:
+        return
+    if scene.preset_caveat:
         yield f"preset {scene.preset_in_force}: {scene.preset_caveat}"
+    elif scene.model.kind == "spatial" and not scene.depends_on_path:
+        yield SEVERAL
 
 
 def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:

@@ -117,7 +117,7 @@ def tight_knits(name: str, kind: str) -> str:
     if error is None:
         return ""
     found = f"tensions of tight knits are within {error:g} % of the reference preset at nine of ten loads"
-    compare = f"compare with model.nodes_per_loop = {COMPARED_NODES}"
+    compare = f"compare with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
     return f"{found}; at the others strains, contacts and stress too may be those of another equilibrium: {compare}"
 
 

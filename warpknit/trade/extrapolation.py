@@ -19,17 +19,18 @@ class Extrapolated:
 
     order: float  # p, clipped to the accepted range
     limit: float  # f
-    error: float  # |f1 - f|, of the finest value
+    error: float  # of the finest value: |f1 - f|
 
 
 def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> Extrapolated:
     """Extrapolate from values at n, n/ratio and n/ratio^2 nodes.
 
-    The order is MIN_ORDER, a conservative choice, where the differences do not decrease monotonically.
+    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped, and the error is at
+    least the larger difference.
     """
     first, second = finest - middle, middle - coarsest
-    order = MIN_ORDER
-    if first * second > 0.0:
-        order = min(max(math.log(second / first) / math.log(ratio), MIN_ORDER), MAX_ORDER)
+    apparent = math.log(second / first) / math.log(ratio) if first * second > 0.0 else 0.0
+    order = min(max(apparent, MIN_ORDER), MAX_ORDER)
     step = first / (ratio**order - 1.0)
-    return Extrapolated(order, finest + step, abs(step))
+    least = 0.0 if order == apparent else max(abs(first), abs(second))
+    return Extrapolated(order, finest + step, max(abs(step), least))

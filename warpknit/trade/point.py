@@ -83,6 +83,7 @@ def run_point(
     try:
         for each in simulation.run():
             record = each
+        check_cost(simulation.progress)
     except CostLimitExceeded:
         reason, message, record = "cost limit", f"stopped after {rounded(max_node_steps):,} node-steps", None
     except Diverged as error:

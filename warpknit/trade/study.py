@@ -325,14 +325,14 @@ def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     why = sorted({row["stop_reason"] for row in summary["knobs"] if row["largest_error_percent"] is None})
     reasons = f" ({', '.join(why)})" if why else ""
     yield "points", f"{summary['points']}, {summary['without_result']} without a result{reasons}"
-    own = summary["reference"].get("own_error")
+    own, worst = summary["reference"].get("own_error"), 0.0
     if own:
         worst = max(own["active_percent"], *(100.0 * own[name] for name in ("tension", "contact_force", "stress")))
         yield "reference", f"{summary['reference']['nodes_per_loop'][0]:g} nodes a loop, own error {worst:.2g} %"
     for preset in summary["presets"]:
-        yield preset["point"].split()[1], _cost_and_error(preset)
+        yield preset["point"].split()[1], _cost_and_error(preset, worst)
     for point in summary["front"]:
-        yield "Pareto front", f"{_cost_and_error(point)}: {point['point'].partition(': ')[2]}"
+        yield "Pareto front", f"{_cost_and_error(point, worst)}: {point['point'].partition(': ')[2]}"
     for parameter in dict.fromkeys(row["knob"] for row in summary["knobs"]):
         varied = [row for row in summary["knobs"] if row["knob"] == parameter and row["largest_error_percent"] is not None]
         for row in varied:
@@ -343,6 +343,8 @@ def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "stopped", summary["stop_reason"]
 
 
-def _cost_and_error(point: dict[str, Any]) -> str:
+def _cost_and_error(point: dict[str, Any], own: float) -> str:
+    """Cost and error of a point; `own` [%] is the error of the reference, below which none is known."""
     error = point["largest_error_percent"]
-    return f"{rounded(point['price']):,} node-steps, " + ("no result" if error is None else f"{error:.2g} %")
+    known = "no result" if error is None else f"{error:.2g} %" + (", below the reference's own error" if error < own else "")
+    return f"{rounded(point['price']):,} node-steps, {known}"
