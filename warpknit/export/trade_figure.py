@@ -17,7 +17,12 @@ from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_fig
 
 __all__ = ["Mark", "trade_figure"]
 
-QUANTITIES = ("active contacts [points of %]", "tension [%]", "sum of contact forces [%]", "largest stress [%]")
+QUANTITIES = (
+    "active contacts [points of %]",
+    "tension, or strain where tension is given [%]",
+    "sum of contact forces [%]",
+    "largest stress [%]",
+)
 PERCENT = (1.0, 100.0, 100.0, 100.0)
 LEAST = 1e-3  # [%] smaller errors stand at the foot of the axis
 LABEL_PLACES = (

@@ -27,7 +27,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     at_reach_end            active pairs whose contact has slid to the end of its range along the wire: not reliable
     force_max_N             largest force of the active pairs
     force_mean_N            mean force of the active pairs
-    contact_force_sum_N     sum of the contact forces, in the tables of a trade; in space each counts twice, as the two pairs of a site
+    contact_force_sum_N     sum of the contact forces, in the tables of a trade; in space each counts twice, as the pairs of a site
     threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
     near_bodies             in space: sites whose wires are closer than 1.25 diameters
     near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
@@ -260,8 +260,8 @@ MEASURES: tuple[Measure, ...] = (
     # tensions, force per current width
     Measure("tension_weft_N_per_m", lambda r: m.mesh_tension(r)[0], history=True, summary="mesh", map="map"),
     Measure("tension_warp_N_per_m", lambda r: m.mesh_tension(r)[1], history=True, summary="mesh", map="map"),
-    Measure("fragment_tension_weft_N_per_m", lambda r: m.fragment_tension(r)[0], summary="mesh"),
-    Measure("fragment_tension_warp_N_per_m", lambda r: m.fragment_tension(r)[1], summary="mesh"),
+    Measure("fragment_tension_weft_N_per_m", lambda r: m.fragment_tension(r)[0], history=True, summary="mesh"),
+    Measure("fragment_tension_warp_N_per_m", lambda r: m.fragment_tension(r)[1], history=True, summary="mesh"),
     # wires
     Measure("stress_max_Pa", m.largest_stress, history=True, summary="wire", map="map", over_seeds=max),
     Measure("stress_max_part", stress_peak.peak_part, history=True, summary="wire", kind=str),

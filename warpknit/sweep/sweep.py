@@ -312,7 +312,8 @@ class _Mapper:
         wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
         warnings += [] if (missing := self._missing_warning) is None else [missing]
         scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
-        mesh = f"{self.scene.name}: {wire.material} {1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
+        ends = f"{wire.ends} x " if wire.ends > 1 else ""
+        mesh = f"{self.scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
         found = BY_TENSION if self.sweep.by_tension else BY_STRAIN
         for name, values, label, unit in FIGURES + found + (SEED_FIGURES if seeds > 1 else ()):
             map_figure(

@@ -25,8 +25,8 @@ class Extrapolated:
 def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> Extrapolated:
     """Extrapolate from values at n, n/ratio and n/ratio^2 nodes.
 
-    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped, and the error is at
-    least the larger difference.
+    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped, and the error is
+    at least the larger difference.
     """
     first, second = finest - middle, middle - coarsest
     apparent = math.log(second / first) / math.log(ratio) if first * second > 0.0 else 0.0

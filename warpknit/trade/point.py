@@ -19,6 +19,7 @@ from ..solve.simulate import Progress, Simulation
 from ..text import rounded
 
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: lower bound of the contact force in a relative error
+STRAIN_FLOOR = 1e-3  # lower bound of the strain in a relative error, where tension drives
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in a relative error
 
 
@@ -32,6 +33,8 @@ class Results:
     contact_force_sum_N: float
     contact_force_max_N: float
     stress_max_Pa: float
+    strain_weft: float = 0.0
+    strain_warp: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,7 @@ class Scales:
     force: float
     tension: float
     stress: float
+    by_tension: tuple[bool, bool] = (False, False)  # whether weft and warp are driven by tension: their strain is the result
 
 
 def scales_of(model: MeshModel) -> Scales:
@@ -166,7 +170,8 @@ def scales_of(model: MeshModel) -> Scales:
     bent = wire.youngs_modulus * wire.radius * wire.diameter / model.scene.knit.wale_spacing**2
     tension = TENSION_FLOOR * measure.tension_scale(model)
     force = FORCE_FLOOR * measure.force_scale(model)
-    return Scales(force * model.pair_count, force if model.scene.hook is not None else tension, bent)
+    is_hook, (*_, last) = model.scene.hook is not None, model.scene.stages
+    return Scales(force * model.pair_count, force if is_hook else tension, bent, last.by_tension)
 
 
 @dataclass(frozen=True)
@@ -174,7 +179,7 @@ class Errors:
     """Errors against the reference: relative; of the active share in percentage points."""
 
     active_percent: float
-    tension: float  # the larger of weft and warp, over the larger tension of the reference
+    tension: float  # the larger of weft and warp, over the larger of the reference; of the strain where tension drives
     contact_force: float  # of the sum over all contacts
     stress: float  # of the largest
 
@@ -185,12 +190,18 @@ class Errors:
 
 def errors_of(results: Results, reference: Results, scales: Scales) -> Errors:
     """Errors of results against those of the reference."""
-    tension = np.array([reference.tension_weft_N_per_m, reference.tension_warp_N_per_m])
-    difference = np.array([results.tension_weft_N_per_m, results.tension_warp_N_per_m]) - tension
+    by_tension = np.array(scales.by_tension)
+
+    def larger(of: Callable[[Results], tuple[float, float]], counts: np.ndarray, least: float) -> float:
+        found, true = np.array(of(results)), np.array(of(reference))
+        return float(np.abs(found - true)[counts].max(initial=0.0) / max(np.abs(true).max(), least))
+
+    tension = larger(lambda r: (r.tension_weft_N_per_m, r.tension_warp_N_per_m), ~by_tension, scales.tension)
+    strain = larger(lambda r: (r.strain_weft, r.strain_warp), by_tension, STRAIN_FLOOR)
     force, stress = reference.contact_force_sum_N, reference.stress_max_Pa
     return Errors(
         active_percent=abs(results.active_percent - reference.active_percent),
-        tension=float(np.abs(difference).max() / max(np.abs(tension).max(), scales.tension)),
+        tension=max(tension, strain),
         contact_force=abs(results.contact_force_sum_N - force) / max(force, scales.force),
         stress=abs(results.stress_max_Pa - stress) / max(stress, scales.stress),
     )

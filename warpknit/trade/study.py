@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -30,7 +31,7 @@ from . import parameters
 from .extrapolation import extrapolate
 from .parameters import Overrides, Point
 from .pareto import pareto
-from .point import Outcome, Results, errors_of, run_point, scales_of, settings_of_scene
+from .point import Errors, Outcome, Results, errors_of, run_point, scales_of, settings_of_scene
 from .trade_table import Row, read_rows, write_rows
 
 _log = logging.getLogger(__name__)
@@ -225,6 +226,8 @@ class _Study:
         if self.rows:
             self._compute_errors()
         counted = [row for row in self.rows if row.errors is not None and row.group != "reference"]
+        reference = self._reference()
+        own = Errors(**reference["own_error"]).largest_percent if reference else 0.0
         costs_and_errors = [(row.cost, row.errors.largest_percent) for row in counted if row.errors is not None]
         return {
             "scene": {"name": self.base.scene.name, "hash": self.base.scene.hash},
@@ -234,8 +237,9 @@ class _Study:
             "model": {"kind": self.base.scene.model.kind, "kind_reason": self.base.scene.kind_reason},
             "points": len(self.rows),
             "without_result": sum(row.outcome.results is None for row in self.rows),
-            "reference": self._reference(),
-            "front": [_point_summary(counted[k]) for k in pareto(costs_and_errors)],
+            "without_result_by": dict(Counter(row.outcome.stop_reason for row in self.rows if row.outcome.results is None)),
+            "reference": reference,
+            "front": [_point_summary(counted[k]) for k in pareto(costs_and_errors, own)],
             "presets": [_point_summary(row) for row in self.rows if row.group == "preset"],
             "knobs": parameter_table(self.rows),
         }
@@ -305,6 +309,7 @@ def parameter_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
             "value": value,
             "stop_reason": row.outcome.stop_reason,
             "node_steps_over_base": row.outcome.node_steps / base.outcome.node_steps,
+            "price_over_base": row.cost / base.cost,
             "cpu_over_base": row.outcome.cpu_s / base.outcome.cpu_s if base.outcome.cpu_s else None,
             **{f"error_{name}": error for name, error in errors.items()},
             "largest_error_percent": row.errors.largest_percent if row.errors else None,
@@ -322,15 +327,15 @@ def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for warning in summary.get("warnings", ()):
         yield "warning", warning
     yield from model_rows(summary.get("model"))
-    why = sorted({row["stop_reason"] for row in summary["knobs"] if row["largest_error_percent"] is None})
-    reasons = f" ({', '.join(why)})" if why else ""
+    why = ", ".join(f"{count} {reason}" for reason, count in summary.get("without_result_by", {}).items())
+    reasons = f" ({why})" if why else ""
     yield "points", f"{summary['points']}, {summary['without_result']} without a result{reasons}"
-    own, worst = summary["reference"].get("own_error"), 0.0
-    if own:
-        worst = max(own["active_percent"], *(100.0 * own[name] for name in ("tension", "contact_force", "stress")))
+    worst = 0.0
+    if own := summary["reference"].get("own_error"):
+        worst = Errors(**own).largest_percent
         yield "reference", f"{summary['reference']['nodes_per_loop'][0]:g} nodes a loop, own error {worst:.2g} %"
     for preset in summary["presets"]:
-        yield preset["point"].split()[1], _cost_and_error(preset, worst)
+        yield f"preset {preset['point'].split()[1]}", _cost_and_error(preset, worst)
     for point in summary["front"]:
         yield "Pareto front", f"{_cost_and_error(point, worst)}: {point['point'].partition(': ')[2]}"
     for parameter in dict.fromkeys(row["knob"] for row in summary["knobs"]):
@@ -338,13 +343,17 @@ def trade_lines(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
         for row in varied:
             yield (
                 parameter,
-                f"{row['value'] or 'unchanged'}: {row['node_steps_over_base']:.2g} x, {row['largest_error_percent']:.2g} %",
+                f"{row['value'] or 'unchanged'}: {row['price_over_base']:.2g} x, {_percent(row['largest_error_percent'])}",
             )
     yield "stopped", summary["stop_reason"]
+
+
+def _percent(error: float) -> str:
+    return f"{error:.2g} %" if error < 99.5 else f"{error:.0f} %"
 
 
 def _cost_and_error(point: dict[str, Any], own: float) -> str:
     """Cost and error of a point; `own` [%] is the error of the reference, below which none is known."""
     error = point["largest_error_percent"]
-    known = "no result" if error is None else f"{error:.2g} %" + (", below the reference's own error" if error < own else "")
+    known = "no result" if error is None else _percent(error) + (", below the reference's own error" if error < own else "")
     return f"{rounded(point['price']):,} node-steps, {known}"
