@@ -87,3 +87,15 @@ def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
 def test_unknown_states_carry_nothing():
     rows = [row(x, y, (None, None)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
     assert equal_tension(rows, 1e9).largest == 0.0
+
+
+def test_a_card_in_another_equilibrium_than_the_path_is_told() -> None:
+    """The state of a card is found to a smaller tolerance from that of the path; beside a jump it may leave it."""
+    row = SimpleNamespace(strain_weft=0.076, strain_warp=0.059, active_percent=50.0, stress_max_Pa=364e6, stage="equal tension")
+    scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=2 GPa"])
+    path = EqualTensionPath(at={2.0: row})
+    for stress, strain, same in ((364e6, 0.076, True), (370e6, 0.077, True), (306e6, 0.0755, False), (364e6, 0.072, False)):
+        card = SimpleNamespace(strain_weft=strain, strain_warp=0.059, active_percent=50.0, stress_max=stress)
+        (point,) = (each for each in service_points(scene, path, [], 2.0, card) if each.tension == 2.0)
+        assert point.resolved == same and point.stress_max == stress
+        assert same or "364 MPa at 7.6 % / 5.9 % on the curves under equal tensions" in point.stress

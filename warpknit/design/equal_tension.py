@@ -17,7 +17,7 @@ from ..runner.history import Row, mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from ..sweep.states import Mesh
-from ..text import engineering
+from ..text import engineering, percent
 from .card import MaterialCard
 from .load_path import LoadPath, PathState, part_of, under_tension
 from .service import EqualTension, ServicePoint
@@ -32,6 +32,7 @@ NO_PATH = "no strains of equal tension in the map"
 MISSES = 2  # stages in a row that may fail
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
 JUMPS_TOLD = 4
+SAME_STRESS, SAME_STRAIN = 0.05, 0.003  # largest differences of one state to two tolerances: relative, and strain
 
 
 @dataclass(frozen=True)
@@ -153,11 +154,26 @@ def service_points(
             points.append(ServicePoint(tension, why=_unreached(path, jumps, tension)))
             continue
         strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
+        left = ""
         if tension == requested and card is not None:
             strains, active, stress = (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max
-        why = YIELDED if stress > scene.wire.yield_stress else ""
-        points.append(ServicePoint(tension, strains, active, stress, why, row.stage))
+            left = left_path(row, card)
+        why = ", ".join(part for part in (YIELDED if stress > scene.wire.yield_stress else "", left) if part)
+        points.append(ServicePoint(tension, strains, active, stress, why, row.stage, not left))
     return points
+
+
+def left_path(row: Row, card: MaterialCard) -> str:
+    """Whether the state of a card, found to a smaller tolerance, is another than that of the path at its tension, in words."""
+    stress, strain = (
+        card.stress_max / max(row.stress_max_Pa, 1e-300),
+        max(abs(card.strain_weft - row.strain_weft), abs(card.strain_warp - row.strain_warp)),
+    )
+    if abs(stress - 1.0) <= SAME_STRESS and strain <= SAME_STRAIN:
+        return ""
+    strains = f"{percent(row.strain_weft)} / {percent(row.strain_warp)}"
+    there = f"{engineering(row.stress_max_Pa, 'Pa')} at {strains} on the curves under equal tensions"
+    return f"another equilibrium than {there}: found to a smaller tolerance, beside a jump"
 
 
 def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) -> str:
@@ -197,5 +213,5 @@ def _point(point: ServicePoint) -> Answer:
     state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
     active = point.active_percent if state else None
     why = {"why": point.why} if point.why else {}
-    place = {"stage": point.stage if state else None, "resolved": True, "jump": None}
+    place = {"stage": point.stage if state else None, "resolved": point.resolved, "jump": None}
     return {"tension_N_per_m": point.tension, "active_percent": active, "state": state} | place | why

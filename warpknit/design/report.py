@@ -30,6 +30,7 @@ from .curves import tension_strain
 from .equal_tension import (
     EqualTensionPath,
     jump_text,
+    left_path,
     load_equally,
     service_points,
     service_tensions,
@@ -169,7 +170,9 @@ def _card(
     else:
         with suppress(Diverged):
             rows.append(row_of(LoadPath(model, begin).to(beyond)))
-    return replace(card, jumps=jump_text(passed) or ""), mesh, text, rows
+    left = "" if tension is None else left_path(path.at[tension], card)
+    told = "; ".join(part for part in (jump_text(passed), left and f"its state is {left}") if part)
+    return replace(card, jumps=told), mesh, text, rows
 
 
 def _another(scene: Scene, path: EqualTensionPath) -> str:

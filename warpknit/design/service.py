@@ -24,6 +24,7 @@ class ServicePoint:
     stress_max: float = 0.0  # [Pa]
     why: str = ""  # there is no state, or what limits it
     stage: str = ""  # of the state
+    resolved: bool = True  # whether the path under equal tensions has the same state
 
     @property
     def name(self) -> str:

@@ -27,7 +27,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     at_reach_end            active pairs whose contact has slid to the end of its range along the wire: not reliable
     force_max_N             largest force of the active pairs
     force_mean_N            mean force of the active pairs
-    contact_force_sum_N     sum of the contact forces, in the tables of a trade; in space each counts twice, as the pairs of a site
+    contact_force_sum_N     sum of the contact forces, in the tables of a trade; in space each twice, as pairs
     threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
     near_bodies             in space: sites whose wires are closer than 1.25 diameters
     near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
