@@ -139,16 +139,21 @@ class _Study:
         remaining = [point for point in points if point.name not in done]
         if not remaining:
             return
-        limit = math.inf
-        total = 0.0
+        limit, total = self._limit, 0.0
         for point in remaining:
             self._interrupts.check()
             time, work = self._expected(point)
-            total += time * min(1.0, limit / max(work, 1.0))
+            total += time * min(1.0, limit / max(work, 1.0)) * (work <= self._factor * limit)
             if point.group == "reference" and limit == math.inf:
                 limit = COST_LIMIT * work
         about = f"about {duration(total)} on this CPU, within a factor of {self._factor:g}"
         _log.info("%d points to run: %s", len(remaining), "not estimated on a GPU" if self.device != "cpu" else about)
+
+    @property
+    def _limit(self) -> float:
+        """Node-steps of a point, at most; none for the reference itself."""
+        reference = next((row for row in self.rows if row.group == "reference"), None)
+        return math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
 
     @property
     def _factor(self) -> float:
@@ -189,9 +194,7 @@ class _Study:
         is_reference = point.group == "reference"
         if is_reference:
             self._load(point)  # raises where the reference is refused
-        reference = next((row for row in self.rows if row.group == "reference"), None)
-        limit = math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
-        expected = self._expected(point)[1]
+        limit, expected = self._limit, self._expected(point)[1]
         if expected > self._factor * limit:
             message = f"not run: about {rounded(expected):,} node-steps, where the limit is {rounded(limit):,}"
             outcome = Outcome(settings_of_scene(self._load(point)), None, "cost limit", message)
