@@ -186,7 +186,8 @@ def trade(
 
     from warpknit.commands.carried_out import naming_the_file
     from warpknit.runner.progress_display import progress_for
-    from warpknit.trade.study import run_trade, trade_lines
+    from warpknit.trade.study import run_trade
+    from warpknit.trade.trade_summary import trade_lines
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_trade(
