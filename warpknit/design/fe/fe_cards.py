@@ -27,6 +27,7 @@ CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
 NONE = "none: "  # before the reason, in place of a file
 FILES = tuple(file for file, _ in CODES.values())
 WITH_CURVES = {"abaqus": "Abaqus", "lsdyna": "LS-DYNA", "radioss": "Radioss"}  # codes with FABRIC, and their names
+ONLY_CURVES = "radioss"  # has no card without curves
 
 
 def missing_cards(fe_cards: Mapping[str, str]) -> Iterator[str]:
@@ -50,11 +51,12 @@ def limit_of_curves(card: MaterialCard, path: Sequence[Row], codes: Sequence[str
 
     path: as for `write_fe_cards`. at_jump: whether it ends at a jump.
     """
-    names = [name for code, name in WITH_CURVES.items() if code in codes]
+    why = why_no_curves(card, path)
+    names = [name for code, name in WITH_CURVES.items() if code in codes and not (why and code == ONLY_CURVES)]
     if not names:
-        return None
+        return f"no card for {ONLY_CURVES}: {why}" if why and ONLY_CURVES in codes else None
     files = f"the files for {' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)}"
-    if why := why_no_curves(card, path):
+    if why:
         return f"{files} have no tension-strain curves (FABRIC): {why}"
     at_card = 0.5 * (card.tension_weft + card.tension_warp)
     end = max(at_card, mean_tension(path[-1]))
