@@ -337,9 +337,8 @@ def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
     return taken, False
 
 
-TOO_THICK = (
-    "the yarn is too thick for the loops, or the bars lap through each other"  # cause of contacts that carry force as knitted
-)
+# cause of contacts that carry force as knitted
+TOO_THICK = "the yarn is too thick for the loops, or the bars lap through each other"
 
 
 def strength_exceeded(stress: float, strength: float) -> str:

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.cli import main
+from warpknit.errors import RunDirectoryError
 from warpknit.planar import trials
 from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
@@ -233,3 +234,10 @@ def test_error_is_refused_where_it_means_nothing(tmp_path: Path, options: tuple[
     result = CliRunner().invoke(main, ["run", str(CELL), "--out", str(tmp_path / "r"), *options])
     assert result.exit_code == 2
     assert said in result.output
+
+
+def test_table_of_another_version_is_refused_in_one_line(tmp_path: Path) -> None:
+    """One without a column of this version's."""
+    (tmp_path / "trade.csv").write_text("preset,group\ndraft,preset\n", encoding="utf-8")
+    with pytest.raises(RunDirectoryError, match="not of this version .*strain_weft.*: start over with --force"):
+        read_rows(tmp_path / "trade.csv")

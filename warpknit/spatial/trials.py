@@ -37,7 +37,7 @@ def reference(scene: Scene, nodes: int) -> tuple[int, float]:
 
 def varied(scene: Scene, softening: float) -> Varied:
     """Values that a trade tries."""
-    softenings = tuple(float(f"{share * softening:.3g}") for share in VARIED_SOFTENINGS)
+    softenings = tuple(share * softening for share in VARIED_SOFTENINGS)
     nodes, tolerances = COMBINED
     together = combined(nodes, (scene.solver.axial_softening,), tolerances, scene.solver.precision)
     return Varied(VARIED_NODES, softenings, VARIED_TOLERANCES, RAMP_NODES, together)

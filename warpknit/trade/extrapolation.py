@@ -19,7 +19,7 @@ class Extrapolated:
 
     order: float  # p, clipped to the accepted range
     limit: float  # f
-    error: float  # of the finest value: |f1 - f|
+    error: float  # of the finest value: |f1 - f|, more where the order is clipped
 
 
 def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> Extrapolated:

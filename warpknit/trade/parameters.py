@@ -74,7 +74,7 @@ def single_parameter_points(base: Model, varied: Varied) -> Iterator[Point]:
 
 def _relaxation_parameters(base: Model, varied: Varied) -> Iterator[tuple[str, str, Sequence[object]]]:
     yield "nodes_per_loop", "model.nodes_per_loop", varied.nodes_per_loop
-    yield "axial_softening", "solver.axial_softening", varied.axial_softening
+    yield "axial_softening", "solver.axial_softening", [_rounded(value) for value in varied.axial_softening]
     yield "residual_tolerance", "solver.residual_tolerance", varied.residual_tolerance
     yield "contact_stiffness", "contact.stiffness", [_rounded(factor * base.contact_stiffness) for factor in STIFFNESSES]
     yield "precision", "solver.precision", ("single", "double")

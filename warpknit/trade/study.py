@@ -168,8 +168,8 @@ class _Study:
         except InputError:
             return 0.0, 0.0
         finer = scene.model.nodes_per_loop / self.base.scene.model.nodes_per_loop
-        finer *= math.prod(scene.knit.repeats) / math.prod(self.base.scene.knit.repeats)
-        counts = {name: round(finer * getattr(self.size, name)) for name in ("nodes", "near", "close")}
+        larger = math.prod(scene.knit.repeats) / math.prod(self.base.scene.knit.repeats)
+        counts = {name: round(finer * larger * getattr(self.size, name)) for name in ("nodes", "near", "close")}
         size = replace(self.size, **counts, spacing=self.size.spacing / finer)
         if ramp is not None:
             size = replace(size, time_step=ramp.time_step, loading_time=ramp.loading_time)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..errors import RunDirectoryError
 from ..files import write_aside
 from .point import Errors, Outcome, Results
 
@@ -62,11 +63,17 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """Rows that `write_rows` wrote, without errors, settings as text; none where the file is absent."""
+    """Rows that `write_rows` wrote, without errors, settings as text; none where the file is absent.
+
+    Raises `RunDirectoryError` where it is of another version.
+    """
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:
-        return [_row(values) for values in csv.DictReader(file)]
+        reader = csv.DictReader(file)
+        if missing := set(COLUMNS) - set(reader.fieldnames or ()):
+            raise RunDirectoryError(f"{path}: not of this version (no {', '.join(sorted(missing))}): start over with --force")
+        return [_row(values) for values in reader]
 
 
 def _row(values: dict[str, str]) -> Row:
