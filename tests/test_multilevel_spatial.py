@@ -349,7 +349,7 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
     drive = Simulation(mesh(STRIP, "model.boundary=gripped")).drive
     assert isinstance(drive, MultilevelRelaxation) and drive.membrane is not None
     membrane, share, moved = drive.membrane, 0.1, []
-    drive._begin_solving()
+    drive._begin_solving(1.0)
     grid = np.ones((int(np.prod(membrane._cells + 1)), 2))
     monkeypatch.setattr(membrane, "move", lambda correction: moved.append(correction.grid[0, 0]))
     monkeypatch.setattr(drive, "_step_on", lambda steps: None)

@@ -40,29 +40,38 @@ class Convergence:
 
     def begin(self, row: int) -> None:
         """A level of this mesh begins."""
-        self._best[:, row], self._stalled[row], self._met[row] = np.inf, 0, 0
+        self.go_on(row)
+        self._met[row] = 0
+
+    def go_on(self, row: int) -> None:
+        """A level goes on, to a smaller ratio."""
+        self._best[:, row], self._stalled[row] = np.inf, 0
 
     def with_drift(
-        self, rows: np.ndarray, ratio: np.ndarray, stress: Callable[[np.ndarray], np.ndarray], to_ratio: float = 1.0
+        self,
+        rows: np.ndarray,
+        ratio: np.ndarray,
+        stress: Callable[[np.ndarray], np.ndarray],
+        to_ratio: np.ndarray | float = 1.0,
     ) -> np.ndarray:
         """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
 
-        The drift ratio is computed where the residual ratio is below 1; only there `stress` (row, 2, 2) [N/m] is evaluated.
-        to_ratio: residual ratio that is asked for. Above 1 the drift does not count; one below 1 is waited for, not for ever.
+        The drift ratio is computed where the residual ratio is small enough; only there `stress` (row, 2, 2) [N/m] is evaluated.
+        to_ratio: ratios asked for, of all or [row]. Above 1 both tolerances are as much larger; one below 1 is asked of the
+        residual, and waited for, not for ever.
         """
-        if to_ratio > 1.0:
-            return ratio / to_ratio
-        asked, met = ratio / to_ratio, ratio < 1.0
+        to_ratio = np.broadcast_to(to_ratio, ratio.shape)
+        tolerance = np.maximum(to_ratio, 1.0)
+        met, unmet = ratio < tolerance, ratio / tolerance
         self._met[rows[~met]] = 0
-        ratio = ratio.copy()
         if met.any():
-            ratio[met] = np.maximum(ratio[met], self._drift_ratio(rows[met], stress(rows[met])))
+            unmet[met] = np.maximum(unmet[met], self._drift_ratio(rows[met], stress(rows[met]), tolerance[met]))
             waits = met & (self._met[rows] <= MOST_WAITING)
-            ratio[waits] = np.maximum(ratio[waits], asked[waits])
-        return ratio
+            unmet[waits] = np.maximum(unmet[waits], ratio[waits] / to_ratio[waits])
+        return unmet
 
-    def _drift_ratio(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """[row] extrapolated drift of the stress over its tolerance; 1 with too few checks."""
+    def _drift_ratio(self, rows: np.ndarray, stress: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
+        """[row] extrapolated drift of the stress over its tolerance, `tolerance` times the usual one; 1 with too few checks."""
         self._stress[:, rows] = np.roll(self._stress[:, rows], -1, axis=0)
         self._stress[-1, rows] = stress
         self._met[rows] += 1
@@ -73,7 +82,7 @@ class Convergence:
             earlier = np.abs(before - self._stress[-1 - 2 * span, rows]).max(axis=largest)
             moved = moved / (1.0 - np.minimum(moved / np.maximum(earlier, 1e-300), self.drift.max_decay_ratio))
         scale = np.maximum(np.abs(now).max(axis=largest), self.least_tension)
-        drift = moved / (self.tolerance * scale)
+        drift = moved / (tolerance * self.tolerance * scale)
         return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, 1.0))
 
     def drifts(self, row: int) -> bool:

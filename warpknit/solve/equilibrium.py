@@ -61,16 +61,13 @@ class Equilibrium:
         self._check_steps = group.members[0].check_steps
         self._can_overlap = group.members[0].can_overlap
 
-    def begin(self, row: int) -> None:
-        """Start a level: reset its checks."""
-        self.relaxations[row].progress.begin_level()
+    def begin(self, row: int, to_ratio: float = 1.0) -> None:
+        """Start a level: reset its checks; to_ratio: see `Convergence.with_drift`."""
+        self.relaxations[row].progress.begin_level(to_ratio)
         self.convergence.begin(row)
 
-    def advance(self, rows: np.ndarray, to_ratio: float = 1.0) -> CheckOutcome:
-        """Step these meshes to their next convergence check, and check them.
-
-        to_ratio: see `Convergence.with_drift`.
-        """
+    def advance(self, rows: np.ndarray) -> CheckOutcome:
+        """Step these meshes to their next convergence check, and check them."""
         failed: dict[int, Diverged] = {}
         taken, diverged = self.group.advance(rows, self._check_steps)
         for row, steps, lost in zip(rows.tolist(), taken.tolist(), diverged.tolist(), strict=True):
@@ -92,7 +89,8 @@ class Equilibrium:
             self.relaxations[row].progress.residual = residual
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
-        ratio = self.convergence.with_drift(rows, ratio, self.group.stress, to_ratio)
+        asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
+        ratio = self.convergence.with_drift(rows, ratio, self.group.stress, asked)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
@@ -100,6 +98,9 @@ class Equilibrium:
             failed[row] = self.relaxations[row].stalled()
         for row, unmet in zip(rows[checked].tolist(), ratio[checked].tolist(), strict=True):
             self.relaxations[row].progress.approach(unmet)
+        for row, met in zip(rows[~unconverged].tolist(), ratio[~unconverged].tolist(), strict=True):
+            progress = self.relaxations[row].progress
+            progress.reached = met * max(1.0, progress.to_ratio)
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
             if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()
@@ -107,11 +108,11 @@ class Equilibrium:
             self.group.renew(rows[unconverged], checks[unconverged])
         return CheckOutcome(rows[~unconverged].tolist(), failed)
 
-    def solve(self, to_ratio: float = 1.0) -> None:
-        """Step one mesh alone until it is in equilibrium; to_ratio: see `Convergence.with_drift`. Raises `Diverged`."""
+    def solve(self) -> None:
+        """Step one mesh alone until it is in equilibrium. Raises `Diverged`."""
         relaxation, row = self.relaxations[0], np.array([0])
         while True:
-            outcome = self.advance(row, to_ratio)
+            outcome = self.advance(row)
             if outcome.failed:
                 raise outcome.failed[0]
             if outcome.converged:

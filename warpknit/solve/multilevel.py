@@ -259,8 +259,8 @@ class MultilevelRelaxation(Relaxation):
                 self._step_on(MOVE_STEPS)
                 cast(EdgeMechanics, self.mechanics).renew_damping()
 
-    def _begin_solving(self) -> None:
-        super()._begin_solving()
+    def _begin_solving(self, to_ratio: float) -> None:
+        super()._begin_solving(to_ratio)
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
@@ -277,7 +277,7 @@ class MultilevelRelaxation(Relaxation):
 
     def corrected(self, ratio: float) -> float:
         progress, membrane = self.progress, self.membrane
-        if membrane is None:
+        if membrane is None or math.isinf(ratio):
             return ratio
         residual = progress.residual / self.scene.solver.residual_tolerance
         is_slow = residual > SLOW_DECAY * progress.ratio or residual < SETTLED

@@ -67,6 +67,8 @@ class Progress:
     residual: float = 0.0
     checks: int = 0  # convergence checks of the level
     largest_ratio: float = 0.0  # of the level: the unmet criteria of convergence, over their tolerances
+    to_ratio: float = 1.0  # criteria of convergence over their tolerances that are asked for
+    reached: float = 1e30  # the same where the level last converged
     level_share: float = 0.0  # of the way to convergence, in decades of that ratio; 0 while smaller meshes are solved
     start: LoadStart = field(default_factory=LoadStart)  # of the stage
     search: TensionSearch = field(default_factory=TensionSearch)
@@ -87,9 +89,9 @@ class Progress:
     followed: list[float] = field(default_factory=list)  # strains and tensions [N/m] at the last check
     stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last check
 
-    def begin_level(self) -> None:
+    def begin_level(self, to_ratio: float = 1.0) -> None:
         """A level begins: it has no check yet."""
-        self.checks, self.largest_ratio, self.level_share = 0, 0.0, 0.0
+        self.checks, self.largest_ratio, self.level_share, self.to_ratio = 0, 0.0, 0.0, to_ratio
 
     def approach(self, ratio: float) -> None:
         """Note, at a check, the unmet criteria of convergence over their tolerances."""

@@ -28,6 +28,8 @@ from .tension import MAX_STATES, TensionSearch
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
 MAX_SLOW_CUTS = 1  # the same where it fails after many steps without progress
+APPROXIMATE = 10.0  # criteria over their tolerances: with smaller ones the tension of an equilibrium is known approximately
+NEAR, CLOSER = 3.0, 0.5  # errors of such a tension from the wanted one, at which the equilibrium is solved closer, and how far
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
 
 
@@ -177,8 +179,8 @@ class Relaxation(Drive):
         """Apply `wire.set_fraction` from one share of it to another."""
         self.mechanics.release(begin, end)
 
-    def reach(self, load: LoadPoint, wanted: WantedTension | None) -> Iterator[Unsolved]:
-        """Find the equilibrium at a load, or continue an unfinished one."""
+    def reach(self, load: LoadPoint, wanted: WantedTension | None, to_ratio: float = 1.0) -> Iterator[Unsolved]:
+        """Find the equilibrium at a load, or continue an unfinished one; to_ratio: see `Convergence.with_drift`."""
         progress, self._wanted = self.progress, wanted
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
@@ -186,7 +188,7 @@ class Relaxation(Drive):
         self.mechanics.may_overlap = as_knitted and progress.part == 0
         if not progress.solving:
             load = self._prepare(load, wanted)
-            self.begin_level(load)
+            self.begin_level(load, to_ratio if wanted is None else APPROXIMATE)
         yield UNSOLVED
         if wanted is not None:
             yield from self._find_tension(wanted, load)
@@ -195,8 +197,8 @@ class Relaxation(Drive):
 
     def solve(self, load: LoadPoint, wanted: WantedTension | None = None, to_ratio: float = 1.0) -> None:
         """Find the equilibrium under a load; to_ratio: see `Convergence.with_drift`. Raises `Diverged`."""
-        for _ in self.reach(load, wanted):
-            self.equilibrium.solve(to_ratio)
+        for _ in self.reach(load, wanted, to_ratio):
+            self.equilibrium.solve()
 
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the equilibrium under a load, and its state variables."""
@@ -209,13 +211,13 @@ class Relaxation(Drive):
         strain = None if wanted is None else self.progress.search.tangent.predicted_strain(wanted.tension, wanted.driven)
         return load if wanted is None or strain is None else load.strained(wanted.gradient(load.gradient, strain))
 
-    def begin_level(self, load: LoadPoint) -> None:
-        """Start the next level: predict its state and apply its load."""
+    def begin_level(self, load: LoadPoint, to_ratio: float) -> None:
+        """Start the next level: predict its state and apply its load; to_ratio: see `Convergence.with_drift`."""
         self._start_level(load)
         self.progress.search.begin_level()
         self.mechanics.begin_level()
         self.progress.solving = True
-        self._begin_solving()
+        self._begin_solving(to_ratio)
 
     def _start_level(self, load: LoadPoint) -> None:
         """Extrapolate the state from the last two levels, and apply the load."""
@@ -229,8 +231,8 @@ class Relaxation(Drive):
         self._last_gradient = now
         self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=ratio > 0.0))
 
-    def _begin_solving(self) -> None:
-        self.equilibrium.begin(self.row)
+    def _begin_solving(self, to_ratio: float) -> None:
+        self.equilibrium.begin(self.row, to_ratio)
 
     def strain_and_tension(self) -> tuple[np.ndarray, np.ndarray]:
         """Strain (2,) and tension (2,) [N/m] of the mesh in weft and warp."""
@@ -241,13 +243,25 @@ class Relaxation(Drive):
         self, search: TensionSearch, strain: np.ndarray, tension: np.ndarray, wanted: WantedTension
     ) -> np.ndarray | None:
         """Strain (2,) that a search tries next, or None where the tension is reached."""
-        scale, tolerance = tension_scale(self.model), self.scene.solver.residual_tolerance
+        scale, tolerance = tension_scale(self.model), self.progress.to_ratio * self.scene.solver.residual_tolerance
         return search.next_strain(strain, tension, wanted.tension, wanted.driven, scale, tolerance)
 
     def _find_tension(self, wanted: WantedTension, load: LoadPoint) -> Iterator[Unsolved]:
-        """Vary the strain until the equilibrium carries the prescribed tension."""
+        """Vary the strain until the equilibrium carries the prescribed tension.
+
+        An equilibrium that carries another tension need not be exact: it is left once the tension is known well enough.
+        """
+        progress = self.progress
         while True:
             strain, tension = self.strain_and_tension()
+            known = NEAR * self.scene.solver.residual_tolerance * wanted.tension.max()
+            asked = max(1.0, float(np.abs(tension - wanted.tension)[wanted.driven].max()) / known)
+            if asked < progress.to_ratio:
+                progress.to_ratio = max(1.0, min(asked, CLOSER * progress.to_ratio))
+                self.equilibrium.convergence.go_on(self.row)
+                if progress.reached >= progress.to_ratio:
+                    yield UNSOLVED
+                continue
             next_strain = self.next_strain(self.progress.search, strain, tension, wanted)
             if next_strain is None:
                 return
@@ -259,7 +273,7 @@ class Relaxation(Drive):
                     f" {force[3]} at {percent(strain[0])} / {percent(strain[1])}): the mesh goes from slack to taut"
                     " there, or jumps to another equilibrium; give other output.frames, or strains"
                 )
-            self._begin_solving()
+            self._begin_solving(APPROXIMATE)
             load = load.strained(wanted.gradient(self.state.gradient, next_strain))
             self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=False))
             yield UNSOLVED

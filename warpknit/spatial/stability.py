@@ -47,7 +47,7 @@ class Stability:
         return self._checks > 0 and not self._is_over
 
     def after_check(self, ratio: float) -> float:
-        """The residual ratio of a convergence check, at least 1 while the mesh is tested; starts, continues and ends the test."""
+        """The residual ratio of a convergence check, infinite while the mesh is tested; starts, continues and ends the test."""
         if self._is_over or (self._checks == 0 and ratio >= 1.0):
             return ratio
         energy, before = self.relaxation.kinetic_energy(), self._energy
@@ -63,7 +63,7 @@ class Stability:
             self.has_left = True
             self._note()
         self.hold_damping()
-        return max(ratio, 1.0)
+        return math.inf
 
     def hold_damping(self) -> None:
         """Damp the mesh little while it is tested."""
