@@ -48,7 +48,7 @@ STEPS_FROM_SMALLER = 1_000.0  # of a level of a large mesh with multilevel start
 STEPS_FROM_REPEAT = 15_000.0  # of a level of a mesh with another outline than a rectangle: 7,000 to 20,000 measured
 SMALLER_SHARE = 1.6  # time of a large mesh, checks and smaller meshes included, over that of its steps
 GRIPPED = 3.0  # factor on the steps of a tile: 1 to 4 at the standard preset, 2 to 3 at draft, 2 x 2 to 7 x 6 repeats
-TENSION_STATES = 10.0  # equilibria of a level driven by tension
+TENSION_STATES = 4.0  # times the steps of a level that goes by strain
 
 STEP_TIME = 20e-6  # [s] overhead of a step on the CPU: launches, and a convergence check every 50 steps
 RECORD_TIME = 0.01  # [s] to measure and write a state

@@ -45,7 +45,8 @@ SLOW_LEVELS = "a level at which contacts of a tight knit come and go may take te
 
 STEPS_A_LEVEL = 600.0  # however many nodes
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
-TENSION_STATES = 6  # times the steps of a level that goes by strain: 4 to 9 at 20 mN/m both ways
+# times the steps of a level that goes by strain, and of the first one beside: 40 runs of one repeat within a factor of 3
+TENSION_STATES, FIRST_STATES = 2, 9
 FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits
 GRIPPED = 3.0  # times the steps of a tile
 FROM_SMALLER = 1.4  # the same of a gripped mesh that starts from a smaller one: 775 steps
@@ -159,7 +160,9 @@ def _states(scene: Scene, stage: Stage, before: Stage | None) -> int:
     """Steady states of a stage that comes after another."""
     levels = scene.output.frames
     if any(stage.by_tension):
-        return levels * (TENSION_STATES if stage.tension_weft or stage.tension_warp else FREE_STATES)
+        if stage.tension_weft or stage.tension_warp:
+            return levels * TENSION_STATES + (FIRST_STATES if before is None else 0)
+        return levels * FREE_STATES
     if not scene.depends_on_path:
         return levels
     farthest = max(
