@@ -17,6 +17,8 @@ import warp as wp
 
 from warpknit.device import compile_times
 from warpknit.errors import RunDirectoryError
+from warpknit.runner import watch
+from warpknit.runner.progress_display import Progress
 from warpknit.runner.run import run_scene
 from warpknit.runner.watch import Watch
 from warpknit.scene import load_scene
@@ -66,12 +68,24 @@ def test_two_runs_agree_to_the_bit(tmp_path: Path) -> None:
         assert all(np.array_equal(a[key], b[key]) for key in a)
 
 
-@pytest.mark.parametrize("drive", ["relax", "ramp"])
+class Rates(Progress):
+    """Keeps the rates that a run shows."""
+
+    def __init__(self) -> None:
+        self.shown: list[float | None] = []
+
+    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+        self.shown.append(node_steps_per_s)
+
+
+@pytest.mark.parametrize("drive", ["relax", "relax by tension", "ramp"])
 def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run that is interrupted and resumed equals one that was not."""
-    extra = [f"solver.drive={drive}"]
+    """A run that is interrupted and resumed equals one that was not. The rate it shows is of the steps since then."""
+    extra = [f"solver.drive={drive.split()[0]}"]
     if drive == "ramp":
         extra += ['solver.loading_time="1 ms"', "solver.damping=30000", "solver.residual_tolerance=0.05"]
+    elif drive == "relax by tension":
+        extra += ["load.tension_weft=0.05", "load.tension_warp=0.05", "output.frames=1"]
     scene = cell(*extra)
     run_scene(scene, out=tmp_path / "whole", device="cpu")
     original = Watch._check
@@ -91,7 +105,10 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
         run_scene(scene, out=tmp_path / "parts", device="cpu")
     second = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True)
     assert second.exit_code == 130
-    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 0
+    monkeypatch.setattr(watch, "DISPLAY_INTERVAL", 0.0)
+    rates = Rates()
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True, progress=rates).exit_code == 0
+    assert rates.shown[0] is None and None not in rates.shown[1:]
     assert (tmp_path / "whole" / "history.csv").read_text() == (tmp_path / "parts" / "history.csv").read_text()
     for a, b in zip(states(tmp_path / "whole"), states(tmp_path / "parts"), strict=True):
         assert all(np.array_equal(a[key], b[key]) for key in a)

@@ -97,6 +97,7 @@ class Recorder:
         self._last: Record | None = None
         self._stage: dict[str, Any] | None = None  # summary of the stage so far
         self._stage_shown = -1
+        self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
         self.watch = Watch(
             simulation,
             out,
@@ -228,9 +229,11 @@ class Recorder:
         if progress.stage_index != self._stage_shown:
             self._stage_shown = progress.stage_index
             self.display.stage(stages[progress.stage_index].name, number=progress.stage_index + 1, of=len(stages))
-        elapsed = time.perf_counter() - self.watch.begin
-        # None while the smaller meshes of a large one are solved
-        rate = progress.steps * self.model.node_count / elapsed if elapsed > 0 and progress.steps else None
+        clock = time.perf_counter()
+        if self._counted_from is None or not progress.steps:  # before, the smaller meshes of a large one are solved
+            self._counted_from = progress.steps, clock
+        before, begin = self._counted_from
+        rate = (progress.steps - before) * self.model.node_count / (clock - begin) if progress.steps > before else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
         self.display.update(
             done=min(1.0, (max(0, records) + progress.level_share) / max(1, self.scene.output.frames)),

@@ -48,7 +48,7 @@ class Watch:
         self._ranks = simulation.model.ranks
         self._show, self._before_checkpoint = show, before_checkpoint
         self._wall_before = wall_before
-        self.begin = self._saved = self._shown = time.perf_counter()
+        self._begin = self._saved = self._shown = time.perf_counter()
         self._interval = self._scene.output.checkpoint_interval
         self.interrupts = Interrupts()
         simulation.watch = self._check
@@ -56,7 +56,7 @@ class Watch:
     @property
     def wall(self) -> float:
         """[s] wall time of the run so far."""
-        return self._wall_before + time.perf_counter() - self.begin
+        return self._wall_before + time.perf_counter() - self._begin
 
     def run(self, keep: Callable[[Record], None]) -> LoopResult:
         """Run to the end; `keep` receives every record."""
