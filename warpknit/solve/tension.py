@@ -22,7 +22,7 @@ from .secant_tangent import STEP_LIMIT, SecantTangent
 
 PROBE = 2e-4  # strain of the first step, which measures the stiffness: before it the order of magnitude is unknown
 TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by which both scatter; at most
-TOLERANCE_SHARE = 2.0 / 3.0  # the same over the residual tolerance, by which tensions scatter
+TOLERANCE_SHARE = 1.0 / 3.0  # the same over the residual tolerance: soft meshes answer heat by few tolerances of their strain
 PATIENCE = 20  # equilibria after which the residual tolerance will do, by which tensions scatter
 SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
 OVERSHOT = 0.5  # of a step, after one by the same tangent that changed the sign of what is lacking
