@@ -23,7 +23,7 @@ from .drive import Drive, under
 from .equilibrium import Equilibrium
 from .progress import Progress, Record
 from .stage_load import history_steps
-from .tension import MAX_STATES, TensionSearch
+from .tension import MAX_STATES, TensionSearch, relative_miss
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
@@ -254,8 +254,8 @@ class Relaxation(Drive):
         progress = self.progress
         while True:
             strain, tension = self.strain_and_tension()
-            known = NEAR * self.scene.solver.residual_tolerance * wanted.tension.max()
-            asked = max(1.0, float(np.abs(tension - wanted.tension)[wanted.driven].max()) / known)
+            miss = relative_miss(tension, wanted.tension, wanted.driven, tension_scale(self.model))
+            asked = max(1.0, miss / (NEAR * self.scene.solver.residual_tolerance))
             if asked < progress.to_ratio:
                 progress.to_ratio = max(1.0, min(asked, CLOSER * progress.to_ratio))
                 self.equilibrium.convergence.go_on(self.row)

@@ -36,6 +36,15 @@ BRACKETED_STEPS = 4  # in a row, shortened so, after which that state counts no 
 MAX_STATES = 60  # equilibria tried for one load level
 
 
+def relative_miss(tension: np.ndarray, target: np.ndarray, driven: np.ndarray, scale: float) -> float:
+    """Largest of what the `driven` directions lack, over the target, or over half of the larger tension where that is more.
+
+    tension, target [N/m] and scale [N/m] as in `TensionSearch.next_strain`.
+    """
+    least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
+    return float(np.max(np.abs(target - tension) / np.maximum(np.abs(target), least), where=driven, initial=0.0))
+
+
 @dataclass
 class LevelSearch:
     """The equilibria of one load level: what they lacked, and how long the next step may be."""
@@ -115,11 +124,10 @@ class TensionSearch:
         significant = SIGNIFICANT * residual_tolerance * max(float(np.abs(tension).max()), 0.01 * scale)
         is_renewed = self.tangent.renew(strain, tension, driven, significant, 0.02 * scale)
         miss = self.level.add(strain, tension, target, driven, is_renewed=is_renewed)
-        least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
         tolerance = min(TOLERANCE, TOLERANCE_SHARE * residual_tolerance)
         if self.level.states > PATIENCE:
             tolerance = max(TOLERANCE, residual_tolerance)
-        if np.all(np.abs(miss) <= tolerance * np.maximum(np.abs(target), least)):
+        if relative_miss(tension, target, driven, scale) <= tolerance:
             return None
         if not self.tangent.stiffness:
             return strain + PROBE * np.sign(miss)
