@@ -97,9 +97,12 @@ class Plan:
         if self.file is not None:
             mesh = self.file.rows()
         else:
+            wires = (
+                f" on {self.wires:,} wire{'s' if self.wires != 1 else ''}" if not about else ""
+            )  # the pieces of the cut are not known
             mesh = [
                 ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
-                ("mesh", f"{about}{self.nodes:,} nodes on {self.wires:,} wire{'s' if self.wires != 1 else ''}"),
+                ("mesh", f"{about}{self.nodes:,} nodes{wires}"),
                 ("contact", f"{about}{self.bodies:,} {self.hooked_by}"),
             ]
         rows = [
