@@ -122,3 +122,17 @@ def test_states_with_another_tension_need_not_be_exact(kind: str, share: float, 
     exact, quick = found
     assert np.diag(quick.observables.stretch) == pytest.approx(np.diag(exact.observables.stretch), abs=2 * TOLERANCE * 0.06)
     assert quick.steps < share * exact.steps
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+@pytest.mark.parametrize(
+    "load", [("load.tension_warp=0", "load.strain_weft=0.1"), ("load.tension_warp=0.001", "load.strain_weft=0.15")]
+)
+def test_no_level_ends_approximately(kind: str, load: tuple[str, str]) -> None:
+    """Nor with a direction that is free, or that carries little beside a large tension that is not prescribed."""
+    simulation = Simulation(
+        build_model(load_scene(CELL, [*load, f"model.kind={kind}", "output.frames=2", "solver.preset=draft"]))
+    )
+    for record in simulation.run():
+        assert simulation.progress.to_ratio == 1.0
+        assert simulation.progress.reached < 1.0 or record.steps == 0

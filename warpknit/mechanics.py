@@ -167,6 +167,9 @@ class Mechanics(Protocol):
     def begin_level(self) -> None:
         """Start a load level: reset the multiplier rates."""
 
+    def begin_test(self) -> None:
+        """Test whether the next equilibrium is stable, where the model does."""
+
     def check(self, checks: int, *, loading: bool) -> Check:
         """Check convergence, and update damping and multipliers.
 

@@ -202,6 +202,9 @@ class PlanarMechanics:
     def begin_level(self) -> None:
         self.multipliers.begin_level()
 
+    def begin_test(self) -> None:
+        """Nothing: of the plane no unstable equilibrium is known."""
+
     def check(self, checks: int, *, loading: bool) -> Check:
         control, diagnostics = self.state.read_control(), self.diagnostics
         if loading:

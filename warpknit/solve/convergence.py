@@ -53,17 +53,19 @@ class Convergence:
         ratio: np.ndarray,
         stress: Callable[[np.ndarray], np.ndarray],
         to_ratio: np.ndarray | float = 1.0,
+        drift_counts: np.ndarray | bool = True,
     ) -> np.ndarray:
         """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
 
         The drift ratio is computed where the residual ratio is small enough; only there `stress` (row, 2, 2) [N/m] is evaluated.
         to_ratio: ratios asked for, of all or [row]. Above 1 both tolerances are as much larger; one below 1 is asked of the
-        residual, and waited for, not for ever.
+        residual, and waited for, not for ever. drift_counts: of all or [row].
         """
         to_ratio = np.broadcast_to(to_ratio, ratio.shape)
         tolerance = np.maximum(to_ratio, 1.0)
         met, unmet = ratio < tolerance, ratio / tolerance
         self._met[rows[~met]] = 0
+        met &= drift_counts
         if met.any():
             unmet[met] = np.maximum(unmet[met], self._drift_ratio(rows[met], stress(rows[met]), tolerance[met]))
             waits = met & (self._met[rows] <= MOST_WAITING)

@@ -61,9 +61,9 @@ class Equilibrium:
         self._check_steps = group.members[0].check_steps
         self._can_overlap = group.members[0].can_overlap
 
-    def begin(self, row: int, to_ratio: float = 1.0) -> None:
-        """Start a level: reset its checks; to_ratio: see `Convergence.with_drift`."""
-        self.relaxations[row].progress.begin_level(to_ratio)
+    def begin(self, row: int, to_ratio: float = 1.0, *, drift_counts: bool = True) -> None:
+        """Start a level: reset its checks; see `Convergence.with_drift`."""
+        self.relaxations[row].progress.begin_level(to_ratio, drift_counts=drift_counts)
         self.convergence.begin(row)
 
     def advance(self, rows: np.ndarray) -> CheckOutcome:
@@ -89,8 +89,9 @@ class Equilibrium:
             self.relaxations[row].progress.residual = residual
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
-        asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
-        ratio = self.convergence.with_drift(rows, ratio, self.group.stress, asked)
+        members = [self.relaxations[row].progress for row in rows]
+        asked, drift_counts = (np.array(values) for values in zip(*((p.to_ratio, p.drift_counts) for p in members), strict=True))
+        ratio = self.convergence.with_drift(rows, ratio, self.group.stress, asked, drift_counts)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])

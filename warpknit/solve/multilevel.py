@@ -259,8 +259,8 @@ class MultilevelRelaxation(Relaxation):
                 self._step_on(MOVE_STEPS)
                 cast(EdgeMechanics, self.mechanics).renew_damping()
 
-    def _begin_solving(self, to_ratio: float) -> None:
-        super()._begin_solving(to_ratio)
+    def _begin_solving(self, to_ratio: float, *, drift_counts: bool = True) -> None:
+        super()._begin_solving(to_ratio, drift_counts=drift_counts)
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
@@ -285,7 +285,8 @@ class MultilevelRelaxation(Relaxation):
         is_due = progress.checks >= progress.next_balance and is_slow
         if is_due and (membrane.rim.is_free or not progress.gave_up):
             progress.next_balance = progress.checks + CORRECTION_CHECKS
-            self._correct_as_membrane(membrane, ratio)
+            if self._correct_as_membrane(membrane, ratio):  # not converged at a check that has moved it
+                return max(ratio, progress.imbalance, progress.to_ratio)
         return max(ratio, progress.imbalance)
 
     def _step_on(self, steps: int) -> None:
@@ -300,9 +301,9 @@ class MultilevelRelaxation(Relaxation):
         """[N/m] lower bound of the tension in relative errors."""
         return TENSION_FLOOR * tension_scale(self.model)
 
-    def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> None:
+    def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> bool:
         """Apply a membrane correction unless the mesh is balanced, well where its residual `ratio` exceeds 1; then also one out
-        of the plane."""
+        of the plane. Returns whether the mesh has moved."""
         progress, rim = self.progress, membrane.rim
         least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
         pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
@@ -315,12 +316,14 @@ class MultilevelRelaxation(Relaxation):
             progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
-        if progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction:
+        moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction
+        if moves:
             self._move_as_membrane(membrane, correction)
         lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
         if lift is not None:
             membrane.lift(lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor)))
         self.mechanics.search()
+        return moves or lift is not None
 
     def _move_as_membrane(self, membrane: Membrane, correction: Correction) -> None:
         """Move the mesh by a correction, or the edge alone once corrections are abandoned."""

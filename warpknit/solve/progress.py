@@ -68,6 +68,7 @@ class Progress:
     checks: int = 0  # convergence checks of the level
     largest_ratio: float = 0.0  # of the level: the unmet criteria of convergence, over their tolerances
     to_ratio: float = 1.0  # criteria of convergence over their tolerances that are asked for
+    drift_counts: bool = True  # whether that of the tension is among them
     reached: float = 1e30  # the same where the level last converged
     level_share: float = 0.0  # of the way to convergence, in decades of that ratio; 0 while smaller meshes are solved
     start: LoadStart = field(default_factory=LoadStart)  # of the stage
@@ -89,9 +90,10 @@ class Progress:
     followed: list[float] = field(default_factory=list)  # strains and tensions [N/m] at the last check
     stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last check
 
-    def begin_level(self, to_ratio: float = 1.0) -> None:
+    def begin_level(self, to_ratio: float = 1.0, *, drift_counts: bool = True) -> None:
         """A level begins: it has no check yet."""
-        self.checks, self.largest_ratio, self.level_share, self.to_ratio = 0, 0.0, 0.0, to_ratio
+        self.checks, self.largest_ratio, self.level_share = 0, 0.0, 0.0
+        self.to_ratio, self.drift_counts = to_ratio, drift_counts
 
     def approach(self, ratio: float) -> None:
         """Note, at a check, the unmet criteria of convergence over their tolerances."""

@@ -180,7 +180,10 @@ class Relaxation(Drive):
         self.mechanics.release(begin, end)
 
     def reach(self, load: LoadPoint, wanted: WantedTension | None, to_ratio: float = 1.0) -> Iterator[Unsolved]:
-        """Find the equilibrium at a load, or continue an unfinished one; to_ratio: see `Convergence.with_drift`."""
+        """Find the equilibrium at a load, or continue an unfinished one.
+
+        to_ratio: see `Convergence.with_drift`; the drift does not count where it is above 1.
+        """
         progress, self._wanted = self.progress, wanted
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
@@ -188,7 +191,10 @@ class Relaxation(Drive):
         self.mechanics.may_overlap = as_knitted and progress.part == 0
         if not progress.solving:
             load = self._prepare(load, wanted)
-            self.begin_level(load, to_ratio if wanted is None else APPROXIMATE)
+            if wanted is None:
+                self.begin_level(load, to_ratio, drift_counts=to_ratio <= 1.0)
+            else:
+                self.begin_level(load, APPROXIMATE)
         yield UNSOLVED
         if wanted is not None:
             yield from self._find_tension(wanted, load)
@@ -211,13 +217,15 @@ class Relaxation(Drive):
         strain = None if wanted is None else self.progress.search.tangent.predicted_strain(wanted.tension, wanted.driven)
         return load if wanted is None or strain is None else load.strained(wanted.gradient(load.gradient, strain))
 
-    def begin_level(self, load: LoadPoint, to_ratio: float) -> None:
-        """Start the next level: predict its state and apply its load; to_ratio: see `Convergence.with_drift`."""
+    def begin_level(self, load: LoadPoint, to_ratio: float, *, drift_counts: bool = True) -> None:
+        """Start the next level: predict its state and apply its load; see `Convergence.with_drift`."""
         self._start_level(load)
         self.progress.search.begin_level()
         self.mechanics.begin_level()
+        if to_ratio <= 1.0:
+            self.mechanics.begin_test()
         self.progress.solving = True
-        self._begin_solving(to_ratio)
+        self._begin_solving(to_ratio, drift_counts=drift_counts)
 
     def _start_level(self, load: LoadPoint) -> None:
         """Extrapolate the state from the last two levels, and apply the load."""
@@ -231,8 +239,8 @@ class Relaxation(Drive):
         self._last_gradient = now
         self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=ratio > 0.0))
 
-    def _begin_solving(self, to_ratio: float) -> None:
-        self.equilibrium.begin(self.row, to_ratio)
+    def _begin_solving(self, to_ratio: float, *, drift_counts: bool = True) -> None:
+        self.equilibrium.begin(self.row, to_ratio, drift_counts=drift_counts)
 
     def strain_and_tension(self) -> tuple[np.ndarray, np.ndarray]:
         """Strain (2,) and tension (2,) [N/m] of the mesh in weft and warp."""
@@ -240,11 +248,11 @@ class Relaxation(Drive):
         return np.diag(observed.stretch) - 1.0, self.mesh_tension(observed)
 
     def next_strain(
-        self, search: TensionSearch, strain: np.ndarray, tension: np.ndarray, wanted: WantedTension
+        self, search: TensionSearch, strain: np.ndarray, tension: np.ndarray, wanted: WantedTension, to_ratio: float = 1.0
     ) -> np.ndarray | None:
-        """Strain (2,) that a search tries next, or None where the tension is reached."""
-        scale, tolerance = tension_scale(self.model), self.progress.to_ratio * self.scene.solver.residual_tolerance
-        return search.next_strain(strain, tension, wanted.tension, wanted.driven, scale, tolerance)
+        """Strain (2,) that a search tries next, or None where the tension is reached; to_ratio: of this equilibrium."""
+        scale, tolerance = tension_scale(self.model), self.scene.solver.residual_tolerance
+        return search.next_strain(strain, tension, wanted.tension, wanted.driven, scale, tolerance, to_ratio)
 
     def _find_tension(self, wanted: WantedTension, load: LoadPoint) -> Iterator[Unsolved]:
         """Vary the strain until the equilibrium carries the prescribed tension.
@@ -259,13 +267,17 @@ class Relaxation(Drive):
             if asked < progress.to_ratio:
                 progress.to_ratio = max(1.0, min(asked, CLOSER * progress.to_ratio))
                 self.equilibrium.convergence.go_on(self.row)
-                if progress.reached >= progress.to_ratio:
+                begins_test = progress.to_ratio == 1.0 and not progress.search.level.is_exact
+                if begins_test:
+                    progress.search.level.is_exact = True
+                    self.mechanics.begin_test()
+                if begins_test or progress.reached >= progress.to_ratio:
                     yield UNSOLVED
                 continue
-            next_strain = self.next_strain(self.progress.search, strain, tension, wanted)
+            next_strain = self.next_strain(progress.search, strain, tension, wanted, progress.to_ratio)
             if next_strain is None:
                 return
-            if self.progress.search.level.states > MAX_STATES:
+            if progress.search.level.states > MAX_STATES:
                 force = [engineering(float(value), "N/m") for value in (*wanted.tension, *tension)]
                 raise NoProgress(
                     f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"

@@ -50,6 +50,7 @@ class LevelSearch:
     """The equilibria of one load level: what they lacked, and how long the next step may be."""
 
     states: int = 0
+    is_exact: bool = False  # whether an exact equilibrium was asked for
     miss: list[float] | None = None  # [N/m] tension that the last state lacked
     tried: list[float] | None = None  # its strain
     share: float = 1.0  # of a step by the tangent
@@ -115,13 +116,15 @@ class TensionSearch:
         driven: np.ndarray,
         scale: float,
         residual_tolerance: float,
+        to_ratio: float = 1.0,
     ) -> np.ndarray | None:
         """Strain (2,) to try next, or None where the tension is reached.
 
         strain, tension [N/m], target [N/m] are (weft, warp); `driven` marks the directions driven by tension; `scale`
-        [N/m] is EI/C^3, below which tensions count as zero; `residual_tolerance` is that of the equilibria.
+        [N/m] is EI/C^3, below which tensions count as zero; `residual_tolerance` is that of exact equilibria, to which `to_ratio`
+        times this one has converged.
         """
-        significant = SIGNIFICANT * residual_tolerance * max(float(np.abs(tension).max()), 0.01 * scale)
+        significant = SIGNIFICANT * to_ratio * residual_tolerance * max(float(np.abs(tension).max()), 0.01 * scale)
         is_renewed = self.tangent.renew(strain, tension, driven, significant, 0.02 * scale)
         miss = self.level.add(strain, tension, target, driven, is_renewed=is_renewed)
         tolerance = min(TOLERANCE, TOLERANCE_SHARE * residual_tolerance)

@@ -48,7 +48,7 @@ MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
 # times the steps of a level that goes by strain, and of the first one beside: 40 runs of one repeat within a factor of 3
 TENSION_STATES, FIRST_STATES = 2, 9
 FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits
-GRIPPED = 3.0  # times the steps of a tile
+GRIPPED = 3.0  # times the steps of a tile, of levels that go by strain: those by tension take as many
 FROM_SMALLER = 1.4  # the same of a gripped mesh that starts from a smaller one: 775 steps
 FROM_REPEAT = 0.2  # the same of a tile that starts from one repeat: 125 steps
 SMALLER_SHARE = 2.0  # time of a gripped mesh with its smaller meshes over that of its own steps: 1.5 to 3
@@ -146,7 +146,7 @@ def spatial_steps(scene: Scene) -> int:
     if scene.hook is not None:
         work *= HOOKED
     elif scene.model.boundary == "gripped":
-        work *= GRIPPED if _smaller(scene) is None else FROM_SMALLER
+        work *= 1.0 if _smaller(scene) is None else FROM_SMALLER
     elif _smaller(scene) is not None:
         work *= FROM_REPEAT
     if scene.wires is not None:
@@ -156,19 +156,20 @@ def spatial_steps(scene: Scene) -> int:
     return round(states * STEPS_A_LEVEL * work)
 
 
-def _states(scene: Scene, stage: Stage, before: Stage | None) -> int:
-    """Steady states of a stage that comes after another."""
+def _states(scene: Scene, stage: Stage, before: Stage | None) -> float:
+    """Steady states of a stage that comes after another, in those of a tile by strain."""
     levels = scene.output.frames
     if any(stage.by_tension):
         if stage.tension_weft or stage.tension_warp:
             return levels * TENSION_STATES + (FIRST_STATES if before is None else 0)
         return levels * FREE_STATES
+    grips = GRIPPED if scene.hook is None and scene.model.boundary == "gripped" and _smaller(scene) is None else 1.0
     if not scene.depends_on_path:
-        return levels
+        return levels * grips
     farthest = max(
         abs((getattr(stage, key) or 0.0) - (getattr(before, key, None) or 0.0)) for key in ("strain_weft", "strain_warp", "shear")
     )
-    return levels * max(1, math.ceil(farthest / levels / PATH_STRAIN - 1e-9))
+    return levels * grips * max(1, math.ceil(farthest / levels / PATH_STRAIN - 1e-9))
 
 
 def spatial_time(steps: int, size: Size) -> float:

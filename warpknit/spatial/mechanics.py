@@ -252,8 +252,10 @@ class SpatialMechanics:
 
     def begin_level(self) -> None:
         self.contact.pop_max_penetration()
+
+    def begin_test(self) -> None:
         if self._is_tested:
-            self.stability.begin_level()
+            self.stability.begin()
 
     def check(self, checks: int, *, loading: bool) -> Check:
         if loading and not self.may_overlap:

@@ -37,7 +37,7 @@ class Stability:
         self._is_over = True
         self.has_left = False  # whether a mesh has left an equilibrium that was not stable, in this level
 
-    def begin_level(self) -> None:
+    def begin(self) -> None:
         """Test the next equilibrium that is found."""
         self._checks, self._least, self._is_over, self.has_left = 0, math.inf, False, False
 
