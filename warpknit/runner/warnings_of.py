@@ -227,7 +227,8 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
             there = f"{celsius(a.temperature_K)} and {celsius(b.temperature_K)}"
         yield (
             f"the mesh jumps to another equilibrium between {_between(a, b)} ({there}){others}: several"
-            " equilibria exist there, and the result depends on the load history"
+            " equilibria exist there, and the result depends on the load history: compare with other output.frames,"
+            " solver.residual_tolerance=1e-4 and more knit.repeats"
         )
 
 

@@ -163,9 +163,11 @@ class Drive(ABC):
         overlap = self.mechanics.overlap()
         if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
+        causes = self.mechanics.causes()
+        remedy = "the contact penalty is too small for this load; raise" if not causes else "give a smaller load, or raise"
         return Diverged(
             f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()},"
-            f" {self.mechanics.deepest_overlap()}{self.mechanics.causes()}: the contact penalty is too small for this load; raise"
+            f" {self.mechanics.deepest_overlap()}{causes}: {remedy}"
             f" {self.rate_key} or contact.stiffness"
         )
 
