@@ -202,6 +202,15 @@ def test_the_table_of_stages_tells_the_temperature_of_the_last_one(tmp_path: Pat
     assert table["at the end of stage"] == "cold, at -190 degC (2 stages; summary.json has all)"
 
 
+def test_the_table_has_a_row_of_each_stage_before_the_last(tmp_path: Path) -> None:
+    """Strains, tensions, share of active contacts, largest stress and temperature."""
+    mesh = {"strain_weft": 0.096, "strain_warp": 0.093, "temperature_K": 293.15}
+    mesh |= {"tension_weft_N_per_m": 0.2, "tension_warp_N_per_m": 0.1}
+    load = {"name": "load", "mesh": mesh, "contacts": {"active_percent": 66.67}, "wire": {"stress_max_Pa": 224.7e6}}
+    table = dict(summary_rows({"stages": [load, {"name": "cold"}], "mesh": {"temperature_K": 83.15}}, tmp_path))
+    assert table["  end of load"] == "9.60 % / 9.30 %, 200 mN/m / 100 mN/m, 66.7 % active, 225 MPa, at 20 degC"
+
+
 @pytest.mark.parametrize(
     ("given", "says"), [(20, True), ("20", True), ("20 K", False), ("20 degC", False), (120, False), (293.15, False)]
 )

@@ -33,6 +33,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         temperature = value("mesh", "temperature_K")
         at = "" if temperature is None else f", at {celsius(temperature)}"
         yield place, f"{stages[-1].get('name')}{at} ({len(stages)} stages; summary.json has all)"
+        for stage in stages[:-1]:
+            yield from _earlier_stage(stage)
     if diverged and (reached := value("answers")) is not None:
         yield "load not reached", unreached_text(reached)
     hook = value("hook")
@@ -93,6 +95,18 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     for warning in value("warnings") or []:
         yield "warning", str(warning)
     yield "results in", str(directory)
+
+
+def _earlier_stage(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Row of a stage before the last one, from its part of `stages` in a summary; none of two hooked wires."""
+    mesh, contacts, wire = (stage.get(part) or {} for part in ("mesh", "contacts", "wire"))
+    if "strain_weft" not in mesh or "active_percent" not in contacts or "stress_max_Pa" not in wire:
+        return
+    strains = " / ".join(percent(mesh[f"strain_{side}"], 2) for side in ("weft", "warp"))
+    tensions = " / ".join(alike([mesh[f"tension_{side}_N_per_m"] for side in ("weft", "warp")], "N/m"))
+    share, stress = contacts["active_percent"], engineering(wire["stress_max_Pa"], "Pa")
+    text = f"{strains}, {tensions}, {percent(0.01 * share)} active, {stress}"
+    yield f"  end of {stage.get('name')}", f"{text}, at {celsius(mesh['temperature_K'])}"
 
 
 def model_rows(model: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
