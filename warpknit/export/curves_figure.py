@@ -31,6 +31,7 @@ SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
 ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
 LOGARITHMIC = 4  # first of the panels with a logarithmic axis
 LEAST_RESIDUAL = 1e-4  # of the median: that of an unloaded mesh is nearly nothing, and flattens the others
+AT_GRIPS = 0.95  # of the largest stress: where that away from the grips is below, both are drawn
 NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
 HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
@@ -68,7 +69,10 @@ def curves_figure(
     across = f"boundary tension [{unit}]", tensions
     if _is_by_tension(columns, stages):
         across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
-    stress_unit, stress = scaled("Pa", [("", PURPLE, "stress_max_Pa")])
+    everywhere, inside = column("stress_max_Pa"), column("stress_interior_max_Pa")
+    with_grips = [("anywhere", PURPLE, "stress_max_Pa"), ("away from the grips", BLUE, "stress_interior_max_Pa")]
+    is_at_grips = bool(np.any(inside < AT_GRIPS * everywhere))
+    stress_unit, stress = scaled("Pa", with_grips if is_at_grips else [("", PURPLE, "stress_max_Pa")])
     force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", AMBER, "elsewhere_force_max_N")])
     force = force if np.nan_to_num(force[1][2]).any() else force[:1]
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
@@ -107,10 +111,17 @@ def curves_figure(
         if limit < panels[2].get_ylim()[1] * NEAR_LIMIT:
             panels[2].axhline(limit, **look)
             panels[2].set_ylim(top=max(panels[2].get_ylim()[1], 1.05 * limit))
+            before = panels[2].get_legend()
+            handles = [*(before.legend_handles if before is not None else ()), Line2D([], [], label=label, **look)]
+            place: dict[str, Any] = {
+                "loc": "lower left",
+                "bbox_to_anchor": (0.0, 1.0),
+                "ncols": len(handles),
+                "columnspacing": 1.2,
+            }
+            panels[2].legend(handles=handles, frameon=False, borderaxespad=0.2, **place)
         else:
-            label, look["linestyle"] = f"{label}, is beyond the axis", "none"
-        handles = [Line2D([], [], label=label, **look)]
-        panels[2].legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)
+            panels[2].text(0.02, 0.97, f"{label}, is beyond the axis", transform=panels[2].transAxes, va="top", color=GREY)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
     stage_legend(figure, _stage_names(columns, stages), title)
