@@ -107,21 +107,14 @@ def curves_figure(
     if yield_stress is not None and stress[0][2].max(initial=0.0, where=np.isfinite(stress[0][2])) > 0.0:
         limit = yield_stress * scale_of("Pa", column("stress_max_Pa"))[0]
         label = f"elastic limit, {engineering(yield_stress, 'Pa')}"
-        look: dict[str, Any] = {"color": ORANGE, "linestyle": "--", "linewidth": 1.0}
         if limit < panels[2].get_ylim()[1] * NEAR_LIMIT:
-            panels[2].axhline(limit, **look)
+            panels[2].axhline(limit, color=ORANGE, linestyle="--", linewidth=1.0)
             panels[2].set_ylim(top=max(panels[2].get_ylim()[1], 1.05 * limit))
-            before = panels[2].get_legend()
-            handles = [*(before.legend_handles if before is not None else ()), Line2D([], [], label=label, **look)]
-            place: dict[str, Any] = {
-                "loc": "lower left",
-                "bbox_to_anchor": (0.0, 1.0),
-                "ncols": len(handles),
-                "columnspacing": 1.2,
-            }
-            panels[2].legend(handles=handles, frameon=False, borderaxespad=0.2, **place)
+            at, colour = limit / panels[2].get_ylim()[1] - 0.01, ORANGE
         else:
-            panels[2].text(0.02, 0.97, f"{label}, is beyond the axis", transform=panels[2].transAxes, va="top", color=GREY)
+            label, at, colour = f"{label}, is beyond the axis", 0.97, GREY
+        side = ("right", 0.98) if np.nanmax(everywhere) > yield_stress else ("left", 0.02)  # where no curve is
+        panels[2].text(side[1], at, label, transform=panels[2].transAxes, ha=side[0], va="top", color=colour)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
     stage_legend(figure, _stage_names(columns, stages), title)
