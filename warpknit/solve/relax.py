@@ -27,7 +27,7 @@ from .tension import MAX_STATES, TensionSearch, relative_miss
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
-MAX_SLOW_CUTS = 1  # the same where it fails after many steps without progress
+MAX_SLOW_CUTS = 2  # the same where it fails after many steps without progress
 APPROXIMATE = 10.0  # criteria over their tolerances: with smaller ones the tension of an equilibrium is known approximately
 NEAR, CLOSER = 3.0, 0.5  # errors of such a tension from the wanted one, at which the equilibrium is solved closer, and how far
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
