@@ -97,9 +97,8 @@ class Plan:
         if self.file is not None:
             mesh = self.file.rows()
         else:
-            wires = (
-                f" on {self.wires:,} wire{'s' if self.wires != 1 else ''}" if not about else ""
-            )  # the pieces of the cut are not known
+            # the pieces of a cut are known once it is laid out
+            wires = f" on {self.wires:,} wire{'s' if self.wires != 1 else ''}" if self.counted else ""
             mesh = [
                 ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
                 ("mesh", f"{about}{self.nodes:,} nodes{wires}"),

@@ -145,10 +145,8 @@ def spatial_steps(scene: Scene) -> int:
     work = (MEASURED_TOLERANCE / scene.solver.residual_tolerance) ** TOLERANCE_POWER
     if scene.hook is not None:
         work *= HOOKED
-    elif scene.model.boundary == "gripped":
-        work *= 1.0 if _smaller(scene) is None else FROM_SMALLER
     elif _smaller(scene) is not None:
-        work *= FROM_REPEAT
+        work *= FROM_SMALLER if scene.model.boundary == "gripped" else FROM_REPEAT
     if scene.wires is not None:
         work *= FROM_FILE
     befores = (None, *scene.stages[:-1])
