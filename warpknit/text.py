@@ -7,6 +7,7 @@ from dataclasses import fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
+INTERIOR_SHARE = 0.95  # of the largest stress: where that away from the grips is below, both are told
 ZERO_CELSIUS = 273.15  # [K]
 PREFIXES = (
     (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"), (1e-12, "p"),
@@ -126,3 +127,8 @@ def _short(value: Any) -> str:
     if isinstance(value, list | tuple | dict):
         return f"of {len(value)}"
     return str(getattr(value, "name", type(value).__name__))
+
+
+def is_at_grips(interior: float, largest: float) -> bool:
+    """Whether the largest stress is well above that away from the grips, both [Pa], so that both are told."""
+    return bool(interior < INTERIOR_SHARE * largest)

@@ -144,6 +144,8 @@ def measure(knit: str, repeats: int, precision: str, options: argparse.Namespace
     stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
     rounds, threads, nodes, searches = options.rounds, stepper.threads, relaxation.model.rods.node_count, contact.searches
     contact.search()
+    stepper.step(1)
+    contact.list_near_pairs()  # as checks do, now that the search has found how far pairs are apart
     stepper.state.write_control({c.TRAVEL_LIMIT: np.inf})
     works, c_contacts = {"step": partial(stepper.step, STEPS)}, 0
     if options.device == "cpu":

@@ -22,7 +22,7 @@ from warpknit.export.stage_curves import (
     stage_legend,
     stage_slices,
 )
-from warpknit.text import ZERO_CELSIUS, engineering
+from warpknit.text import ZERO_CELSIUS, engineering, is_at_grips
 
 __all__ = ["curves_figure"]
 
@@ -31,7 +31,6 @@ SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
 ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
 LOGARITHMIC = 4  # first of the panels with a logarithmic axis
 LEAST_RESIDUAL = 1e-4  # of the median: that of an unloaded mesh is nearly nothing, and flattens the others
-AT_GRIPS = 0.95  # of the largest stress: where that away from the grips is below, both are drawn
 NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
 HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
@@ -71,8 +70,9 @@ def curves_figure(
         across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
     everywhere, inside = column("stress_max_Pa"), column("stress_interior_max_Pa")
     with_grips = [("anywhere", PURPLE, "stress_max_Pa"), ("away from the grips", BLUE, "stress_interior_max_Pa")]
-    is_at_grips = bool(np.any(inside < AT_GRIPS * everywhere))
-    stress_unit, stress = scaled("Pa", with_grips if is_at_grips else [("", PURPLE, "stress_max_Pa")])
+    stress_unit, stress = scaled(
+        "Pa", with_grips if any(map(is_at_grips, inside, everywhere)) else [("", PURPLE, "stress_max_Pa")]
+    )
     force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", AMBER, "elsewhere_force_max_N")])
     force = force if np.nan_to_num(force[1][2]).any() else force[:1]
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])

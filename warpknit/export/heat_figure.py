@@ -19,7 +19,7 @@ from warpknit.export.stage_curves import (
     stage_legend,
     stage_slices,
 )
-from warpknit.text import ZERO_CELSIUS
+from warpknit.text import ZERO_CELSIUS, is_at_grips
 
 __all__ = ["heat_figure"]
 
@@ -62,8 +62,12 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
     for part in held:
         for values in strain.values():
             values[part] = np.nan
-    tension, stress = {side: all_of(f"tension_{side}_N_per_m") for side, _ in SIDE_COLOURS}, all_of("stress_max_Pa")
+    tension = {side: all_of(f"tension_{side}_N_per_m") for side, _ in SIDE_COLOURS}
+    stress, interior = all_of("stress_max_Pa"), all_of("stress_interior_max_Pa")
     (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", stress)
+    stresses = [("", PURPLE, to_stress * stress)]
+    if any(map(is_at_grips, interior, stress)):
+        stresses = [("anywhere", PURPLE, to_stress * stress), ("away from the grips", BLUE, to_stress * interior)]
     figure = figure_of(10.5, 7.6)
     panels = figure.subplots(2, 2, sharex=True).ravel()
     for axes, label, curves, least, is_held in zip(
@@ -78,7 +82,7 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
             (("", GREEN, all_of("active_percent")),),
             tuple((side, colour, to_tension * tension[side]) for side, colour in SIDE_COLOURS),
             tuple((side, colour, strain[side]) for side, colour in SIDE_COLOURS),
-            (("", PURPLE, to_stress * stress),),
+            stresses,
         ),
         (0.0, 0.0, LEAST_CHANGE, 0.0),
         (False, False, bool(held), False),

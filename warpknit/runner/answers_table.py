@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..solve.tension import TOLERANCE
-from ..text import alike, celsius, engineering, exact, percent
+from ..text import alike, celsius, engineering, exact, is_at_grips, percent
 from .answers import HEATED
 
 State = Mapping[str, Any]
@@ -17,7 +17,6 @@ LEAST_STRESS = 1e-9  # of the elastic limit: less is round-off
 SAME = 1e-9  # of a tension: round-off of a state found twice
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
 RANGES_TOLD = 4
-AWAY = 0.95  # of the largest stress: a smaller one is said to be that away from the grips
 WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
@@ -294,7 +293,7 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     incomplete = f", incomplete: {cut}" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
-    away = " away from the grips" if best["stress_max_Pa"] < AWAY * best["stress_with_grips_Pa"] else ""
+    away = " away from the grips" if is_at_grips(best["stress_max_Pa"], best["stress_with_grips_Pa"]) else ""
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
     yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}{away}"
     times = best["first_yield_over_tension"]

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import alike, celsius, duration, engineering, percent, short_percent
+from ..text import alike, celsius, duration, engineering, is_at_grips, percent, short_percent
 from .answers_table import LEAST_SHARE, LEAST_STRESS, advice_rows, answer_rows, unreached_text
 from .strength import assumed_note
 from .warnings_of import CARRIED, fragment_share
@@ -70,7 +70,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield "largest stress", engineering(stress, "Pa") + of_limit + note
         has_grips = hook is not None or value("model", "boundary") == "gripped"
         interior = value("wire", "stress_interior_max_Pa") if has_grips else None
-        if interior is not None and interior < 0.95 * stress:
+        if interior is not None and is_at_grips(interior, stress):
             yield "  away from the grips", engineering(interior, "Pa")
     if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.01 * stress:
         yield "  largest so far", engineering(peak, "Pa")

@@ -11,7 +11,7 @@ import numpy as np
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
 from ..mechanics import TOO_THICK
-from ..text import alike, celsius, engineering, percent, short_percent
+from ..text import alike, celsius, engineering, is_at_grips, percent, short_percent
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .closings import SLACK_STRAIN, is_jump, takes_up_slack
@@ -54,7 +54,7 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iter
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
     interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
     is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
-    where = f" (away from the grips {engineering(interior, 'Pa')})" if is_gripped and interior < 0.95 * largest else ""
+    where = f" (away from the grips {engineering(interior, 'Pa')})" if is_gripped and is_at_grips(interior, largest) else ""
     stressed = f"largest wire stress {engineering(largest, 'Pa')}{where}, above the"
     if largest > wire.tensile_strength:
         law = "the model has no fracture" if wire.plastic else "the model is elastic"
