@@ -1,9 +1,10 @@
 """A step in space beside a C loop of rods, where its time goes kernel by kernel, and the search of pairs.
 
 Runs the double atlas of the spatial cell to 10 % and a tight tricot to 6 %, both roughly, then times their steps in the state
-reached: free, without contact, and with it. The C loop (rod_loop.c, needs gcc) steps rods of as many nodes, turn about with
-warpknit: free ones, and with plain contact of the same wires in the same state. Kernels alone are timed with a time step of zero,
-which leaves the state where it is. Times are in us, that of the search spread over all steps.
+reached: free, without contact, and with it. A small mesh takes one thread, whatever is given. The C loop (rod_loop.c, needs
+gcc) steps rods of as many nodes, turn about with warpknit: free ones, and with plain contact of the same wires in the same state.
+Kernels alone are timed with a time step of zero, which leaves the state where it is; theirs are the times of one thread with its
+part of the mesh. Times are in us, that of the search spread over all steps.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from __future__ import annotations
 import argparse
 import ctypes
 import math
+import os
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -193,11 +196,12 @@ def measure(knit: str, repeats: int, precision: str, options: argparse.Namespace
 
 
 def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Two dictionaries a knit, a size and a precision, of as many columns as rows of repeats."""
+    """Two dictionaries a knit, a size, a precision and a number of threads, of as many columns as rows of repeats."""
     with tempfile.TemporaryDirectory() as folder:
         for knit, overrides in KNITS.items():
             one = build_model(load_scene(SCENE, [*overrides, f"model.nodes_per_loop={NODES_PER_LOOP}", "knit.repeats=[3, 3]"]))
             for nodes in options.nodes:
                 repeats = max(1 if knit == "double atlas" else 3, round(3.0 * math.sqrt(nodes / one.rods.node_count)))
-                for precision in options.precision:
+                for precision, threads in product(options.precision, options.threads if options.device == "cpu" else [1]):
+                    os.environ["WARPKNIT_THREADS"] = str(threads)
                     yield from measure(knit, repeats, precision, options, Path(folder))
