@@ -98,7 +98,7 @@ def levels(softer: float) -> list[Row]:
     rows = []
     for strain in STEPS.tolist():
         modulus = MODULUS * (softer if strain >= STEPS[SECOND] else 1.0)
-        rows.append(Row(temperature_K=293.15,
+        rows.append(Row(temperature_K=293.15, stress_max_Pa=0.0,
             stage="load", load_factor=strain / STEPS[-1], strain_weft=strain, strain_warp=0.0, shear=0.0, clamp_rotation=0.0,
             length_factor=1.0, tension_weft_N_per_m=modulus * strain, tension_warp_N_per_m=0.0,
             nominal_weft_N_per_m=modulus * strain, nominal_warp_N_per_m=0.0, nominal_shear_N_per_m=0.0,
@@ -275,6 +275,9 @@ def test_a_jump_behind_slack_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for row in rows:
         row.strain_weft *= 0.5
     assert [text.rpartition(" by ")[2] for text in warnings._strained_far(model(), rows)] == ["5.0 %"]
+    rows[1].stress_max_Pa = 2.0 * model().scene.wire.yield_stress
+    (overloaded,) = warnings._strained_far(model(), rows)
+    assert "and passes the elastic limit, by 5.0 % in all" in overloaded
     for row in rows:
         row.strain_weft *= 0.1
     assert list(warnings._strained_far(model(), rows)) == []

@@ -208,7 +208,11 @@ def _strained_far(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
             continue
         told.add(is_slack)
         if is_slack:
-            yield f"the mesh takes up slack between {_between(a, b)}: it strains freely by {percent(step)}"
+            text = f"the mesh takes up slack between {_between(a, b)}"
+            if b.stress_max_Pa > model.scene.wire.yield_stress:
+                yield f"{text} and passes the elastic limit, by {percent(step)} in all: a stage to a smaller load tells the slack"
+            else:
+                yield f"{text}: it strains freely by {percent(step)}"
         else:
             yield (
                 f"the mesh strains by {percent(step)} between {_between(a, b)}: several equilibria may exist there, and the"
