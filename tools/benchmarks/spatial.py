@@ -1,7 +1,7 @@
 """A step in space beside a C loop of rods, where its time goes kernel by kernel, and the search of pairs.
 
 Runs the double atlas of the spatial cell to 10 % and a tight tricot to 6 %, both roughly, then times their steps in the state
-reached: free, without contact, and with it. A small mesh takes one thread, whatever is given. The C loop (rod_loop.c, needs
+reached: free, without contact, and with it. A small mesh is measured on one thread alone. The C loop (rod_loop.c, needs
 gcc) steps rods of as many nodes, turn about with warpknit: free ones, and with plain contact of the same wires in the same state.
 Kernels alone are timed with a time step of zero, which leaves the state where it is; theirs are the times of one thread with its
 part of the mesh. Times are in us, that of the search spread over all steps.
@@ -141,11 +141,16 @@ class CLoop:
         return self.library.take_steps(ctypes.c_int64(self.nodes), steps, threads, *addresses, self.own, *numbers)
 
 
-def measure(knit: str, repeats: int, precision: str, options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
-    """What a step takes, and its parts; without contact, then with it."""
+def measure(
+    knit: str, repeats: int, precision: str, threads: int, options: argparse.Namespace, folder: Path
+) -> Iterator[dict[str, Any]]:
+    """What a step takes, and its parts; without contact, then with it. Nothing of a mesh too small for so many threads."""
+    os.environ["WARPKNIT_THREADS"] = str(threads)
     relaxation = at_load(knit, repeats, [*options.overrides, f"solver.precision={precision}"], options.device)
     stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
-    rounds, threads, nodes, searches = options.rounds, stepper.threads, relaxation.model.rods.node_count, contact.searches
+    rounds, nodes, searches = options.rounds, relaxation.model.rods.node_count, contact.searches
+    if stepper.threads < threads:
+        return
     contact.search()
     stepper.step(1)
     contact.list_near_pairs()  # as checks do, now that the search has found how far pairs are apart
@@ -203,5 +208,4 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             for nodes in options.nodes:
                 repeats = max(1 if knit == "double atlas" else 3, round(3.0 * math.sqrt(nodes / one.rods.node_count)))
                 for precision, threads in product(options.precision, options.threads if options.device == "cpu" else [1]):
-                    os.environ["WARPKNIT_THREADS"] = str(threads)
-                    yield from measure(knit, repeats, precision, options, Path(folder))
+                    yield from measure(knit, repeats, precision, threads, options, Path(folder))

@@ -21,8 +21,9 @@ from warpknit.export.stage_curves import (
     is_behind_jump,
     stage_legend,
     stage_slices,
+    stress_columns,
 )
-from warpknit.text import ZERO_CELSIUS, engineering, is_at_grips
+from warpknit.text import ZERO_CELSIUS, engineering
 
 __all__ = ["curves_figure"]
 
@@ -68,11 +69,7 @@ def curves_figure(
     across = f"boundary tension [{unit}]", tensions
     if _is_by_tension(columns, stages):
         across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
-    everywhere, inside = column("stress_max_Pa"), column("stress_interior_max_Pa")
-    with_grips = [("anywhere", PURPLE, "stress_max_Pa"), ("away from the grips", BLUE, "stress_interior_max_Pa")]
-    stress_unit, stress = scaled(
-        "Pa", with_grips if any(map(is_at_grips, inside, everywhere)) else [("", PURPLE, "stress_max_Pa")]
-    )
+    stress_unit, stress = scaled("Pa", stress_columns(columns))
     force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", AMBER, "elsewhere_force_max_N")])
     force = force if np.nan_to_num(force[1][2]).any() else force[:1]
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
@@ -113,7 +110,7 @@ def curves_figure(
             at, colour = limit / panels[2].get_ylim()[1] - 0.01, ORANGE
         else:
             label, at, colour = f"{label}, is beyond the axis", 0.97, GREY
-        side = ("right", 0.98) if np.nanmax(everywhere) > yield_stress else ("left", 0.02)  # where no curve is
+        side = ("right", 0.98) if np.nanmax(column("stress_max_Pa")) > yield_stress else ("left", 0.02)  # where no curve is
         panels[2].text(side[1], at, label, transform=panels[2].transAxes, ha=side[0], va="top", color=colour)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)

@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, figure_of, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, ORANGE, figure_of, save_figure, scale_of
 from warpknit.export.stage_curves import (
+    STRESS_COLUMNS,
     History,
     columns_of,
     draw_curves,
@@ -18,8 +19,9 @@ from warpknit.export.stage_curves import (
     is_behind_jump,
     stage_legend,
     stage_slices,
+    stress_columns,
 )
-from warpknit.text import ZERO_CELSIUS, is_at_grips
+from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["heat_figure"]
 
@@ -63,11 +65,8 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
         for values in strain.values():
             values[part] = np.nan
     tension = {side: all_of(f"tension_{side}_N_per_m") for side, _ in SIDE_COLOURS}
-    stress, interior = all_of("stress_max_Pa"), all_of("stress_interior_max_Pa")
-    (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", stress)
-    stresses = [("", PURPLE, to_stress * stress)]
-    if any(map(is_at_grips, interior, stress)):
-        stresses = [("anywhere", PURPLE, to_stress * stress), ("away from the grips", BLUE, to_stress * interior)]
+    stress = {name: all_of(name) for name in STRESS_COLUMNS}
+    (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", *stress.values())
     figure = figure_of(10.5, 7.6)
     panels = figure.subplots(2, 2, sharex=True).ravel()
     for axes, label, curves, least, is_held in zip(
@@ -82,7 +81,7 @@ def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> P
             (("", GREEN, all_of("active_percent")),),
             tuple((side, colour, to_tension * tension[side]) for side, colour in SIDE_COLOURS),
             tuple((side, colour, strain[side]) for side, colour in SIDE_COLOURS),
-            stresses,
+            tuple((label, colour, to_stress * stress[name]) for label, colour, name in stress_columns(stress)),
         ),
         (0.0, 0.0, LEAST_CHANGE, 0.0),
         (False, False, bool(held), False),

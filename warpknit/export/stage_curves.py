@@ -15,14 +15,16 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from warpknit.export.plots import GREY, WIDTHS
+from warpknit.export.plots import BLUE, GREY, PURPLE, WIDTHS
+from warpknit.text import is_at_grips
 
 __all__ = [
-    "DECADES_DRAWN", "History", "columns_of", "draw_curves", "draw_line", "history_rows", "is_behind_jump", "jump_handles",
-    "stage_legend", "stage_slices",
+    "DECADES_DRAWN", "STRESS_COLUMNS", "History", "columns_of", "draw_curves", "draw_line", "history_rows", "is_behind_jump",
+    "jump_handles", "stage_legend", "stage_slices", "stress_columns",
 ]  # fmt: skip
 
 History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
+STRESS_COLUMNS = ("stress_max_Pa", "stress_interior_max_Pa")  # of history.csv: anywhere, and away from the grips
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
 FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
 JUMP = "jump to another equilibrium"
@@ -72,6 +74,14 @@ def stage_slices(names: Sequence[str]) -> list[tuple[str, slice]]:
     first = [0, *(row for row in range(1, len(names)) if names[row] != names[row - 1])]
     end = [*first[1:], len(names)]
     return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]
+
+
+def stress_columns(columns: Mapping[str, NDArray[Any]]) -> list[tuple[str, str, str]]:
+    """Label, colour and column of the largest stress; where that away from the grips is well below, of both."""
+    everywhere, interior = STRESS_COLUMNS
+    if any(map(is_at_grips, columns.get(interior, ()), columns.get(everywhere, ()))):
+        return [("anywhere", PURPLE, everywhere), ("away from the grips", BLUE, interior)]
+    return [("", PURPLE, everywhere)]
 
 
 def draw_curves(
