@@ -223,3 +223,25 @@ def test_a_tension_has_the_digits_that_its_records_need(monkeypatch: pytest.Monk
     rows = [row(one) for one in (0.0, 0.1, 0.2306, 0.5, 0.6, 0.7)]
     text = dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
     assert text.startswith("about 231 mN/m, between records at 231 mN/m and 500 mN/m")
+
+
+def test_a_closing_below_first_yield_is_told_before_one_beyond(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A is closed from 0.23 N/m up to first yield at 0.7 N/m, open in the record at 0.8 N/m, and closed again at the end."""
+    rows = [row(0.1 * k) for k in range(11)]
+    rows[8].force_A_N = rows[8].active_A_percent = 0.0
+    answers = found(rows, monkeypatch)
+    closes = answers["contacts"][0]["closes"]
+    assert closes["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"], rel=1e-6) and closes["first_touch"] is None
+    assert closes["opens"]["tension_weft_N_per_m"] == pytest.approx(0.8)
+    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
+    assert text.startswith("230 mN/m, ") and ", closed from 230 mN/m to 700 mN/m, and from 900 mN/m" in text
+
+
+def test_a_service_tension_is_that_of_the_load_and_not_of_heat_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search of the load ends a hair below 0.4 N/m, and the mesh is held there a hair above it while B closes by heat."""
+    rows = [row(0.1 * k) for k in range(4)] + [row(0.39996)]
+    rows += [row(0.40004, stage="cold", temperature=kelvin) for kelvin in (250.0, 200.0)]
+    for one in rows[5:]:
+        one.force_B_N, one.active_B_percent, one.active_percent = SLOPE, 100.0, 100.0
+    (point,) = found(rows, monkeypatch, service=0.4)["service"]
+    assert (point["stage"], point["active_percent"]) == ("load", 25.0) and point["state"]["temperature_K"] == 293.15

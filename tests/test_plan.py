@@ -50,6 +50,16 @@ def test_counts_of_the_cell():
     assert planned.counted
 
 
+def test_a_plan_shows_the_loads():
+    """One line a stage: what drives weft and warp, and the temperature; a stage of its own has no name."""
+    stages = ['path=[{name="cold", temperature="-190 degC", tension_warp="2 N/m"}]', "load.shear=0.01", "load.strain_warp=0.05"]
+    lines = make_plan(load_scene(PATCH, stages), "cpu").lines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("load "))
+    assert lines[at] == "load       load: strain 10 % in weft, strain 5 % in warp, shear 1 %, at 20 degC"
+    assert lines[at + 1] == "           cold: strain 10 % in weft, tension 2 N/m in warp, shear 1 %, at -190 degC"
+    assert "load       strain 10 % in weft and warp, at 20 degC" in make_plan(load_scene(PATCH), "cpu").lines()
+
+
 @pytest.mark.parametrize("boundary", ["periodic", "gripped"])
 def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
     """Above COUNTED_NODES sizes are those of endless cloth: exact for a tile, off by the edges of a gripped mesh.

@@ -64,6 +64,7 @@ class Plan:
     kind_reason: str
     report_s: float | None  # of `warpknit report`; None of a scene without one
     report_map_s: float  # of this, the map
+    loads: tuple[tuple[str, str], ...]  # heading and load of each stage, in words
     file: WireReport | None = None  # of wires from a file
     warnings: tuple[str, ...] = ()
 
@@ -72,7 +73,7 @@ class Plan:
         values = asdict(replace(self, file=None))
         for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
             del values[name]
-        for name in ("factor", "exception", "file", "kind", "kind_reason", "warnings", "report_map_s"):
+        for name in ("factor", "exception", "file", "kind", "kind_reason", "warnings", "report_map_s", "loads"):
             del values[name]
         values["model"] = {"kind": self.kind, "kind_reason": self.kind_reason}
         file = {} if self.file is None else self.file.as_dict()
@@ -107,6 +108,7 @@ class Plan:
         rows = [
             ("scene", f"{self.scene}, on {self.device}"),
             *mesh,
+            *self.loads,
             ("model", f"{self.kind}, {self.kind_reason}"),
             ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
             ("time step", step),
@@ -172,6 +174,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         kind_reason=scene.kind_reason,
         report_s=report_s,
         report_map_s=report_map_s,
+        loads=_loads(scene),
         file=file,
         warnings=(
             *size.notes,
@@ -192,6 +195,13 @@ def _refuse_intersecting_wires(scene: Scene, file: WireReport | None) -> None:
     closest = None if file is None else file.overlaps.closest
     if closest is not None and closest < CLOSE_WIRES * scene.wire.thickness:
         Simulation(build_model(scene)).compile()
+
+
+def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:
+    """A line for each stage, with its name where there are several or it has one of its own."""
+    named = len(scene.stages) > 1 or scene.stages[0].name != "load"
+    texts = [f"{stage.name}: {stage.text}" if named else stage.text for stage in scene.stages]
+    return tuple(("load" if number == 0 else "", text) for number, text in enumerate(texts))
 
 
 def _sweep(scene: Scene, size: Size) -> str:

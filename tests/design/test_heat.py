@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from warpknit.design.equal_tension import EqualTensionPath
-from warpknit.design.heat import heat
+from warpknit.design.heat import heat, tension_held
 from warpknit.design.load_path import LoadPath
 from warpknit.errors import Diverged
 from warpknit.runner.history import Row, row_of
@@ -36,8 +36,28 @@ def test_a_temperature_that_is_not_reached_is_told(scene: Scene, monkeypatch: py
                 yield record
 
     monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)
-    held, framed = heat(scene, EqualTensionPath(rows=rows_of(scene)), 0.2)
+    (held, framed), _ = heat(scene, EqualTensionPath(rows=rows_of(scene)), 0.2)
     assert "tension held" in held.ended and "did not converge above 70 degC" in held.ended
     assert len(held.rows) == 2
     assert [one["temperature_K"][1] for one in held.answers] == [pytest.approx(343.15)]
     assert framed.ended == "" and framed.rows[-1].temperature_K == pytest.approx(393.15)
+
+
+def test_heat_that_is_not_shown_has_its_reason(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other temperature, no tension that the mesh carries, and a load that does not converge, each in words."""
+    path = EqualTensionPath(rows=rows_of(scene))
+    assert heat(load_scene(SCENES / "contact_map.toml"), path, 0.2) == ([], "the scene has no [[path]] with another temperature")
+    assert heat(scene, path, None)[0] == [] and "no tension was found" in heat(scene, path, None)[1]
+
+    class Failing(LoadPath):
+        def load(self, stage, levels, watch=lambda _: None):
+            raise Diverged("no progress")
+
+    monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)
+    assert heat(scene, path, 0.2) == ([], "the mesh did not converge under 200 mN/m at 20 degC: no progress")
+
+
+def test_heat_is_applied_at_a_tension_that_the_mesh_reaches() -> None:
+    """A requested tension beyond the path gives way to the best one."""
+    path = EqualTensionPath(states={2.0: None})
+    assert [tension_held(path, *pair) for pair in ((2.0, 1.0), (200.0, 1.0), (None, 1.0), (200.0, None))] == [2.0, 1.0, 1.0, None]

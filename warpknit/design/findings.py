@@ -21,7 +21,7 @@ from .card_files import card_warnings
 from .curves import CurvePoint
 from .equal_tension import EqualTensionPath
 from .fe import limit_of_curves
-from .heat import HeatedMesh
+from .heat import HeatedMesh, later_temperatures
 from .opening_size import Opening
 from .sections import missing_text
 from .service import EqualTension, ServicePoint
@@ -53,6 +53,7 @@ class Findings:
     path_jumps: Sequence[RowJump]
     answers: dict[str, Any] | None  # that it gives (runner/answers.py)
     heated: Sequence[HeatedMesh]  # at one tension, while its temperature changes
+    no_heat: str  # why there is none
     service: Sequence[ServicePoint]
     curves: Sequence[CurvePoint]
     where: str  # state of the card, in words; or why there is none
@@ -111,6 +112,8 @@ class Findings:
         if self.answers is not None:
             yield from answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
             yield "equal tensions", f"followed {self.path.end_text}"
+        if self.no_heat and later_temperatures(self.scene):
+            yield "heat", f"not shown: {self.no_heat}"
 
     @property
     def limit_of_curves(self) -> str | None:

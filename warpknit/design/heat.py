@@ -13,7 +13,7 @@ from ..runner.branches import Jump, jumps_of
 from ..runner.closings import Answer
 from ..runner.history import Row, row_of
 from ..scene import Scene, Stage
-from ..text import celsius
+from ..text import celsius, exact
 from .equal_tension import EqualTensionPath, levels_between
 from .fine_states import exact_model
 from .load_path import AS_KNITTED, LoadPath, part_of, under_strain, under_tension
@@ -42,25 +42,32 @@ class HeatedMesh:
         return heat_of(self.rows, self.stages, self.jumps)
 
 
+def tension_held(path: EqualTensionPath, requested: float | None, best: float | None) -> float | None:
+    """[N/m] the tension at which heat is applied: the `requested` one where the path has reached it, else the `best` one."""
+    return requested if requested in path.states else best
+
+
 def heat(
     scene: Scene, path: EqualTensionPath, held: float | None, watch: Callable[[float], None] = lambda _: None
-) -> list[HeatedMesh]:
+) -> tuple[list[HeatedMesh], str]:
     """A tension [N/m] at the temperatures of [[path]]: held, and with the mesh held in a frame that expands by
-    model.frame_expansion. None without such temperatures, or without a tension.
+    model.frame_expansion; or none, and the reason.
 
     They begin where the path has a tension as small or smaller. `watch` is called with the share that is done; a load that does
     not converge ends with the records before.
     """
     temperatures = later_temperatures(scene)
-    if held is None or not temperatures or len(path.rows) < 2:
-        return []
+    if not temperatures:
+        return [], "the scene has no [[path]] with another temperature"
+    if held is None or len(path.rows) < 2:
+        return [], "no tension was found that the mesh carries below the elastic limit of the wire"
     low = max((tension for tension in path.states if tension <= held), default=0.0)
     mesh = LoadPath(exact_model(scene, TOLERANCE), path.states.get(low, AS_KNITTED))
     under = under_tension(scene, held)
     try:
         *_, record = mesh.load(under, 1 if low == held else levels_between(scene, low, held))
-    except Diverged:
-        return []
+    except Diverged as error:
+        return [], f"the mesh did not converge under {exact(held, 'N/m')} at {celsius(under.temperature)}: {error}"
     begin = row_of(record)
     framed = under_strain(scene, np.diag([1.0 + begin.strain_weft, 1.0 + begin.strain_warp]))
     cases = (("tension held", under), ("frame held", framed))
@@ -79,4 +86,4 @@ def heat(
         except Diverged:
             ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
         found.append(HeatedMesh(rows, stages, jumps_of(mesh.model, rows), ended))
-    return found
+    return found, ""

@@ -40,7 +40,7 @@ from .equal_tension import (
 from .fe import CODES
 from .findings import Findings
 from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
-from .heat import heat, later_temperatures
+from .heat import heat, later_temperatures, tension_held
 from .load_path import LoadPath, PathState, under_strain, under_tension
 from .opening_size import openings
 from .report_files import write_files
@@ -90,7 +90,8 @@ def write_report(
     service = service_points(scene, path, found_jumps, tension, card)
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
     best = None if answers is None else answers["best"]
-    heated = heat(scene, path, tension or (None if best is None else mean_tension(Row(**best))), begin("heat"))
+    held = tension_held(path, tension, None if best is None else mean_tension(Row(**best)))
+    heated, no_heat = heat(scene, path, held, begin("heat"))
     begin("openings and page")
     knitted = states_at(model, [np.eye(2)])[0]
     found = Findings(
@@ -108,6 +109,7 @@ def write_report(
         if answers is None
         else with_service(answers, service) | {"heat": [one for case in heated for one in case.answers]},
         heated=heated,
+        no_heat=no_heat,
         service=service,
         curves=curves,
         where=where,

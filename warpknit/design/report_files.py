@@ -70,7 +70,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     for warning in found.model_warnings:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
-    answers_section(page, found.scene, found.answers, found.path, found.equal_tension, figures)
+    answers_section(page, found.scene, found.answers, found.path, found.equal_tension, found.no_heat, figures)
     for case in found.heated:
         if case.ended:
             page.warning(f"{case.ended}.")

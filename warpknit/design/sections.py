@@ -39,11 +39,12 @@ def answers_section(
     answers: dict[str, Any] | None,
     path: EqualTensionPath,
     largest: EqualTension,
+    no_heat: str,
     figures: dict[str, Path],
 ) -> None:
     """Answers to a designer's questions, first on the page.
 
-    path: under equal tensions. largest: of the map, for a page without answers.
+    path: under equal tensions. largest: of the map, for a page without answers. no_heat: why the page does not show heat.
     """
     page.heading("In short")
     if answers is None:
@@ -72,8 +73,8 @@ def answers_section(
                 else " does not expand (model.frame_expansion)."
             ),
         )
-    elif not answers["heat"]:
-        page.text("The scene has no [[path]] with another temperature, so this page does not show what heat does.")
+    elif no_heat:
+        page.text(f"{no_heat[0].upper()}{no_heat[1:]}, so this page does not show what heat does.")
 
 
 def wire_text(wire: Wire) -> str:

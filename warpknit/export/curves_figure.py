@@ -70,8 +70,10 @@ def curves_figure(
     if _is_by_tension(columns, stages):
         across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
     stress_unit, stress = scaled("Pa", stress_columns(columns))
-    force_unit, force = scaled("N", [("", GREEN, "contact_force_max_N"), ("", AMBER, "elsewhere_force_max_N")])
-    force = force if np.nan_to_num(force[1][2]).any() else force[:1]
+    forces = [("where wires hook", GREEN, "contact_force_max_N"), ("elsewhere", AMBER, "elsewhere_force_max_N")]
+    if not np.nan_to_num(column("elsewhere_force_max_N")).any():
+        forces = [("", *forces[0][1:])]
+    force_unit, force = scaled("N", forces)
     energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
     elsewhere = column("contacts_elsewhere")
     touches = bool(np.nan_to_num(elsewhere).any())

@@ -106,13 +106,11 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         return None
     classes = classes_of(model)
     threshold = measure.active_threshold(model)
-    closings = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps) for one in classes}
     first_yield = _first_yield(model, rows, jumps)
     top = max(rows, key=mean_tension)
     given = model.scene.output.service_tension
     wanted = SERVICE_TENSIONS if given is None else (given,)
     error = max(TOLERANCE, model.scene.solver.residual_tolerance)
-    service = [one for tension in wanted for one in service_shares(tension, rows, classes, closings, jumps, error)]
     asked = _asked_tension(model.scene.stages)
     limit = model.scene.wire.yield_stress
     inner, inner_jumps = _away_from_grips(rows, jumps)
@@ -121,8 +119,12 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         inner_yield = {name: value for name, value in inner_yield.items() if name not in PEAK}
     yields = _yielding_record(inner, limit)
     known = inner if yields is None else inner[: yields + 1]  # what is loaded further does not change the best tension
-    until = {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, len(known)) for one in classes}
+    closings, until = (
+        {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, end, yields) for one in classes}
+        for end in (None, len(known))
+    )
     best = best_tension(known, limit, classes, until, inner_jumps)
+    service = [one for tension in wanted for one in service_shares(tension, rows, classes, closings, jumps, error)]
     return {
         "contacts": [
             {

@@ -9,8 +9,9 @@ through three of them goes a parabola, as F bends where other contacts close, an
 Where the two differ by more than CURVED no place is given. Where a jump or the end of the stage is behind the second record, the
 line alone is left, and nothing tells how F bends: it counts where the closing lies between records less than CURVED apart.
 
-The closing is the one that lasts up to the largest tension of a stage: wires in space may graze each other, and part again, long
-before they carry load there. Values between neighbouring records are linear otherwise.
+The closing is the one that lasts up to the largest tension of a stage, of the records below first yield if there is one among
+them: wires in space may graze each other, and part again, long before they carry load there. Values between neighbouring records
+are linear otherwise.
 """
 
 from __future__ import annotations
@@ -40,19 +41,26 @@ Answer = dict[str, Any]
 
 
 def closing(
-    rows: Sequence[Row], name: str, threshold: float, least: float, jumps: Sequence[Jump] = (), end: int | None = None
+    rows: Sequence[Row],
+    name: str,
+    threshold: float,
+    least: float,
+    jumps: Sequence[Jump] = (),
+    end: int | None = None,
+    yields: int | None = None,
 ) -> Answer | None:
     """The state in which a class of contact closes; None if it stays open.
 
     threshold [N]: of an active pair; least [N]: force below which a pair counts as open; end: number of the rows that are asked,
-    where not all; those behind tell only how the force grows. `between`: the records on both sides.
+    where not all; those behind tell only how the force grows; yields: the first row above the elastic limit. `between`: the
+    records on both sides.
     `resolved`: whether the forces give a place between them; if not, the state is halfway, or that of the record behind within a
     `jump` and where slack is taken up. `first_touch`: the record in which the class was closed before, and opened again; None
     without one. `closed_percent`: share of its pairs in the record behind.
     """
     force = [vars(row)[f"force_{name}_N"] for row in rows]
     closed = [one > threshold for one in force]
-    k = _closing_record(rows[:end], closed[:end])
+    k = _closing_record(rows[:end], closed, yields)
     if k is None:
         return None
     after, before = rows[k], rows[max(k - 1, 0)]
@@ -134,15 +142,17 @@ def takes_up_slack(before: Row, after: Row) -> bool:
     return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
 
 
-def _closing_record(rows: Sequence[Row], closed: Sequence[bool]) -> int | None:
-    """The record from which a class stays closed up to the largest tension of a stage, else the first in which it is closed."""
-    begin = 0
-    for part in stages_of(rows):
-        top = begin + max(range(len(part)), key=lambda k: mean_tension(part[k]))
-        if closed[top]:
-            return max((k + 1 for k in range(top) if not closed[k]), default=0)
-        begin += len(part) - 1
-    return next((k for k, one in enumerate(closed) if one), None)
+def _closing_record(rows: Sequence[Row], closed: Sequence[bool], yields: int | None) -> int | None:
+    """The record from which a class stays closed up to the largest tension of a stage, first of those before the one that
+    `yields`; else the first in which it is closed."""
+    for known in (rows[:yields], rows):
+        begin = 0
+        for part in stages_of(known):
+            top = begin + max(range(len(part)), key=lambda k: mean_tension(part[k]))
+            if closed[top]:
+                return max((k + 1 for k in range(top) if not closed[k]), default=0)
+            begin += len(part) - 1
+    return next((k for k, one in enumerate(closed[: len(rows)]) if one), None)
 
 
 def _lies_between(values: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
@@ -206,9 +216,8 @@ def _changes_unknown(before: Row, after: Row, classes: Sequence[ContactClass], c
 
 def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump]:
     """The neighbouring rows between which the mean tension first reaches `tension` [N/m], and those of each later stage between
-    which it first passes it, upwards or downwards, but for changes of temperature; a row that has it stands twice.
-
-    A tension that only the `error` of the largest one leaves out, or of the last one of a later stage, is that of its row.
+    which it first passes it, upwards or downwards, but for changes of temperature; a row that has it, within the `error` of a
+    search, stands twice.
     """
     first = _around(rows, tension, error)
     if first is None:
@@ -230,15 +239,13 @@ def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump]:
 
 
 def _around(rows: Sequence[Row], tension: float, error: float) -> Jump | None:
-    """The rows between which the mean tension first reaches `tension` [N/m], one of them twice if it has it; None if not.
-
-    A tension that only the `error` of the largest one leaves out is that of its row.
-    """
-    k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension), None)
+    """The rows between which the mean tension first reaches `tension` [N/m], one of them twice if it has it within the `error`
+    of a search; None if not."""
+    slack = error * tension
+    k = next((k for k, row in enumerate(rows) if mean_tension(row) >= tension - slack), None)
     if k is None:
-        top = max(rows, key=mean_tension)
-        return (top, top) if mean_tension(top) >= (1.0 - error) * tension else None
-    return rows[max(k - 1, 0)], rows[k]
+        return None
+    return rows[k if mean_tension(rows[k]) <= tension + slack else max(k - 1, 0)], rows[k]
 
 
 def interpolated(before: Row, after: Row, tension: float, classes: Sequence[ContactClass], closings: Answer) -> Row:

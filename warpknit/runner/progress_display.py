@@ -21,6 +21,7 @@ _log = logging.getLogger(__name__)
 
 LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
 LEAST_GAINED = 0.1  # of the work: before, the time left is not told
+LEFT_OF_STAGE = "of this stage"  # the time that is told to be left, where there are several stages
 NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
@@ -46,10 +47,11 @@ class StageLines(Progress):
 
     def __init__(self) -> None:
         self._last_line = self._begin = time.monotonic()
-        self._done_before = 0.0
+        self._done_before, self._of_stage = 0.0, ""
 
     def stage(self, name: str, *, number: int, of: int) -> None:
         self._begin, self._done_before = time.monotonic(), -1.0
+        self._of_stage = f" {LEFT_OF_STAGE}" if of > 1 else ""
         _log.info("stage %d of %d: %s", number, of, name)
 
     def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
@@ -60,7 +62,9 @@ class StageLines(Progress):
             self._last_line = clock
             rate = "" if node_steps_per_s is None else f", {rounded(node_steps_per_s):,} node-steps/s"
             gained = done - self._done_before
-            left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left" if gained >= LEAST_GAINED else ""
+            left = ""
+            if gained >= LEAST_GAINED:
+                left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left{self._of_stage}"
             part = f", {now}" if now else ""
             _log.info("  %.0f %% done, now at load %.0f %%%s%s%s", 100 * done, 100 * load_factor, rate, left, part)
 
@@ -79,6 +83,7 @@ class Bar(Progress):
             TextColumn("load {task.fields[load_factor]:4.0%}"),
             TextColumn("{task.fields[rate]}"),
             TimeRemainingColumn(),
+            TextColumn("{task.fields[of_stage]}"),
             console=Console(stderr=True),
             transient=True,
         )
@@ -94,7 +99,9 @@ class Bar(Progress):
     def stage(self, name: str, *, number: int, of: int) -> None:
         if self._task is not None:
             self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="")
+        self._task = self._bar.add_task(
+            f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="", of_stage=LEFT_OF_STAGE if of > 1 else ""
+        )
 
     def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
         if self._task is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import degrees
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -23,6 +24,7 @@ from warpknit.scene.values import (
     exclusive,
     refused,
 )
+from warpknit.text import celsius, exact
 
 SIDES = ("weft", "warp")
 
@@ -92,6 +94,27 @@ class Stage(Table):
     def by_tension(self) -> tuple[bool, bool]:
         """Whether weft and warp are driven by tension."""
         return self.strain_weft is None, self.strain_warp is None
+
+    @property
+    def text(self) -> str:
+        """The state at its end in words: what drives weft and warp, or a hook, and the temperature."""
+        driven = ((self.strain_weft, self.tension_weft), (self.strain_warp, self.tension_warp))
+        sides = [
+            f"strain {100.0 * strain:.6g} %" if strain is not None else f"tension {exact(tension or 0.0, 'N/m')}"
+            for strain, tension in driven
+        ]
+        equal = sides[0] == sides[1]
+        parts = [f"{sides[0]} in weft and warp"] if equal else [f"{sides[0]} in weft", f"{sides[1]} in warp"]
+        if self.displacement is not None:
+            parts = [f"displacement {exact(self.displacement, 'm')}"]
+        elif self.shear:
+            parts.append(f"shear {100.0 * self.shear:.6g} %")
+        if self.clamp_rotation:
+            parts.append(f"clamps rotated by {degrees(self.clamp_rotation):.6g} deg")
+        if self.pull:
+            parts.append(f"{len(self.pull)} pull{'s' if len(self.pull) > 1 else ''} of the edge")
+        gradient = ", with a gradient" if any(self.temperature_gradient) else ""
+        return f"{', '.join(parts)}, at {celsius(self.temperature)}{gradient}"
 
 
 @dataclass(frozen=True, kw_only=True)

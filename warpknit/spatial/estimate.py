@@ -137,7 +137,9 @@ def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float:
 
 def notes(scene: Scene, size: Size) -> Notes:
     """What is known of these estimates, and of the accuracy."""
-    return Notes(SPATIAL_FACTOR, SLOW_LEVELS, "places where wires hook each other", spatial_accuracy(scene))
+    return Notes(
+        SPATIAL_FACTOR, SLOW_LEVELS, f"places where wires hook each other, {2 * size.bodies:,} pairs", spatial_accuracy(scene)
+    )
 
 
 def spatial_steps(scene: Scene) -> int:
