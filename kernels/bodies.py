@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from .control import STATUS, STATUS_RUNNING, STEP
-from .native import SHARING, STEERING, SUM_OF_LANES, constants
+from .native import SHARING, STEERING, SUM_OF_LANES, constants, with_shared
 from .wires import rounding_phase
 
 BODY_BLOCK = 32
@@ -81,7 +81,7 @@ _STEP = (
 _CONSTANTS = STEERING + SHARING + constants(BODY_BLOCK=BODY_BLOCK, FREE_FLIGHT=FREE_FLIGHT)
 
 
-@wp.func_native(_CONSTANTS + _STEP)
+@wp.func_native(with_shared(_CONSTANTS + _STEP))
 def step_block_of_bodies(
     # in: what steers the step
     block: wp.int32,

@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from .bend import BOW
-from .native import constants
+from .native import constants, with_shared
 from .wire_forces import forces
 
 _RESULTS = r"""
@@ -59,7 +59,7 @@ _RESULTS = r"""
 """
 
 
-@wp.func_native(forces(keeps=True) + constants(BOW=BOW) + _RESULTS)
+@wp.func_native(with_shared(forces(keeps=True) + constants(BOW=BOW) + _RESULTS))
 def evaluate_block(
     # in: what steers the step
     block: wp.int32,

@@ -58,7 +58,7 @@ import warp as wp
 
 from .arctangent import ARCTANGENT
 from .control import HAS_LOAD, STATUS, is_halted
-from .native import constants
+from .native import constants, with_shared
 from .rod_blocks import AROUND, BLOCK
 
 # what the slopes of a moment (VALUEx, VALUEy) along both segments add at their node: by_x, by_y
@@ -391,7 +391,23 @@ _FORCES = (
 )  # |k| below which two terms of the series are exact to round-off
 
 
-@wp.func_native(_FORCES)
+# on a GPU: arrays of which a thread has read its own place alone, or all have been read before the threads came together
+_IN_PLACE_OF = {
+    **{"ux": "arc_pull", "gbx": "nbx", "gby": "nby", "gbz": "nbz", "gb": "shared", "gax": "kx", "gay": "ky", "gaz": "size_part"},
+    **{
+        "ga": "size_slope",
+        "cfx": "bow_x",
+        "cfy": "bow_y",
+        "ccx": "along_x",
+        "ccy": "along_y",
+        "nx": "dx",
+        "ny": "dy",
+        "nz": "dz",
+    },
+}
+
+
+@wp.func_native(with_shared(_FORCES, _IN_PLACE_OF))
 def forces_of_block(
     # in: blocks and wires
     block: wp.int32,
@@ -415,6 +431,7 @@ def forces_of_block(
     yield_curvature: wp.float64,
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
+    # in, where there is one: load of the nodes [N]
     load_force: wp.array(dtype=wp.vec3d),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
@@ -431,8 +448,8 @@ def forces_of_block(
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
-    # first node, in an evaluation without a step
+    # out, in an evaluation without a step: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both
+    # [J], force of a segment on its first node
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),
@@ -469,6 +486,7 @@ def find_rod_forces(
     yield_curvature: wp.float64,
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
+    # in, where there is one: load of the nodes [N]
     load_force: wp.array(dtype=wp.vec3d),
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
@@ -485,8 +503,8 @@ def find_rod_forces(
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
     plastic_turn: wp.array(dtype=wp.vec2d),
-    # out: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both [J], force of a segment on its
-    # first node, in an evaluation without a step
+    # out, in an evaluation without a step: turning vector [rad], moments of turn and twist [N m], twist [rad], energy of both
+    # [J], force of a segment on its first node
     curvature: wp.array(dtype=wp.vec2d),
     moment: wp.array(dtype=wp.vec3d),
     twist: wp.array(dtype=wp.float64),

@@ -17,6 +17,7 @@ from typing import Any
 import warp as wp
 
 from .control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
+from .native import with_shared
 from .rod_blocks import BLOCK
 
 # when the frames are computed: always; before a step, unless the step before has done so; behind a step, for the next one, where
@@ -134,7 +135,7 @@ def affine_map(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3
     )
 
 
-@wp.func_native(_FRAMES)
+@wp.func_native(with_shared(_FRAMES))
 def frames_of_block(
     # in: blocks and wires
     block: wp.int32,

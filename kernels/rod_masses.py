@@ -13,7 +13,7 @@ import warp as wp
 
 from .banded_mass import HELD_NODE, HELD_TURN
 from .bend import BOW
-from .native import constants
+from .native import constants, with_shared
 from .rod_blocks import AROUND, BLOCK
 
 TURNED = 2.0  # e of the bound
@@ -107,7 +107,7 @@ _MASSES = (
 )
 
 
-@wp.func_native(_MASSES)
+@wp.func_native(with_shared(_MASSES))
 def masses_of_block(
     # in: blocks and wires
     block: wp.int32,

@@ -355,7 +355,7 @@ def move_wire(
 ): ...
 
 
-@wp.kernel(launch_bounds=(MOTION_LANES, 2))
+@wp.kernel(launch_bounds=(MOTION_LANES, 2), grid_stride=True)  # which spills less here
 def move_rods(
     # in: wires
     wire_first: wp.array(dtype=wp.int32),

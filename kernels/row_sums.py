@@ -14,7 +14,7 @@ _SUM = (
     + r"""
     const int begin = ROWS * group, left = partial.shape[0] - begin, count = left < ROWS ? left : ROWS;
     double kinetic = 0, fastest = 0, strongest = 0, square = 0;
-    EACH(k, 0, count) {
+    EVERY(k, 0, count) {
         const double* part = partial.data + PARTIAL_COUNT * (size_t)(begin + k);
         kinetic += part[KINETIC_PART];
         fastest = part[SPEED_PART] > fastest ? part[SPEED_PART] : fastest;

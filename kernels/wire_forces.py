@@ -48,8 +48,24 @@ _FORCES = r"""
     const int whole = (segments + LANES) / LANES * LANES;
     const int offset_of_block = first - HALO;
     const int wire_end = wire_begin + wire_nodes;
+    const int begin = wire_begin - offset_of_block, end = wire_end - offset_of_block;
+    const bool has_end = !closed && (begin >= -1 || end <= segments + 2); // of the wire, or of what a clamp changes
     SHARED coordinate cx[SPAN], cy[SPAN];
     SHARED real shift[SPAN];
+    #ifdef __CUDA_ARCH__
+    EACH(k, 0, whole + 1) {
+        int i = offset_of_block + (k < nodes ? k : nodes - 1);
+        if (closed) {
+            while (i < wire_begin) i += wire_nodes;
+            while (i >= wire_end) i -= wire_nodes;
+        } else {
+            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
+        }
+        cx[k] = ux_in.data[i];
+        cy[k] = uy_in.data[i];
+        shift[k] = tension_offset.data[i];
+    }
+    #else
     EACH(k, HALO, count + HALO) {
         cx[k] = ux_in.data[offset_of_block + k];
         cy[k] = uy_in.data[offset_of_block + k];
@@ -69,12 +85,12 @@ _FORCES = r"""
         cy[k] = uy_in.data[i];
         shift[k] = tension_offset.data[i];
     }
-    TOGETHER
     EACH(k, nodes, whole + 1) {
         cx[k] = cx[nodes - 1];
         cy[k] = cy[nodes - 1];
         shift[k] = real(0);
     }
+    #endif
     const real* __restrict rx = rest_x.data + table - HALO;
     const real* __restrict ry = rest_y.data + table - HALO;
     const real* __restrict rl = rest_length.data + table - HALO;
@@ -101,10 +117,9 @@ _FORCES = r"""
         if (KEEPS) { chord_x[k] = ex; chord_y[k] = ey; }
     }
     }
-    TOGETHER
-    const int begin = wire_begin - offset_of_block, end = wire_end - offset_of_block;
     const real* __restrict clamps = wire_clamp.data + 2 * CLAMP_NUMBERS * wire;
-    if (gripped) {
+    if (gripped && has_end) {
+        TOGETHER
         for (int far = 0; far < 2; ++far) {
             const real* clamp = clamps + far * CLAMP_NUMBERS;
             const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
@@ -147,8 +162,8 @@ _FORCES = r"""
         if (KEEPS) { angles[j + 1] = angle; turn[j + 1] = angle - ra[j + 1]; }
     }
     }
-    TOGETHER
-    if (gripped) {
+    if (gripped && has_end) {
+        TOGETHER
         for (int far = 0; far < 2; ++far) {
             const real* clamp = clamps + far * CLAMP_NUMBERS;
             for (int next = 0; next < 2; ++next) {
@@ -168,9 +183,9 @@ _FORCES = r"""
             }
         }
     }
-    TOGETHER
     // what yields: beyond the yield moment on either side of back_turn, a wire keeps the share kept_stiffness
     if (yield_moment > real(0)) {
+        TOGETHER
         EACH(j, 1, segments) {
             int i = offset_of_block + j;
             if (closed) {
@@ -186,9 +201,9 @@ _FORCES = r"""
             bend[j] = stiffness * (trial - (beyond < real(0) ? -off : off));
         }
     }
-    TOGETHER
-    if (!closed) {
+    if (has_end) {
         // beyond the ends of an open wire there is nothing
+        TOGETHER
         EACH(k, 0, begin + 1) { bend[k] = unbending[k] = share[k] = real(0); }
         EACH(k, 0, begin) { tension[k] = real(0); }
         EACH(k, end - 1, segments + 1) { tension[k] = bend[k] = unbending[k] = share[k] = real(0); }
@@ -202,12 +217,12 @@ _FORCES = r"""
         rise[k] = rl[k] * (bend[k + 1] - bend[k]);
     }
     }
-    TOGETHER
-    if (!closed) {
+    if (has_end) {
+        TOGETHER
         EACH(k, 0, begin) { rise[k] = real(0); }
         EACH(k, end - 1, segments) { rise[k] = real(0); }
     }
-    if (gripped) {
+    if (gripped && has_end) {
         for (int far = 0; far < 2; ++far) {
             const int rigid = far ? end - 2 : begin, k = far ? end - 3 : begin + 1;
             if (rigid >= 0 && rigid < segments) EACH(j, rigid, rigid + 1) rise[j] = real(0);

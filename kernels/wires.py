@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from .control import STATUS, STATUS_RUNNING, STEP
-from .native import SUM_OF_LANES
+from .native import SUM_OF_LANES, with_shared
 from .wire_forces import forces
 
 
@@ -128,13 +128,15 @@ _UPDATE = (
         }
     }
     #endif
-    TOGETHER
-    EACH(q, 0, held_end - held_begin) {
-        const int k = held_node.data[held_begin + q] - offset_of_block;
-        fx[k] = real(0);
-        fy[k] = real(0);
+    if (held_end > held_begin) {
+        TOGETHER
+        EACH(q, 0, held_end - held_begin) {
+            const int k = held_node.data[held_begin + q] - offset_of_block;
+            fx[k] = real(0);
+            fy[k] = real(0);
+        }
+        TOGETHER
     }
-    TOGETHER
     // counts are whole numbers, rounded by the phase of the step; metres are taken as they are
     const bool counted = coordinate(0.5) == coordinate(0);
     const real velocity_factor = real(steer[VELOCITY_FACTOR]), force_factor = real(steer[FORCE_FACTOR]);
@@ -206,7 +208,7 @@ _UPDATE = (
 )
 
 
-@wp.func_native(_PREFETCH + forces(keeps=False) + _UPDATE)
+@wp.func_native(with_shared(_PREFETCH + forces(keeps=False) + _UPDATE))
 def block_step(
     # in: what steers the step
     block: wp.int32,

@@ -93,16 +93,17 @@ def step_launches(stepper: Any, *, free: bool) -> list[list[Launch]]:
 
 
 def bytes_of(launch: Launch) -> int:
-    """[B] of the arrays of a launch by the comments in its kernel: what it reads, and what it writes."""
+    """[B] of the arrays of a launch by the comments in its kernel: what it reads, and what it writes; not what a condition behind
+    a comma leaves to evaluations or to meshes with a load of the nodes."""
     if launch.threads == 0:
         return 0
-    way, total = "in", 0
+    way, conditional, total = "in", "", 0
     given = dict(zip((argument.label for argument in launch.kernel.adj.args), launch.arguments, strict=True))
     for line in launch.kernel.adj.source.splitlines():
-        if said := re.match(r"\s*# (?:state )?(in and out|in|out)\b", line):
-            way = said[1]
+        if said := re.match(r"\s*# (?:state )?(in and out|in|out)\b(,?)", line):
+            way, conditional = said[1], said[2]
         named = re.match(r"\s+(\w+): ", line)
-        if named and isinstance(array := given.pop(named[1], None), wp.array):
+        if named and isinstance(array := given.pop(named[1], None), wp.array) and not conditional:
             total += array.capacity * (2 if way == "in and out" else 1)
     return total
 
