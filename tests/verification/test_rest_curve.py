@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import minimize
 
 from reference.rods import SECTION, Pose, set_masses
+from reference.touching import advance
 from warpknit.kernels import control as c
 from warpknit.spatial.contacts import Contacts
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
@@ -188,7 +189,7 @@ def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float, 
     state.velocity.assign(np.where(np.arange(12)[:, None] < 6, [way, 0.0, 0.0], 0.0))
     pose.stepper.set_time_step(0.025)
     contact.search()
-    contact.advance(20)
+    advance(contact, 20)
     pose.stepper.evaluate()
     found = contact.read_contacts()
     assert (found.force > 0.0).sum() == (2 if share < 1.0 else 1)
@@ -287,7 +288,7 @@ def test_a_closest_point_that_appears_anew_is_found_at_once() -> None:
     pose.stepper.set_time_step(1.0)
     for lean, following in pairwise(leans):
         state.velocity.assign(rods_at(following).position - rods_at(lean).position)
-        contact.advance(1)
+        advance(contact, 1)
         found, other = contact.read_contacts(), searched(lean)
         count.append(int((found.force > 0.0).sum()))
         if len(count) > steps:
@@ -318,7 +319,7 @@ def test_pairs_wake_before_they_touch(seed: int) -> None:
         for _ in range(300):
             if is_awake:
                 contact.search()
-            contact.advance(1)
+            advance(contact, 1)
             pose.stepper.evaluate(0.0)  # a search after the step forgets the contacts
             overlaps.append(contact.read_contacts().overlap.max(initial=0.0))
         found.append(np.array(overlaps))
@@ -338,5 +339,5 @@ def test_wires_that_the_load_brings_together_touch() -> None:
     start = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.RAMP_STEPS: 100.0}
     state.write_control(start | {c.TO: 0.7, c.TO + 3: 1.0, c.TO + 4: 1.0})
     contact.search()
-    contact.advance(100)
+    advance(contact, 100)
     assert contact.read_contacts().overlap.max(initial=0.0) == pytest.approx(1.0 - 0.7 * 1.3, rel=1e-2, abs=0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION, residual_of
-from reference.touching import STIFFNESS, line, plies, touching
+from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.errors import OutOfResources
 from warpknit.kernels import control as c
 from warpknit.spatial.rod_relaxation import RodRelaxation
@@ -160,7 +160,7 @@ def test_energy_goes_by_friction_alone(friction: float) -> None:
     start = energy_of(stepper, contact)
     energies, hits = [start], 0
     for _ in range(150):
-        contact.advance(20)
+        advance(contact, 20)
         energies.append(energy_of(stepper, contact))
         hits += len(contact.read_contacts().force) > 0
     assert hits > 3
@@ -182,7 +182,7 @@ def test_nothing_passes_through_at_the_speed_limit() -> None:
     rest.stepper.set_time_step(1.0)  # undamped: worse than any relaxation
     lowest = np.inf
     for _ in range(400):
-        contact.advance(1)
+        advance(contact, 1)
         z = (stepper.rods.position + stepper.state.displacement.numpy())[:, 2]
         lowest = min(lowest, float(z[11] - z[3]))
     assert 0.0 < lowest < 1.0

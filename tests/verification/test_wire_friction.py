@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION, residual_of, set_masses, update
-from reference.touching import STIFFNESS, line, plies, touching
+from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.kernels import control as c
 from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
@@ -79,7 +79,7 @@ def test_friction_is_steady_from_segment_to_segment() -> None:
     stepper.set_time_step(0.01)
     segments, pulls = set(), []
     for _ in range(500):
-        contact.advance(1)
+        advance(contact, 1)
         stepper.evaluate()
         found = contact.read_contacts()
         segments.add((int(found.first[0]), int(found.second[0])))
@@ -106,7 +106,7 @@ def drawn_across(is_relaxation: bool) -> tuple[WireContact, Callable[[float, flo
     def friction_after(way: float, height: float = 0.0) -> np.ndarray:
         steps = max(round(abs(way) / step), 1)
         state.velocity.assign(np.where(is_upper, np.array([way, 0.0, height]) / (steps * step), 0.0))
-        contact.advance(steps)
+        advance(contact, steps)
         stepper.evaluate()
         return contact.read_contacts().friction.sum(axis=0) / (FRICTION * STIFFNESS * OVERLAP)
 
@@ -175,7 +175,7 @@ def test_wires_that_the_load_carries_over_each_other_stick_and_slip() -> None:
     ramp = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.TO: 1.0 + strain, c.TO + 3: 1.0, c.TO + 4: 1.0}
     state.write_control(ramp | {c.RAMP_STEPS: float(steps)})
     contact.search()
-    contact.advance(steps + 20)
+    advance(contact, steps + 20)
     stepper.evaluate()
     expected = [STICK_SHARE * STIFFNESS * slid * np.log(1.0 + strain), 0.0, 0.0]
     found = contact.read_contacts()
@@ -226,14 +226,14 @@ def test_wire_on_an_incline_slips_at_the_friction_angle(share: float) -> None:
     mass = float(state.node_mass.numpy()[80:, 0].sum())
     if share < 1:
         stepper.set_time_step(step, damping=0.2 * np.sqrt(STICK_SHARE * STIFFNESS / mass))
-        contact.advance(count)
+        advance(contact, count)
         moved = state.displacement.numpy()[80:, 0].mean()
-        contact.advance(count)
+        advance(contact, count)
         assert state.displacement.numpy()[80:, 0].mean() == pytest.approx(moved, rel=1e-6, abs=0)
         along = -contact.read_contacts().friction[:, 0].sum()  # the rails are the first of each pair
         assert along == pytest.approx(-np.sin(slope), rel=1e-6, abs=0)
     else:
-        contact.advance(count)
+        advance(contact, count)
         expected = (np.sin(slope) - friction * np.cos(slope)) / mass * (step * count)
         late = np.sqrt(2 * np.sin(slope) / (2 * STICK_SHARE * STIFFNESS) / (np.sin(slope) / mass))
         speed = state.velocity.numpy()[80:, 0].mean()
@@ -248,7 +248,7 @@ def test_wire_rolls_down_rails_where_friction_holds_it() -> None:
     mass = float(state.node_mass.numpy()[80:, 0].sum())
     inertia = float(state.spin_inertia.numpy()[80:83].sum())
     step, count = float(state.read_control()[int(c.TIME_STEP)]), 4000
-    contact.advance(count)
+    advance(contact, count)
     speed, spin = state.velocity.numpy()[80:, 0].mean(), np.abs(state.spin.numpy()[80:83]).mean()
     expected = np.sin(slope) / (mass + inertia / 0.5**2) * step * count
     assert inertia == pytest.approx(0.5 * mass * 0.5**2)
@@ -296,9 +296,9 @@ def test_capstan(increments: int) -> None:
             displacement[-1] += part * out
             state.displacement.assign(displacement)
             contact.search()
-            contact.advance(10)
+            advance(contact, 10)
         for _ in range(100):
-            contact.advance(25)
+            advance(contact, 25)
             update(rest)
             rest.renew_masses()
             rest.keep_motion()

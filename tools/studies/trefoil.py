@@ -12,9 +12,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
+from warpknit import mechanics
 from warpknit.spatial.contact_multipliers import ContactMultipliers
 from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
@@ -73,10 +76,11 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
         stepper.rods = replace(rods, thicker=np.full(1, 0.5 * d), section=replace(section, thickness=d))
         contact = WireContact(stepper, PENALTY * STIFFNESS / d**3)
         contact.search()
+        stepping: Any = SimpleNamespace(state=stepper.state, step=stepper.step, search=contact.refresh)
         rest = RodRelaxation(stepper, softening=STRETCH * (d / length) ** 2)
         multipliers = ContactMultipliers(contact, PENALTY * STIFFNESS / d**3)
         for check in range(MOST_CHECKS):
-            contact.advance(CHECK_STEPS)
+            mechanics.advance(stepping, CHECK_STEPS)
             steps += CHECK_STEPS
             stepper.evaluate()
             rest.renew_damping()

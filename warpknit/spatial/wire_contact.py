@@ -283,23 +283,6 @@ class WireContact:
             )
         return capacity
 
-    def advance(self, steps: int) -> int:
-        """Take steps, with a new search whenever the travel budget is used up.
-
-        Returns the steps taken, fewer than asked for where the state diverged.
-        """
-        state, taken = self.stepper.state, 0
-        while taken < steps:
-            before = int(state.read_control()[int(c.STEP)])
-            self.stepper.step(steps - taken)
-            control = state.read_control()
-            taken += int(control[int(c.STEP)]) - before
-            if control[int(c.STATUS)] == 1.0:
-                self.refresh()
-            elif control[int(c.STATUS)] != 0.0:
-                break
-        return taken
-
     def advance_history(self) -> None:
         """Accept the equilibrium: scale elastic slip back at the Coulomb limit, and begin the next increment.
 
