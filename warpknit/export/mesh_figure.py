@@ -42,7 +42,8 @@ PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [wi
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
 ELSEWHERE: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
-ELSEWHERE |= {"path_effects": [withStroke(linewidth=2.2, foreground="black")]}
+ELSEWHERE_SIZE = 0.75  # of the marks where wires hook, of which many are near
+ELSEWHERE |= {"path_effects": [withStroke(linewidth=1.8, foreground="black")]}
 RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
@@ -232,7 +233,7 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
 
 def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, peak: Peak | None) -> None:
     """Say how many contacts are active and open, and how many of the central rhombus; and the largest stress."""
-    kind = "bodies" if layout.body_radius else "places of contact"
+    kind = "bodies" if layout.body_radius else "places of 2 pairs"
     handles = [] if peak is None else [_peak_handle(peak)]
     for chosen, name, _, look in _kinds(frame) if layout.body_count else ():
         label, is_drawn = f"{name} {kind}: {np.count_nonzero(chosen)}", name == "active" or shows_open
@@ -269,7 +270,7 @@ def _draw_contacts(
     """
     size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
     elsewhere = (1e3 * frame.elsewhere_position[:, None, :2] + offsets).reshape(-1, 2)
-    axes.plot(*elsewhere.T, **ELSEWHERE, markersize=size, markeredgewidth=0.18 * size, zorder=3.1)
+    axes.plot(*elsewhere.T, **ELSEWHERE, markersize=ELSEWHERE_SIZE * size, markeredgewidth=0.18 * size, zorder=3.1)
     if not layout.body_count:
         return
     for chosen, name, edge, look in reversed(
