@@ -52,15 +52,16 @@ _FORCES = r"""
     const bool has_end = !closed && (begin >= -1 || end <= segments + 2); // of the wire, or of what a clamp changes
     SHARED coordinate cx[SPAN], cy[SPAN];
     SHARED real shift[SPAN];
+    // a node of the wire, counted beyond its ends: around a closed one, else the end itself
+    const auto on_wire = [&](int i) {
+        if (!closed) return i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
+        while (i < wire_begin) i += wire_nodes;
+        while (i >= wire_end) i -= wire_nodes;
+        return i;
+    };
     #ifdef __CUDA_ARCH__
     EACH(k, 0, whole + 1) {
-        int i = offset_of_block + (k < nodes ? k : nodes - 1);
-        if (closed) {
-            while (i < wire_begin) i += wire_nodes;
-            while (i >= wire_end) i -= wire_nodes;
-        } else {
-            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
-        }
+        const int i = on_wire(offset_of_block + (k < nodes ? k : nodes - 1));
         cx[k] = ux_in.data[i];
         cy[k] = uy_in.data[i];
         shift[k] = tension_offset.data[i];
@@ -74,13 +75,7 @@ _FORCES = r"""
     EACH(q, 0, 2 * HALO) {
         // nodes of the wire before the block and behind it
         const int k = q < HALO ? q : count + q;
-        int i = offset_of_block + k;
-        if (closed) {
-            while (i < wire_begin) i += wire_nodes;
-            while (i >= wire_end) i -= wire_nodes;
-        } else {
-            i = i < wire_begin ? wire_begin : (i >= wire_end ? wire_end - 1 : i);
-        }
+        const int i = on_wire(offset_of_block + k);
         cx[k] = ux_in.data[i];
         cy[k] = uy_in.data[i];
         shift[k] = tension_offset.data[i];
@@ -187,13 +182,8 @@ _FORCES = r"""
     if (yield_moment > real(0)) {
         TOGETHER
         EACH(j, 1, segments) {
-            int i = offset_of_block + j;
-            if (closed) {
-                while (i < wire_begin) i += wire_nodes;
-                while (i >= wire_end) i -= wire_nodes;
-            } else if (i < wire_begin || i >= wire_end) {
-                continue;
-            }
+            const int beyond_ends = offset_of_block + j, i = on_wire(beyond_ends);
+            if (!closed && i != beyond_ends) continue;
             const real stiffness = share[j] * hinge_factor * rb[j];
             const real trial = bend[j] / stiffness - plastic_turn.data[i], beyond = trial - back_turn.data[i];
             const real over = (beyond < real(0) ? -beyond : beyond) - yield_moment / stiffness;

@@ -66,7 +66,7 @@ EXCESS: dict[str, Resources] = {
     "wire_contact_forces.find_contact_forces[float64, vec3d]": (255, 2088, 2048),
     "wire_pairs.find_segment_pairs[vec3d]": (202, 0, 2048),
     "wire_pairs.find_segment_pairs[vec3f]": (203, 0, 2048),
-    "wires.step_wires[float64]": (64, 0, 24864),
+    "wires.step_wires[float64]": (62, 0, 24864),
 }
 
 
