@@ -189,3 +189,14 @@ def test_stresses_at_the_grips_do_not_decide_which_tension_is_best(monkeypatch: 
     assert answers["first_yield_interior"] is None
     text = dict(answer_rows(answers, LIMIT))
     assert text["  away from the grips"] == "not up to 600 mN/m" and text["first yield at"].startswith("233 mN/m")
+
+
+def test_a_tension_that_is_held_while_the_mesh_cools_is_no_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A is active from 0.23 N/m up to the last record at 0.5 N/m; there the mesh cools, and all contacts close."""
+    rows = [row(0.05 * k) for k in range(11)]
+    for k in (1, 2, 3):
+        rows.append(row(0.5 + 1e-4 * k, stage="cold", temperature=293.15 - 50.0 * k))
+        rows[-1].force_B_N, rows[-1].active_B_percent, rows[-1].active_percent = SLOPE, 100.0, 100.0
+    best = found(rows, monkeypatch)["best"]
+    assert (best["stage"], best["active_percent"]) == ("load", 25.0)
+    assert best["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"]) and best["open_high"]

@@ -53,7 +53,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     heat[].jump_between               the records on both sides of the first of these jumps; null without one
     best                              the state in the middle of the widest range of tension with the most active contacts, up to
                                       first yield, with the largest stress, both away from the grips; what a single record alone
-                                      shows does not count. Stages that go on loading at one temperature count as one
+                                      shows does not count. Stages that go on loading at one temperature count as one; one that
+                                      changes the temperature under a held tension does not count
     best.stress_with_grips_Pa         the largest stress of this state, at the grips as well
     best.stress_over_limit            the stress away from the grips over the elastic limit
     best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire

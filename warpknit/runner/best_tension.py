@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..measure.contact_classes import ContactClass
-from .branches import Jump
+from .branches import HELD_TENSION, Jump
 from .closings import DRIFT, Answer, interpolated, is_jump, state_of
 from .history import Row, mean_tension, stages_of
 
@@ -23,9 +23,10 @@ def best_tension(
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
     rows: up to the first one above the limit. A range is a part of the path of one stage, or of stages that go on loading at one
-    temperature; where several have the most contacts, one at one temperature comes first, and then the widest.
+    temperature; where several have the most contacts, one at one temperature comes first, and then the widest. A stage that holds
+    the tension while the temperature changes has no range, and does not count.
     """
-    parts = _loadings(rows) or [list(rows)]
+    parts = [part for part in _loadings(rows) if not _holds_tension(part)] or [list(rows)]
     every = [(found, part) for part in parts if (found := _best_of(part, limit, classes, closings, jumps)) is not None]
     if not every:
         return None
@@ -130,6 +131,12 @@ def _loadings(rows: Sequence[Row]) -> list[list[Row]]:
 def _loads(part: Sequence[Row]) -> bool:
     """Whether a stage raises the tension at one temperature."""
     return mean_tension(part[-1]) > mean_tension(part[0]) and _temperatures(part) == 1
+
+
+def _holds_tension(part: Sequence[Row]) -> bool:
+    """Whether a stage changes the temperature under one tension."""
+    tensions = [mean_tension(row) for row in part]
+    return _temperatures(part) > 1 and float(np.ptp(tensions)) <= HELD_TENSION * float(np.abs(tensions).max())
 
 
 def _temperatures(part: Sequence[Row]) -> int:
