@@ -70,7 +70,8 @@ def advice_rows(answers: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """What a closing or a first yield between records far apart asks for; nothing where there is none."""
     closes = [(one["name"], one["closes"]) for one in answers["contacts"] if one["closes"] is not None]
     coarse = [name for name, one in closes if not one["jump"] and _is_far_apart(one)]
-    of_names = f" {' and '.join(coarse)}" if len(answers["contacts"]) > 1 else ""
+    names = " and ".join(part for part in (", ".join(coarse[:-1]), *coarse[-1:]) if part)
+    of_names = f" {names}" if len(answers["contacts"]) > 1 else ""
     found = [f"contacts{of_names} close"] if coarse else []
     first_yield = answers["first_yield"]
     if first_yield is not None and not first_yield["jump"] and _is_far_apart(first_yield):
