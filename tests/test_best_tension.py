@@ -200,3 +200,21 @@ def test_a_tension_that_is_held_while_the_mesh_cools_is_no_range(monkeypatch: py
     best = found(rows, monkeypatch)["best"]
     assert (best["stage"], best["active_percent"]) == ("load", 25.0)
     assert best["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["A"]) and best["open_high"]
+
+
+def test_an_end_at_first_yield_is_unknown_where_a_class_closes_below_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """B closes at an unknown tension between the records at 0.3 and 0.8 N/m, and so does the wire yield: what is active up to
+    there is not known."""
+    rows = [row(0.1 * k) for k in range(4)] + [row(0.8)]
+    best = found(rows, monkeypatch)["best"]
+    assert best["active_percent"] == 25.0 and best["high"]["tension_weft_N_per_m"] == pytest.approx(0.7)
+    assert [one["tension_weft_N_per_m"] for one in best["high_between"]] == pytest.approx([0.3, 0.8])
+
+
+def test_a_yield_where_the_mesh_is_unloaded_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wire yields in compression, in a stage that unloads: that is no number of times the best tension."""
+    rows = [row(0.1 * k) for k in range(6)] + [row(-0.1 * k, stage="off") for k in range(1, 4)]
+    for one, stress in zip(rows[6:], (0.3, 0.6, 1.2), strict=True):
+        one.stress_max_Pa = stress * LIMIT
+    answers = found(rows, monkeypatch)
+    assert answers["first_yield"]["stage"] == "off" and answers["best"]["first_yield_over_tension"] is None

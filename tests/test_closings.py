@@ -245,3 +245,14 @@ def test_a_service_tension_is_that_of_the_load_and_not_of_heat_behind(monkeypatc
         one.force_B_N, one.active_B_percent, one.active_percent = SLOPE, 100.0, 100.0
     (point,) = found(rows, monkeypatch, service=0.4)["service"]
     assert (point["stage"], point["active_percent"]) == ("load", 25.0) and point["state"]["temperature_K"] == 293.15
+
+
+def test_a_class_that_closes_again_leaves_the_share_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """B closes at 0.61 N/m on loading, is open once unloaded, and closes again between the records at 0.5 and 0.68 N/m: the share
+    at 0.63 N/m is known on loading, and unknown when the mesh is loaded again."""
+    rows = [row(0.05 * k) for k in range(15)] + [row(tension, stage="off") for tension in (0.4, 0.1)]
+    rows += [row(tension, stage="again") for tension in (0.5, 0.68)]
+    service = {one["stage"]: one for one in found(rows, monkeypatch, service=0.63)["service"]}
+    assert service["load"]["active_percent"] == 100.0 and service["load"]["resolved"]
+    assert service["again"]["active_percent"] is None and not service["again"]["resolved"]
+    assert [one["active_percent"] for one in service["again"]["between"]] == [25.0, 100.0]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..measure.contact_classes import ContactClass
 from .branches import HELD_TENSION, Jump
-from .closings import DRIFT, Answer, interpolated, is_jump, state_of
+from .closings import DRIFT, Answer, changes_unknown, interpolated, is_jump, state_of
 from .history import Row, mean_tension, stages_of
 
 DRIFT_STATES = 201  # states between the least and the largest tension of a stage, in which a drift is looked for
@@ -46,6 +46,7 @@ def margin(best: Answer, limit: float, first_yield: Answer | None) -> Answer:
     if first_yield is not None and first_yield["resolved"]:
         if first_yield["between"][1]["temperature_K"] == best["temperature_K"]:
             times = mean_tension(Row(**first_yield)) / mean_tension(Row(**best))
+            times = times if times >= 1.0 - ROUND_OFF else None  # it yields where it is unloaded, or compressed
     return {"stress_over_limit": best["stress_max_Pa"] / limit, "first_yield_over_tension": times}
 
 
@@ -91,6 +92,8 @@ def _best_of(
     def sides_of(row: Row) -> Jump | None:
         """The records on both sides of an end of the range, the lower tension first; None where it is known, or the last one."""
         at_limit = math.isclose(row.stress_max_Pa, limit, rel_tol=ROUND_OFF)
+        if at_limit and len(rows) > 1 and changes_unknown(rows[-2], rows[-1], classes, closings):
+            return (rows[-2], rows[-1])  # contacts close at an unknown tension before the wire yields, or behind
         if at_limit or any(math.isclose(mean_tension(row), one, rel_tol=ROUND_OFF) for one in known):
             return None
         for last, beyond in ((begin, begin - 1), (end - 1, end)):

@@ -32,6 +32,7 @@ STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_p
 STRESSES = ("stress_max_Pa", "stress_with_grips_Pa")  # [Pa] the second one beside a first one away from the grips
 COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
+HALF = 50.0  # [%] of the pairs of a class that are closed, from which on it is
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 CURVED = 0.1  # of a mean tension: error of a line through forces up to which a place is given
 SLACK = 1e-6  # of the distance of two records: round-off of a state found between them
@@ -196,7 +197,7 @@ def _service_share(
     why = {}
     if there is not None and min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
         there, why = None, {"why": COMPRESSED}
-    near = inside and around is not None and _changes_unknown(*around, classes, closings)
+    near = inside and around is not None and changes_unknown(*around, classes, closings)
     pairs = max(1, sum(one.pairs for one in classes))
     active, state = (
         (None, None) if there is None else (100.0 * round(0.01 * pairs * there.active_percent) / pairs, state_of(there))
@@ -206,12 +207,18 @@ def _service_share(
     return point | stage | {"jump": None, "between": ends} | why
 
 
-def _changes_unknown(before: Row, after: Row, classes: Sequence[ContactClass], closings: Answer) -> bool:
-    """Whether a class closes at an unknown tension between two neighbouring rows, or contacts open on unloading."""
-    if mean_tension(after) >= mean_tension(before):
-        return [state_of(before), state_of(after)] in _unknown(closings)
-    names = [f"active_{one.name}_percent" for one in classes]
-    return any(abs(vars(after)[name] - vars(before)[name]) > DRIFT for name in names)
+def changes_unknown(before: Row, after: Row, classes: Sequence[ContactClass], closings: Answer) -> bool:
+    """Whether a class closes at an unknown tension between two neighbouring rows, or contacts open on unloading.
+
+    A class that closes once more, as on loading again, has no known tension there.
+    """
+    ends = [state_of(before), state_of(after)]
+    shares = {one.name: [vars(row)[f"active_{one.name}_percent"] for row in (before, after)] for one in classes}
+    if mean_tension(after) < mean_tension(before):
+        return any(abs(there - here) > DRIFT for here, there in shares.values())
+    again = {name: here < HALF <= there for name, (here, there) in shares.items()}
+    known = [name for name, one in closings.items() if one is not None and one["resolved"] and one["between"] == ends]
+    return ends in _unknown(closings) or any(closes and name not in known for name, closes in again.items())
 
 
 def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump]:
