@@ -24,6 +24,7 @@ PROBE = 2e-4  # strain of the first step, which measures the stiffness: before i
 TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by which both scatter; at most
 TOLERANCE_SHARE = 1.0 / 3.0  # the same over the residual tolerance: soft meshes answer heat by few tolerances of their strain
 PATIENCE = 20  # equilibria after which the residual tolerance will do, by which tensions scatter
+LAST_PATIENCE = 60  # after which TOLERANCE will do where that is smaller
 SIGNIFICANT = 2.0  # residual tolerances: relative change of tension that renews the tangent
 OVERSHOT = 0.5  # of a step, after one by the same tangent that changed the sign of what is lacking
 SLACK = 0.05  # of its target: a direction that carries less is slack
@@ -129,6 +130,8 @@ class TensionSearch:
         miss = self.level.add(strain, tension, target, driven, is_renewed=is_renewed)
         tolerance = min(TOLERANCE, TOLERANCE_SHARE * residual_tolerance)
         if self.level.states > PATIENCE:
+            tolerance = residual_tolerance
+        if self.level.states > LAST_PATIENCE:
             tolerance = max(TOLERANCE, residual_tolerance)
         if relative_miss(tension, target, driven, scale) <= tolerance:
             return None
