@@ -15,7 +15,7 @@ from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, load_text
 from ..sweep.states import Mesh
-from ..text import celsius, engineering
+from ..text import celsius, engineering, exact
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import CurvePoint
@@ -112,8 +112,17 @@ class Findings:
         if self.answers is not None:
             yield from answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
             yield "equal tensions", f"followed {self.path.end_text}"
+        if self.heat_note:
+            yield "heat", self.heat_note
         if self.no_heat and later_temperatures(self.scene):
             yield "heat", f"not shown: {self.no_heat}"
+
+    @property
+    def heat_note(self) -> str:
+        """That heat is not at the requested tension; empty where it is, or without a request."""
+        if not self.heated or self.requested is None or self.requested in self.path.states:
+            return ""
+        return f"shown at the best tension, as the mesh does not reach {exact(self.requested, 'N/m')}"
 
     @property
     def limit_of_curves(self) -> str | None:

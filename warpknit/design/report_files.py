@@ -71,6 +71,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         page.warning(f"{warning[0].upper()}{warning[1:]}.")
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
     answers_section(page, found.scene, found.answers, found.path, found.equal_tension, found.no_heat, figures)
+    if found.heat_note:
+        page.text(f"Heat is {found.heat_note}.")
     for case in found.heated:
         if case.ended:
             page.warning(f"{case.ended}.")

@@ -92,9 +92,7 @@ def closing(
         there, low, here = (np.array([vars(row)[name] for name in STATE]) for row in (behind[1], before, after))
         values = here - back * (there - here)
         if _lies_between(values, low, here):
-            gained = [float(one[2] + one[3] - low[2] - low[3]) for one in (values, here)]  # twice the mean tension
-            share = float(np.clip(gained[0] / gained[1], 0.0, 1.0)) if gained[1] > 0.0 else 0.5
-            return state_between(before, after, share) | found
+            return dict(zip(STATE, values.tolist(), strict=True)) | found
     return state_between(before, after, 0.5) | found | {"resolved": False}
 
 
