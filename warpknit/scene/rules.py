@@ -129,7 +129,12 @@ RULES = (
     Rule("wires", ("error",), "[knit] or [hook] with --error", "settings are tried on a smaller mesh, which requires a knit"),
     Rule("hook", ("map",), "[knit] for maps and reports", "it has no strains"),
     Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few for several ranks"),
-    Rule("no sweep", ("map",), "a table [sweep] with strain_weft and strain_warp, for `warpknit map`", "it defines the loads"),
+    Rule(
+        "no sweep",
+        ("map",),
+        "a table [sweep] of strains or of tensions, weft and warp, for `warpknit map`",
+        "it defines the loads",
+    ),
     Rule("ramp", ("map",), "'relax' for maps and reports", "a map consists of equilibria"),
     Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
     Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "its errors were not measured for hooks in space"),
