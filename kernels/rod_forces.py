@@ -393,18 +393,9 @@ _FORCES = (
 
 # on a GPU: arrays of which a thread has read its own place alone, or all have been read before the threads came together
 _IN_PLACE_OF = {
-    **{"ux": "arc_pull", "gbx": "nbx", "gby": "nby", "gbz": "nbz", "gb": "shared", "gax": "kx", "gay": "ky", "gaz": "size_part"},
-    **{
-        "ga": "size_slope",
-        "cfx": "bow_x",
-        "cfy": "bow_y",
-        "ccx": "along_x",
-        "ccy": "along_y",
-        "nx": "dx",
-        "ny": "dy",
-        "nz": "dz",
-    },
-}
+    "ux": "arc_pull", "gbx": "nbx", "gby": "nby", "gbz": "nbz", "gb": "shared", "gax": "kx", "gay": "ky", "gaz": "size_part",
+    "ga": "size_slope", "cfx": "bow_x", "cfy": "bow_y", "ccx": "along_x", "ccy": "along_y", "nx": "dx", "ny": "dy", "nz": "dz",
+}  # fmt: skip
 
 
 @wp.func_native(with_shared(_FORCES, _IN_PLACE_OF))

@@ -233,7 +233,7 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
 
 def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, peak: Peak | None) -> None:
     """Say how many contacts are active and open, and how many of the central rhombus; and the largest stress."""
-    kind = "bodies" if layout.body_radius else "places of 2 pairs"
+    kind = "bodies" if layout.body_radius else "places of contact"
     handles = [] if peak is None else [_peak_handle(peak)]
     for chosen, name, _, look in _kinds(frame) if layout.body_count else ():
         label, is_drawn = f"{name} {kind}: {np.count_nonzero(chosen)}", name == "active" or shows_open
