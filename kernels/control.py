@@ -40,7 +40,7 @@ RAMP_STEPS = wp.constant(23)
 # drive
 DRIVE = wp.constant(24)  # 0 relax, 1 ramp
 DAMPING = wp.constant(25)  # [1/s]
-HAS_LOAD = wp.constant(26)  # of wires in space: 1 where dead loads act on the nodes
+DEAD_LOAD = wp.constant(26)  # [N] of wires in space: rms of the dead loads on the nodes of the mesh, 0 without any
 LOAD_RESTS = wp.constant(27)  # 1 where the load did not move after the last step
 FRAMES_AHEAD = wp.constant(28)  # of wires in space: 1 where the last step left the frames of this one
 SPEED_LIMIT = wp.constant(29)  # [m] largest displacement a step in relax; speeds are scaled down to it

@@ -57,7 +57,7 @@ from typing import Any
 import warp as wp
 
 from .arctangent import ARCTANGENT
-from .control import HAS_LOAD, STATUS, is_halted
+from .control import DEAD_LOAD, STATUS, is_halted
 from .native import constants, with_shared
 from .rod_blocks import AROUND, BLOCK
 
@@ -74,7 +74,7 @@ _FORCES = (
         "typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) real;\n"
         + BLOCK
         + AROUND
-        + constants(HAS_LOAD=HAS_LOAD, STATUS=STATUS, STATUS_RUNNING=0)
+        + constants(DEAD_LOAD=DEAD_LOAD, STATUS=STATUS, STATUS_RUNNING=0)
         + r"""
     const bool steps = steer[STATUS] == STATUS_RUNNING;
     const int* start_of_first = touch_first_start.data;
@@ -320,7 +320,7 @@ _FORCES = (
     }
     }
     TOGETHER
-    if (steer[HAS_LOAD] != 0) {
+    if (steer[DEAD_LOAD] != 0) {
         const double* given = (const double*)(load_force.data + first - HALO);
         EACH(k, HALO, HALO + count) {
             cfx[k] += given[3 * k];

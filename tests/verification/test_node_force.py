@@ -9,9 +9,11 @@ finds.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.constants import g as GRAVITY
 
 from warpknit import Simulation, build_model, load_scene
 from warpknit.errors import ModelError
@@ -20,13 +22,18 @@ LENGTH = 4e-3  # [m]
 SCENES = Path(__file__).parents[2] / "scenes"
 
 
-def clamped_wires(folder: Path, spacing: float) -> Simulation:
+def clamped_wires(folder: Path, spacing: float, **tables: Any) -> Simulation:
     """Two straight wires side by side, which never touch."""
     x = 1e3 * np.linspace(0.0, LENGTH, 81)
     rows = [f"{wire},{place},{wire},0" for wire in (1, 2) for place in x]
     (folder / "wires.csv").write_text("\n".join(["wire,x [mm],y [mm],z [mm]", *rows]))
     wires = {"file": folder / "wires.csv", "node_spacing": spacing}
-    scene = {"wire": {"diameter": "50 um"}, "wires": wires, "solver": {"residual_tolerance": 1e-3}, "output": {"frames": 1}}
+    scene = {
+        "wire": {"diameter": "50 um"},
+        "wires": wires,
+        "solver": {"residual_tolerance": 1e-3},
+        "output": {"frames": 1},
+    } | tables
     return Simulation(build_model(load_scene(scene)))
 
 
@@ -47,6 +54,19 @@ def test_a_clamped_wire_bends_as_a_beam_under_tension(tmp_path: Path, spacing: f
     left = model.node_count * state.unbalanced_force  # the sum of n forces is at most n times their rms
     assert left < 1e-2 * load
     np.testing.assert_allclose(state.edge_force.sum(axis=0), -force.sum(axis=0), rtol=0, atol=left)
+
+
+@pytest.mark.parametrize("spacing", [100e-6, 50e-6])
+def test_own_weight_bends_clamped_wires_that_nothing_else_loads(tmp_path: Path, spacing: float) -> None:
+    """w_max = q l^4/(384 EI) between clamps l apart, with the weight q of the wire a metre, to 11 (h/l)^2 of differences."""
+    simulation = clamped_wires(tmp_path, spacing, load={"strain_weft": 0.0})
+    model = simulation.model
+    weight = GRAVITY * model.scene.wire.linear_density
+    simulation.set_force(np.full((model.node_count, 3), [0.0, 0.0, -weight * spacing]))
+    unloaded, *_, last = simulation.run()
+    sag = weight * (LENGTH - spacing) ** 4 / (384.0 * model.bending_stiffness)
+    for record in (unloaded, last):
+        assert -record.observables.node_position[:, 2].min() == pytest.approx(sag, rel=11.0 * (spacing / LENGTH) ** 2, abs=0)
 
 
 def test_only_forces_on_the_nodes_of_a_model_in_space_are_taken(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import reduce
 from itertools import chain
 from operator import add
@@ -95,7 +95,15 @@ class Ranks(ABC):
         import numpy as np
 
         everyone = self.everyone([exact_parts(column) for column in values.T])
-        return np.array([math.fsum(chain(*parts)) for parts in zip(*everyone, strict=True)])
+        return np.array([_exact_total(chain(*parts)) for parts in zip(*everyone, strict=True)])
+
+
+def _exact_total(values: Iterable[float]) -> float:
+    """Exactly rounded sum; not a number where it is not finite."""
+    try:
+        return math.fsum(values)
+    except (OverflowError, ValueError):  # beyond the largest number, or infinite with both signs
+        return math.nan
 
 
 class One(Ranks):
@@ -109,7 +117,7 @@ class One(Ranks):
     def exact_sum(self, values: np.ndarray) -> np.ndarray:
         import numpy as np
 
-        return np.array([math.fsum(column) if all(map(math.isfinite, column)) else math.nan for column in values.T.tolist()])
+        return np.array([_exact_total(column) for column in values.T.tolist()])
 
     def gather(self, values: np.ndarray) -> list[np.ndarray]:
         return [values]

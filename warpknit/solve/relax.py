@@ -223,9 +223,13 @@ class Relaxation(Drive):
         self.progress.search.begin_level()
         self.mechanics.begin_level()
         if to_ratio <= 1.0:
-            self.mechanics.begin_test()
+            self._begin_test()
         self.progress.solving = True
         self._begin_solving(to_ratio, drift_counts=drift_counts)
+
+    def _begin_test(self) -> None:
+        """Test whether the equilibrium of this level is stable; surely at the end of a stage."""
+        self.mechanics.begin_test(is_last=self.progress.load_factor >= 1.0)
 
     def _start_level(self, load: LoadPoint) -> None:
         """Extrapolate the state from the last two levels, and apply the load."""
@@ -270,7 +274,7 @@ class Relaxation(Drive):
                 begins_test = progress.to_ratio == 1.0 and not progress.search.level.is_exact
                 if begins_test:
                     progress.search.level.is_exact = True
-                    self.mechanics.begin_test()
+                    self._begin_test()
                 if begins_test or progress.reached >= progress.to_ratio:
                     yield UNSOLVED
                 continue

@@ -113,7 +113,8 @@ class Simulation:
                 f"forces on nodes: given a resultant of {engineering(float(resultant), 'N')} on a tile that nothing holds,"
                 " allowed: forces that add up to zero"
             )
-        set_load(values if model.strip is None else values[model.strip.nodes_of_mesh])
+        scale = float(np.sqrt(np.mean(np.sum(np.square(values, dtype=np.float64), axis=1))))
+        set_load(values if model.strip is None else values[model.strip.nodes_of_mesh], scale)
 
     # --- drives
 

@@ -16,7 +16,7 @@ from ..mechanics import Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
-from ..numerics import FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
+from ..numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
@@ -27,7 +27,7 @@ from .masses import Masses
 from .membrane_grid import MembraneGrid
 from .model import SpatialModel
 from .observables import SpatialObservables, read
-from .overlap_text import CLOSEST, overlap_text, refuse_intersecting_centre_lines
+from .overlap_text import CLOSEST, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState, set_natural_shape
@@ -40,7 +40,8 @@ from .strip_step import stepper_of
 from .thermal import segment_thermal_strain
 from .wire_contact import WireContact
 
-LOAD_STEPS, LOAD_STRAIN = 200, 0.03  # steps over which the load of a level is applied, up to this strain; in proportion beyond it
+# steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond
+LOAD_STEPS, LOAD_STRAINS = 200, (0.001, 0.03)
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
@@ -91,8 +92,11 @@ class SpatialMechanics:
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._release: tuple[float, float] | None = None  # natural over rest curvature before and after the part in progress
+        self._untested = 0.0  # strain since the last test whether an equilibrium is stable
         self._overlap = 0.0  # over the thickness, deepest up to the last convergence check
-        self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
+        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = (
+            None  # gradient, displacement, tension offsets of the previous level
+        )
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
 
@@ -129,7 +133,9 @@ class SpatialMechanics:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
         self.contact.search()
         self.stepper.evaluate()
-        refuse_intersecting_centre_lines(self.contact.read_contacts(0.0), self.model.rods, self.strip)
+        near = self.contact.read_contacts(0.0)
+        refuse_intersecting_centre_lines(near, self.model.rods, self.strip)
+        refuse_overlapping_clamps(near, self.model.rods, self.strip)
         self.step(2)
         if self.model.ramp is None:
             self.check(1, loading=False)
@@ -140,6 +146,7 @@ class SpatialMechanics:
     # --- loads
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
+        self._untested += self._strain_to(load)
         state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
         now = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
         then = [*load.gradient.ravel().tolist(), factor]
@@ -151,9 +158,7 @@ class SpatialMechanics:
         if self.model.ramp is not None:
             return
         self._apply_release()
-        self.relaxation.set_thermal_strain(
-            segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
-        )
+        self.relaxation.set_thermal_strain(self._thermal_strain(load))
         if self.clamps is None or steps == 0:
             self._move_clamps(load, factor)
         if self.multipliers is not None:
@@ -200,19 +205,36 @@ class SpatialMechanics:
         )
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
+        (small, large), strain = LOAD_STRAINS, self._strain_to(load)
+        is_slow = self._release is not None or self.edge is not None
+        share = max(1.0 if is_slow else min(1.0, strain / small), strain / large)
+        return CHECK_STEPS * round(LOAD_STEPS / CHECK_STEPS * share)
+
+    def _strain_to(self, load: LoadPoint) -> float:
+        """Strain by which a load differs from the present one."""
+        control, scene = self.state.read_control(), self.model.scene
         strain = float(np.abs(load.gradient - self.state.gradient).max())
+        strain += abs(scene.wire.length_factor(load.temperature) - float(control[int(c.LENGTH_FACTOR)]))
+        if any(any(stage.temperature_gradient) for stage in scene.stages):
+            strain += self.strip.largest_of_nodes(np.abs(self._thermal_strain(load) - self.relaxation.thermal_strain))
         if self.edge is not None and load.stations is not None:
-            strain += float(np.abs(load.stations - self.edge.target).max() / self.model.panel.size.min())
-        return CHECK_STEPS * round(LOAD_STEPS / CHECK_STEPS * max(1.0, strain / LOAD_STRAIN))
+            strain += float(np.abs(load.stations - self.edge.target).max() / np.min(self.model.panel.size))
+        return strain
+
+    def _thermal_strain(self, load: LoadPoint) -> np.ndarray:
+        """[node] thermal strain of the segments beyond that in the middle of the mesh."""
+        return segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
 
     def predict(self, ratio: float) -> None:
-        displacement = fetch(self.state.displacement).copy()
+        displacement, offset = (fetch(array).copy() for array in (self.state.displacement, self.state.tension_offset))
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
             largest = self.strip.largest_of_nodes(np.linalg.norm(move, axis=1))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
-            store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
-        self._last = self.state.gradient, displacement
+            share = min(1.0, limit / max(largest, 1e-300))
+            store(self.state.displacement, displacement + share * move)
+            store(self.state.tension_offset, offset + share * ratio * (offset - self._last[2]))
+        self._last = self.state.gradient, displacement, offset
         self.relaxation.stop_motion()
 
     def advance_history(self) -> None:
@@ -253,9 +275,11 @@ class SpatialMechanics:
     def begin_level(self) -> None:
         self.contact.pop_max_penetration()
 
-    def begin_test(self) -> None:
-        if self._is_tested:
+    def begin_test(self, *, is_last: bool) -> None:
+        is_certain = is_last or self._release is not None or self.state.dead_load > 0.0
+        if self._is_tested and (is_certain or self._untested >= LOAD_STRAINS[0]):
             self.stability.begin()
+            self._untested = 0.0
 
     def check(self, checks: int, *, loading: bool) -> Check:
         if loading and not self.may_overlap:
@@ -319,9 +343,9 @@ class SpatialMechanics:
         return self.strip.ranks.from_first(lambda: strength_exceeded(measure.largest_stress(observed), strength))
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """Whether the mesh is as knitted, stress-free and without overlaps; overlaps are added to `notes`."""
+        """Whether the mesh is as knitted, without loads, stress and overlaps; overlaps are added to `notes`."""
         wire = self.model.scene.wire
-        if not load.is_as_knitted(wire.reference_temperature):
+        if self.state.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
             return False
         self.stepper.evaluate()
         overlaps = self.contact.read_contacts().overlap / self.model.rods.section.thickness
@@ -333,7 +357,8 @@ class SpatialMechanics:
             )
             return False
         state = self.relaxation.sums(of_mean=False)
-        is_free = wire.set_fraction == 1.0 and state.excess_ratio <= 1.0
+        tension = self.strip.largest_of_nodes(np.abs(self.relaxation.tension()))
+        is_free = wire.set_fraction == 1.0 and tension <= AXIAL_ERROR * self.model.rods.section.axial_stiffness
         return is_free and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
 
     # --- real time
@@ -398,11 +423,11 @@ class SpatialMechanics:
     def state_dict(self) -> dict[str, np.ndarray]:
         kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes))}
         kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
-        kept |= self.stability.state_dict()
+        kept |= self.stability.state_dict() | {"untested": np.array(self._untested)}
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
         if self._last is not None:
-            kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
+            kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1], "offset_before": self._last[2]}
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -411,9 +436,10 @@ class SpatialMechanics:
         self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)
         self.stability.load_state_dict(kept)
+        self._untested = float(kept["untested"])
         for part in (self.edge, self.multipliers):
             if part is not None:
                 part.load_state_dict(kept)
         self._last = None
         if "gradient_before" in kept:
-            self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()
+            self._last = tuple(kept[name].copy() for name in ("gradient_before", "displacement_before", "offset_before"))

@@ -39,6 +39,7 @@ LEAST_SPACING = 0.5  # smallest node spacing of wires from a file, in thicknesse
 # dynamics of a relaxation, whose multipliers correct them: about as stiff as the loops, of length L
 SOFT_STRETCH = 430.0  # axial stiffness over EI/L^2
 SOFT_PENALTY = 1000.0  # contact penalty over EI/L^3
+STRAIGHT_PENALTY = 5.0  # the same over the stiffness of a nearly straight wire, of length L
 BORDER = 0.5  # wale spacings that wires of different strips may come nearer to each other along the weft
 CONTACT_TO_BENDING = 1.0  # default contact penalty over the larger of 4 EI/h^3 and softened EA/h
 
@@ -286,12 +287,18 @@ def _assemble(
         curve=curve,
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
-        soft_penalty=SOFT_PENALTY * section.bending_stiffness / loop_length**3 if given is None else given,
+        soft_penalty=_soft_penalty(rods, loop_length) if given is None else given,
         loop_length=loop_length,
         device=device,
         precision=precision_of(scene.solver.precision, 1.0),
     )
     return model if scene.solver.drive == "relax" else replace(model, ramp=_ramp_numerics(model))
+
+
+def _soft_penalty(rods: Rods, loop_length: float) -> float:
+    """[N/m] smallest penalty of a contact: about as stiff as a loop, or as the softest wire where all are nearly straight."""
+    loop = rods.section.bending_stiffness / loop_length**3
+    return float(max(SOFT_PENALTY * loop, STRAIGHT_PENALTY * rods.wire_stiffness.min() / loop_length))
 
 
 def _ramp_numerics(model: SpatialModel) -> RampNumerics:

@@ -8,12 +8,14 @@ import numpy as np
 
 from .. import measure
 from ..errors import ModelError
+from ..kernels.banded_mass import HELD_NODE
 from ..text import engineering
 from .contacts import Contacts
 from .observables import SpatialObservables
 from .rods import Rods
 from .strip import RodStrip
 
+CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
 CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
 LEAST_DIFFERENCE = 0.005  # of a stiffness that differs from that of the scene: three digits
 
@@ -35,6 +37,28 @@ def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip
         f"wires {first + 1} and {second + 1} pass through each other near x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm: their"
         " centre lines intersect, so neither lies above the other; allowed: any distance between them, however small"
     )
+
+
+def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> None:
+    """Wires that overlap where both are clamped cannot part. Raises `ModelError` on all ranks.
+
+    near: contacts of the strip as knitted, of any gap below zero at least.
+    """
+    held = (rods.held & int(HELD_NODE)) != 0
+    rigid = held & held[rods.following]
+    overlap = near.overlap * (rigid[near.first] & rigid[near.second])
+    worst = int(overlap.argmax()) if len(overlap) else None
+    here = (0.0, 0, 0, np.zeros(3))
+    if worst is not None:
+        wires = strip.wire[rods.wire_of[[near.first[worst], near.second[worst]]]]
+        here = (float(overlap[worst]), *wires.tolist(), rods.position[near.first[worst]])
+    most, first, second, (x, y, _) = max(strip.ranks.everyone(here), key=lambda there: there[0])
+    if most > CLAMPED * rods.section.thickness:
+        raise ModelError(
+            f"wires {first + 1} and {second + 1} overlap by {engineering(most, 'm')} where both are clamped, near"
+            f" x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm, and cannot part there; move their ends apart, or set a smaller"
+            " wire.diameter"
+        )
 
 
 def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.ndarray) -> str:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+import warp as wp
+
 from ..numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel
 from .rod_checks import StateSums
 from .rod_relaxation import RodRelaxation
+
+ROUND_OFF = 1e5  # times that of EA: smallest dead load whose equilibrium is found within the tolerance
 
 
 class Residual:
@@ -25,6 +30,12 @@ class Residual:
         ratio = max(self.measure(state, contacts) / self.tolerance, state.excess_ratio)
         return ratio if self.multipliers is None else max(ratio, self.multipliers.error_ratio(contacts))
 
+    def _least_force(self, of_knit: float) -> float:
+        """[N] least force that residuals are compared with: that of the knit, or a smaller dead load."""
+        load, model = self.relaxation.stepper.state.dead_load, self.model
+        round_off = float(np.finfo(wp.dtype_to_numpy(model.precision.real)).eps)
+        return of_knit if load == 0.0 else min(of_knit, max(load, ROUND_OFF * round_off * model.rods.section.axial_stiffness))
+
     def measure(self, state: StateSums, contacts: ContactSums) -> float:
         """The larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.
 
@@ -32,7 +43,7 @@ class Residual:
         """
         relaxation, scene = self.relaxation, self.model.scene
         bent = self.model.bending_stiffness / scene.knit.wale_spacing
-        scale = max(contacts.mean_push, FORCE_FLOOR * bent / scene.knit.wale_spacing)
+        scale = max(contacts.mean_push, self._least_force(FORCE_FLOOR * bent / scene.knit.wale_spacing))
         rms = math.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
         loops = relaxation.stepper.strip.whole.node_count / scene.model.nodes_per_loop
         motion = math.sqrt(relaxation.kinetic_energy() / max(state.energy, ENERGY_FLOOR * bent * loops))

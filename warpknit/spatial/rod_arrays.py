@@ -119,10 +119,15 @@ class RodState:
         for name, value in arrays.items():
             store(getattr(self, name), value)
 
-    def set_load(self, force: np.ndarray) -> None:
-        """Put dead loads (node, 3) [N] on the nodes."""
+    def set_load(self, force: np.ndarray, scale: float) -> None:
+        """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh."""
         store(self.load_force, force)
-        self.write_control({c.HAS_LOAD: 1.0})
+        self.write_control({c.DEAD_LOAD: scale})
+
+    @property
+    def dead_load(self) -> float:
+        """[N] root mean square of the dead loads on the nodes of the mesh; 0 without any."""
+        return float(self.read_control()[int(c.DEAD_LOAD)])
 
     def write_control(self, values: dict[int, float]) -> None:
         """Set entries of the control array."""

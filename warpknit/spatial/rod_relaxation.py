@@ -83,7 +83,8 @@ class RodRelaxation:
         self.can_stretch = self.has_segment & (self.free | self.free[rods.following])
         self.free_sections = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.softened_stiffness = rods.section.axial_stiffness / softening
-        store(state.stretch_stiffness, self.softened_stiffness)
+        least = rods.wire_stiffness[rods.wire_of] if multipliers else 0.0
+        store(state.stretch_stiffness, np.maximum(least, self.softened_stiffness))
         stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arc_length = multipliers and softening != 1.0
@@ -111,6 +112,7 @@ class RodRelaxation:
         self._mean_energy: float | None = None  # [J] kinetic energy of the mean motion since the last check
         self._rate: float = MAX_RATE
         self._best_ratio: float = math.inf
+        self._ratio, self._has_risen = math.inf, False
         self._stalled = 0  # checks without progress
         self._is_too_soft = False  # for the multipliers to converge
         wires = len(rods.wire_first)  # mean excess strain of each
@@ -296,13 +298,17 @@ class RodRelaxation:
         progress at the least rate, all wires are made stiffer.
         """
         self._excess_leads = excess >= SOFT_SHARE * ratio
+        self._has_risen |= ratio > self._ratio
+        self._ratio = ratio
         if ratio < PROGRESS * self._best_ratio:
-            self._best_ratio, self._stalled = ratio, 0
+            self._best_ratio, self._stalled, self._has_risen = ratio, 0, False
             self._rate = min(MAX_RATE, RAISED_RATE * self._rate)
             return
         self._stalled += 1
         if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
-            self._rate, self._stalled = max(MIN_RATE, LOWERED_RATE * self._rate), 0
+            if self._has_risen:
+                self._rate = max(MIN_RATE, LOWERED_RATE * self._rate)
+            self._stalled, self._has_risen = 0, False
         elif self._stalled >= SOFT_PATIENCE:
             self._is_too_soft = self._excess_leads
 

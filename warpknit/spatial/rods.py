@@ -16,6 +16,8 @@ from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..text import short_repr
 
+BENT_SHARE = 1.0 / 3.0  # of the compliance of a wire in bending, which its neighbours hinder
+
 
 @dataclass(frozen=True)
 class Section:
@@ -166,6 +168,21 @@ class Rods:
     def wire_length(self) -> np.ndarray:
         """[wire] [m] natural length; of a closed wire, once around."""
         return np.add.reduceat(np.where(self.following >= 0, self.natural_arc, 0.0), self.wire_first)
+
+    @cached_property
+    def wire_stiffness(self) -> np.ndarray:
+        """[wire] [N] tension over strain of each wire as a bent spring: 1/(1/EA + BENT_SHARE <y^2>/EI).
+
+        y: distance of its nodes at rest from the line along the wire. A straight wire has EA.
+        """
+        count = self.wire_count[:, None]
+        first, last = self.position[self.wire_first], self.position[self.wire_first + self.wire_count - 1]
+        along = np.where(self.wire_closed[:, None], self.wire_period, last - first)
+        along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]  # a ring has none
+        offset = self.position - (np.add.reduceat(self.position, self.wire_first) / count)[self.wire_of]
+        square = np.sum(offset**2, axis=1) - np.einsum("na,na->n", offset, along[self.wire_of]) ** 2
+        compliance = BENT_SHARE * np.add.reduceat(square, self.wire_first) / self.wire_count / self.section.bending_stiffness
+        return np.asarray(1.0 / (1.0 / self.section.axial_stiffness + compliance))
 
     def nodes_of(self, wires: np.ndarray) -> np.ndarray:
         """[node] nodes of these wires, one wire after the other."""
