@@ -48,7 +48,7 @@ class WireLayout:
         curve_parts                           straight pieces of the drawn curve between two nodes
         wire_count, node_count, body_count, in_space
 
-    A body is a place where two wires hook each other.
+    A body is a place where two wires hook each other; of wires from a file also where they cross or come near each other.
     """
 
     __repr__ = short_repr
@@ -162,7 +162,7 @@ class Frame:
         body_active       [body]              whether both pairs are active
         deformation       [2, 2]              mean deformation gradient, of strains and shear
         between           [node, curve_parts - 1, 3] [m]  points of the drawn curve to the next node, relative to the node
-        elsewhere_position  [contact, 3] [m]  active contacts where no wires hook; empty in the plane and in old files
+        elsewhere_position  [contact, 3] [m]  active contacts at no body; empty in the plane and in old files
         elsewhere_force     [contact] [N]     their normal force
         elsewhere_wires     [contact, 2]      the wires that touch; twice the same where a wire touches itself
 
@@ -186,7 +186,7 @@ class Frame:
     pair_active: NDArray[np.bool_]  # [pair]
     # [node, curve_parts - 1, 3] [m]  points on the curve to the next node, relative to the node; empty for nodes only
     between: Floats = field(default_factory=lambda: np.zeros((0, 0, 3), dtype=np.float32))
-    elsewhere_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # [contact, 3] [m]  where no wires hook
+    elsewhere_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # [contact, 3] [m]  at no body
     elsewhere_force: Floats = field(default_factory=lambda: np.zeros(0))  # [contact] [N]
     elsewhere_wires: Integers = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))  # [contact, 2]
 

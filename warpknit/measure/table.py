@@ -20,7 +20,8 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     active_percent          share of the active pairs
     active_A_percent        share of the active pairs of a class
     force_A_N               contact force that half of the pairs of a class reach
-    bodies                  contact bodies; in space places where two wires hook
+    bodies                  contact bodies; in space places where two wires hook, of wires from a file also where they cross or
+                            come near each other
     active_bodies           bodies both of whose pairs are active
     active_bodies_percent   share of the bodies both of whose pairs are active
     active_rhombus_percent  share of the active pairs at the central rhombus; empty without one
@@ -31,9 +32,9 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
     near_bodies             in space: sites whose wires are closer than 1.25 diameters
     near_percent            in space: share of the sites whose wires are closer than 1.25 diameters
-    elsewhere               in space: active contacts where no wires hook
-    contacts_elsewhere      in space: active contacts where no wires hook
-    elsewhere_force_max_N   in space: largest force of a contact where no wires hook
+    elsewhere               in space: active contacts outside these places, as between the stitches of a knit
+    contacts_elsewhere      in space: active contacts outside these places
+    elsewhere_force_max_N   in space: largest force of a contact outside these places
     central_rhombus         the counts of the bodies around the complete opening nearest to the centre
     tension_weft_N_per_m    force per current width in weft
     tension_warp_N_per_m    force per current width in warp

@@ -12,12 +12,14 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
     warnings                                 limits to the use of this result
     model.kind                               the model that was taken
     model.kind_reason                        why it was taken
+    model.source                             table of the scene that gives the wires: `knit`, `hook` or `wires`
     model.boundary                           `periodic`, `gripped` or that of wires from a file
     model.precision                          `single` or `double`
     model.wires                              wires of the mesh
     model.nodes                              nodes of the mesh
     model.repeats                            repeats of the knit in weft and warp
-    model.bodies                             contact bodies, or in space places where two wires hook
+    model.bodies                             contact bodies, or in space places where two wires hook; of wires from a file also
+                                             where they cross or come near each other
     model.pairs                              two of each body
     model.rest_curve_error                   largest error of the contact curve in the reference state, over d
     solver.time_step_s                       step of the unloaded mesh; 1 for a relaxation, which has fictitious masses
@@ -162,6 +164,7 @@ def run_summary(
         "model": {
             "kind": scene.model.kind,
             "kind_reason": scene.kind_reason,
+            "source": "hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",
             "boundary": scene.model.boundary,
             "precision": model.precision.name,
             "wires": len(panel.wire_first),

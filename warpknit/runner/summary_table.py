@@ -13,6 +13,8 @@ from .answers_table import LEAST_SHARE, LEAST_STRESS, advice_rows, answer_rows, 
 from .strength import assumed_note
 from .warnings_of import CARRIED, fragment_share
 
+# contacts that are counted in pairs, and the others
+PLACES = {"knit": ("at clasps", "between stitches"), "wires": ("at crossings", "elsewhere")}
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
 
 
@@ -42,13 +44,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         yield from _hook_rows(hook)
     if hook is None and (strain := value("mesh", "strain_weft")) is not None:
         yield "strain, weft / warp", f"{percent(strain, 2)} / {percent(value('mesh', 'strain_warp') or 0.0, 2)}"
-    if hook is None and (active := value("contacts", "active")) is not None:
-        share = value("contacts", "active_percent")
-        text = f"{active} of {value('contacts', 'pairs')} pairs"
-        yield "active contacts", text if share is None else f"{text}, {share:.3g} %"
-    if elsewhere := value("contacts", "elsewhere"):
-        most = engineering(value("contacts", "elsewhere_force_max_N") or 0.0, "N")
-        yield "contacts elsewhere", f"{elsewhere} pairs of segments, up to {most}"
+    here, between = PLACES.get(value("model", "source"), PLACES["wires"])
+    if hook is None and value("contacts", "active") is not None:
+        yield "active contacts", _active(value("contacts"), here, between)
     if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
         warp = value("mesh", "tension_warp_N_per_m") or 0.0
         least = max(LEAST_SHARE * max(abs(tension), abs(warp)), value("answers", "tension_tolerance_N_per_m") or 0.0)
@@ -60,8 +58,9 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         if None not in medians:
             yield "  median of the panel", " / ".join(alike(medians, "N/m"))
     if hook is None and (force := value("contacts", "force_max_N")) is not None:
-        at_knit = ", of the contacts of the knit" if (value("contacts", "elsewhere_force_max_N") or 0.0) > force else ""
-        yield "largest contact force", engineering(force, "N") + at_knit
+        others = value("contacts", "elsewhere_force_max_N")
+        more = f" {here}; {engineering(others, 'N')} {between}" if others else ""
+        yield "largest contact force", engineering(force, "N") + more
     if (stress := value("wire", "stress_max_Pa")) is not None:
         limit = value("wire", "yield_stress_Pa")
         of_limit = f", {percent(stress / limit, 0)} of the elastic limit" if limit else ""
@@ -95,6 +94,18 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     for warning in value("warnings") or []:
         yield "warning", str(warning)
     yield "results in", str(directory)
+
+
+def _active(contacts: Mapping[str, Any], here: str, between: str) -> str:
+    """Share and number of the active contacts, from the section `contacts` of a summary, and the number of others."""
+    count, share, others = (
+        f"{contacts['active']} of {contacts['pairs']} pairs",
+        contacts.get("active_percent"),
+        contacts.get("elsewhere"),
+    )
+    if others:
+        count += f" {here}; {others} more contact{'s' * (others != 1)} {between}"
+    return count if share is None else f"{share:.3g} % ({count})"
 
 
 def _earlier_stage(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -49,7 +49,8 @@ class WiresTable(Table):
     )
     loop_size: LoopLength = key(
         "Characteristic length W, the counterpart of the wale spacing of a knit: forces are compared with EI/W^2, energies with"
-        " EI/W per loop, and lenses of hooked wires are searched up to 1.65 W.",
+        " EI/W per loop, lenses of hooked wires are searched up to 1.65 W, and wires that cross up to W/2 apart count as one"
+        " layer.",
         None,
         left_out="20 diameters of the wire",
     )

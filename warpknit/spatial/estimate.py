@@ -210,7 +210,7 @@ def physics(scene: Scene, size: Size) -> Iterator[str]:
         yield softer
         yield HOOK_ENDS
         return
-    yield f"contact: round wires touch each other anywhere; they hook in {size.bodies:,} places, which shares are counted by"
+    yield f"contact: round wires touch each other anywhere; shares of active contacts are of {size.bodies:,} places"
     yield softer
     yield from boundary_physics(scene)
     yield from multilevel_start(_smaller(scene))

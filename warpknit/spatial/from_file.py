@@ -12,9 +12,11 @@ from ..kernels.clamp import CLAMP_NUMBERS
 from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
 from ..wires.centre_lines import Wires
-from ..wires.hooks import Hooks, find_hooks
+from ..wires.overlaps import close_places
+from ..wires.places import Places, find_places
 from .placed_wires import SpatialWires
 from .rods import Rods, Section, rods_of
+from .sites import NOWHERE, Sites
 
 MIN_NODES = 5  # of an open wire, of which the clamps hold four
 # fields of a panel that wires from a file leave empty
@@ -26,7 +28,9 @@ EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 
 
 def panel_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
-    """The wires as a panel with a body for each hook, their clamps, and the stress-free rods.
+    """The wires as a panel with a body for each place where they may touch, their clamps, and the stress-free rods.
+
+    Places are hooks and other crossings (wires/places.py), and where else wires come near each other.
 
     Natural lengths are those of the file where it has them. loop_length [m]: approximate length of wire in a loop. Raises
     `ModelError`.
@@ -40,37 +44,63 @@ def panel_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[
         raise ModelError(f"wires.node_spacing: wire {number + 1} has {count[number]} nodes, allowed: {allowed}")
     if wires.period is None and not is_open.any():
         raise ModelError("wires: given closed rings only, allowed: at least one open wire, or periodic wires (wires.period)")
-    hooks = find_hooks(wires, loop_length)
-    placed = _place_wires(wires, hooks, SLIDE_ALLOWANCE * loop_length, first[is_open], count[is_open])
+    places, slack = find_places(wires, loop_length), SLIDE_ALLOWANCE * loop_length
+    placed = _place_wires(wires, places, slack, first[is_open], count[is_open])
     rods = rods_of(section, wires.points, [None if end else wires.closing(w) for w, end in enumerate(is_open)], tile=placed.tile)
     if wires.rest_lengths is not None:
         own = rods.natural_length.copy()
         own[rods.following >= 0] = np.concatenate(wires.rest_lengths)
         rods = replace(rods, natural_length=own, natural_arc=own * rods.natural_arc / rods.natural_length)
     rods = rods.holding(placed.held_node.tolist(), placed.held_section.tolist())
-    return _panel(wires, hooks, placed, first, count, section.thickness), placed, rods
+    placed = _with_close_places(wires, placed, rods, slack)
+    return _panel(wires, placed, rods, places), placed, rods
 
 
-def _place_wires(wires: Wires, hooks: Hooks, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
-    """Clamps of open wires, in the middle of their end segments, and sites of the hooks.
+def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
+    """Clamps of open wires, in the middle of their end segments, and sites of the places.
 
-    first, count: of the nodes of open wires; slack [m]: reach of a site beyond both ends of its lens.
+    first, count: of the nodes of open wires; slack [m]: reach of a site beyond both ends of its place.
     """
     held = np.stack([first, first + 1, first + count - 2, first + count - 1], axis=1).astype(np.int64)
-    places = np.concatenate(wires.points)[held][..., :2]
-    middle = np.repeat(places.reshape(-1, 2, 2, 2).mean(axis=2), 2, axis=1)
-    low, high, seed = (_node_places(wires, hooks.wire, arc) for arc in (hooks.low, hooks.high, 0.5 * (hooks.low + hooks.high)))
-    slack_nodes = slack / (wires.lengths / wires.segment_counts)[hooks.wire]
+    ends = np.concatenate(wires.points)[held][..., :2]
+    middle = np.repeat(ends.reshape(-1, 2, 2, 2).mean(axis=2), 2, axis=1)
+    arcs = (places.low, places.high, 0.5 * (places.low + places.high))
+    low, high, seed = (_node_places(wires, places.wire, arc) for arc in arcs)
+    slack_nodes = _segments_in(wires, places.wire, slack)
     return SpatialWires(
         tile=np.zeros(3) if wires.period is None else np.array([*wires.period, 0.0]),
         held_node=held.ravel(),
-        held_lever=(places - middle).reshape(-1, 2),
+        held_lever=(ends - middle).reshape(-1, 2),
         held_section=held[:, [0, 2]].ravel(),
-        site_wire=hooks.wire,
-        site_seed=_in_first_round(wires, hooks.wire, seed),
+        site_wire=places.wire,
+        site_seed=_in_first_round(wires, places.wire, seed),
         site_low=low - seed - slack_nodes,
         site_high=high - seed + slack_nodes,
     )
+
+
+def _with_close_places(wires: Wires, placed: SpatialWires, rods: Rods, slack: float) -> SpatialWires:
+    """Sites also where wires come near each other and no site reaches, as where they run side by side."""
+    near = close_places(wires, rods.section.thickness)
+    if near is None or not len(near.wire):
+        return placed
+    nodes, shift = rods.wire_first[near.wire] + near.segment, np.zeros((len(near.wire), 3))
+    shift[:, :2] = 0.0 if wires.period is None else near.repeat * wires.period
+    site, _sign = Sites(placed, rods).of(nodes[:, 0], nodes[:, 1], shift, near.on)
+    new = site == NOWHERE
+    wire, reach = near.wire[new], near.segments[new] + _segments_in(wires, near.wire[new], slack)
+    return replace(
+        placed,
+        site_wire=np.concatenate([placed.site_wire, wire]),
+        site_seed=np.concatenate([placed.site_seed, (near.segment + near.on)[new]]),
+        site_low=np.concatenate([placed.site_low, -reach]),
+        site_high=np.concatenate([placed.site_high, reach]),
+    )
+
+
+def _segments_in(wires: Wires, wire: np.ndarray, length: float) -> np.ndarray:
+    """(place, 2) segments in a length [m] of wires (place, 2)."""
+    return np.asarray(length / (wires.lengths / wires.segment_counts)[wire])
 
 
 def _node_places(wires: Wires, wire: np.ndarray, arc: np.ndarray) -> np.ndarray:
@@ -90,13 +120,15 @@ def _in_first_round(wires: Wires, wire: np.ndarray, place: np.ndarray) -> np.nda
     return np.where(closed, np.mod(place, wires.segment_counts[wire]), place)
 
 
-def _panel(wires: Wires, hooks: Hooks, placed: SpatialWires, first: np.ndarray, count: np.ndarray, thickness: float) -> Panel:
-    points = np.concatenate(wires.points)[:, :2]
+def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places) -> Panel:
+    points, first, count = rods.position[:, :2], rods.wire_first, rods.wire_count
+    site_wire = placed.site_wire[len(places) :, 0]
+    nearest = first[site_wire] + placed.site_seed[len(places) :, 0].astype(int)
     none: dict[str, Any] = dict.fromkeys(EMPTY_INDEX_FIELDS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(
         EMPTY_VECTOR_FIELDS, np.zeros((0, 2))
     )
     return Panel(
-        size=np.maximum(np.ptp(points, axis=0), thickness) if wires.period is None else wires.period,
+        size=np.maximum(np.ptp(points, axis=0), rods.section.thickness) if wires.period is None else wires.period,
         low=points.min(axis=0) if wires.period is None else np.zeros(2),
         outline=None,
         boundary="gripped" if wires.period is None else "periodic",
@@ -107,8 +139,8 @@ def _panel(wires: Wires, hooks: Hooks, placed: SpatialWires, first: np.ndarray, 
         wire_length=wires.lengths,
         clamp_position=(points[placed.held_node] - placed.held_lever)[::2],
         wire_clamp=np.zeros((len(count), 2, int(CLAMP_NUMBERS))),
-        body_rest=hooks.position,
-        body_origin=np.zeros((len(hooks), 2)),
-        pair_wire=hooks.wire.ravel().astype(np.int32),
+        body_rest=np.concatenate([places.position, points[nearest]]),
+        body_origin=np.zeros((len(placed.site_wire), 2)),
+        pair_wire=placed.site_wire.ravel().astype(np.int32),
         **none,
     )

@@ -10,8 +10,8 @@ import numpy as np
 from warpknit.scene import Scene
 from warpknit.text import percent
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.hooks import Hooks, find_hooks
 from warpknit.wires.overlaps import Overlaps, find_overlaps
+from warpknit.wires.places import Places, find_places
 from warpknit.wires.read import rest_wires
 
 SAME_THICKNESS = 0.01  # over the thickness: files keep seven digits, people three
@@ -24,7 +24,7 @@ class WireReport:
     file: str
     wires: Wires
     overlaps: Overlaps
-    hooks: Hooks
+    places: Places
 
     @property
     def warnings(self) -> list[str]:
@@ -44,10 +44,6 @@ class WireReport:
                 f"wires overlap as they come{depth}: a run pushes them apart first, which prestresses the mesh before"
                 " it is loaded"
             )
-        if not self.hooks.crowded and not len(self.hooks):
-            found.append(
-                "no wires hook each other: contacts of wires that only cross act, but shares of active contacts leave them out"
-            )
         return found
 
     def as_dict(self) -> dict[str, Any]:
@@ -63,7 +59,8 @@ class WireReport:
             "file_thickness_m": None if wires.radius is None else 2.0 * wires.radius,
             "thickness_m": overlaps.thickness,
             "closest_m": overlaps.closest,
-            "hooks": None if self.hooks.crowded else len(self.hooks),
+            "hooks": None if self.places.crowded else self.places.hooks,
+            "crossings": None if self.places.crowded else len(self.places) - self.places.hooks,
             "overlaps": None if overlaps.crowded else overlaps.places,
             "warnings": self.warnings,
         }
@@ -81,7 +78,7 @@ class WireReport:
         ]
         if wires.period is not None:
             rows.append(("repeat", " x ".join(map(_millimetres, wires.period))))
-        rows.append(("hooks", self.hooks.line()))
+        rows.append(("hooks", self.places.line()))
         rows.append(("contact", self.overlaps.line()))
         return rows + [("warning", text) for text in self.warnings]
 
@@ -94,8 +91,8 @@ def wire_report(scene: Scene, thickness: float) -> WireReport:
     """Reads the wires of a scene and looks where they, of `thickness` [m], overlap. Raises `SceneError`."""
     wires = rest_wires(scene)
     assert scene.wires is not None
-    hooks = find_hooks(wires, scene.wires.loop_length)
-    return WireReport(scene.wires.path.name, wires, find_overlaps(wires, thickness), hooks)
+    places = find_places(wires, scene.wires.loop_length)
+    return WireReport(scene.wires.path.name, wires, find_overlaps(wires, thickness), places)
 
 
 def _millimetres(length: float) -> str:

@@ -29,20 +29,14 @@ class Hooks:
     low: np.ndarray  # (hook, 2) [m] where the lens begins along either wire; of a wire that goes on it may be beyond its end
     high: np.ndarray  # (hook, 2) [m]
     position: np.ndarray  # (hook, 2) [m] its middle in plan view
-    crowded: bool = False  # so much lies on top of each other that it was not looked at
+    corner: np.ndarray  # (hook, 2) numbers of the crossings that bound the lens
 
     def __len__(self) -> int:
         return len(self.wire)
 
-    def line(self) -> str:
-        """The same in words."""
-        if self.crowded:
-            return "not looked for: too much crosses in plan view"
-        return f"{len(self):,} places where two wires hook each other"
-
 
 @dataclass(frozen=True)
-class _Crossings:
+class Crossings:
     """[crossing], each once, and of a wire that crosses itself or a copy of it once from either side."""
 
     number: np.ndarray  # what is the same from both sides has one number
@@ -51,6 +45,8 @@ class _Crossings:
     repeat: np.ndarray  # (crossing, 2) of the second wire seen from the first, as they are drawn
     over: np.ndarray  # +1 where the first wire is above
     turn: np.ndarray  # sign of (direction of first) x (direction of second)
+    gap: np.ndarray  # [m] distance of the centre lines across the mesh
+    position: np.ndarray  # (crossing, 2) [m] in plan view, where the first wire is drawn
 
 
 @dataclass(frozen=True)
@@ -59,6 +55,7 @@ class _Lens:
     repeat: tuple[int, int]
     low: np.ndarray  # (2,) [m]
     high: np.ndarray
+    corner: tuple[int, int]  # numbers of the crossings
 
     @property
     def size(self) -> float:
@@ -67,14 +64,18 @@ class _Lens:
 
 def find_hooks(wires: Wires, loop_length: float) -> Hooks:
     """The hooks of wires with about so much wire [m] in a loop; each place once."""
-    crossings = _crossings(wires)
+    return hooks_of(wires, find_crossings(wires), loop_length)
+
+
+def hooks_of(wires: Wires, crossings: Crossings | None, loop_length: float) -> Hooks:
+    """The same from the crossings of the wires; None: too much crosses."""
     lenses = [] if crossings is None else _lenses(wires, crossings, LONGEST * loop_length)
     return Hooks(
         wire=np.array([lens.wire for lens in lenses], dtype=np.int64).reshape(-1, 2),
         low=np.array([lens.low for lens in lenses]).reshape(-1, 2),
         high=np.array([lens.high for lens in lenses]).reshape(-1, 2),
         position=np.array([_middle(wires, lens) for lens in lenses]).reshape(-1, 2),
-        crowded=crossings is None,
+        corner=np.array([lens.corner for lens in lenses], dtype=np.int64).reshape(-1, 2),
     )
 
 
@@ -94,7 +95,7 @@ def _place(wires: Wires, wire: int, arc: float) -> np.ndarray:
     return np.array([np.interp(s, along, points[:, k]) for k in (0, 1)]) + rounds * wires.closing(wire)[:2]
 
 
-def _crossings(wires: Wires) -> _Crossings | None:
+def find_crossings(wires: Wires) -> Crossings | None:
     """All crossings of the wires in plan view, with their copies too; None where there is too much to look at."""
     flat = replace(wires, points=tuple(points * [1.0, 1.0, 0.0] for points in wires.points))
     segments, plan = segments_of(wires), segments_of(flat)
@@ -126,38 +127,49 @@ def _crossings(wires: Wires) -> _Crossings | None:
     wire = np.stack([segments.wire[a], segments.wire[b]], axis=1)
     arc = np.stack([segments.arc[a] + t * segments.length[a], segments.arc[b] + s * segments.length[b]], axis=1)
     repeat = offset + segments.moved[b] - segments.moved[a]
-    over = np.where(t * u[:, 2] >= between[:, 2] + s * v[:, 2], 1, -1)
+    height = t * u[:, 2] - between[:, 2] - s * v[:, 2]  # of the first above the second
+    over = np.where(height >= 0.0, 1, -1)
     turn = np.sign(across).astype(int)
+    position = (segments.begin[a] + t[:, None] * u)[:, :2]
+    if wires.period is not None:
+        position -= segments.moved[a] * wires.period
     flip = np.concatenate([wire[:, 0] > wire[:, 1], np.ones(np.count_nonzero(wire[:, 0] == wire[:, 1]), dtype=bool)])
     again = np.concatenate([np.arange(len(wire)), np.flatnonzero(wire[:, 0] == wire[:, 1])])
-    wire, arc, repeat, over, turn = wire[again], arc[again], repeat[again], over[again], turn[again]
+    wire, arc, repeat, over, turn, position = (x[again] for x in (wire, arc, repeat, over, turn, position))
+    if wires.period is not None:
+        position[flip] -= repeat[flip] * wires.period
     wire[flip], arc[flip] = wire[flip, ::-1], arc[flip, ::-1]
     repeat[flip], over[flip], turn[flip] = -repeat[flip], -over[flip], -turn[flip]
-    return _Crossings(again, wire, arc, repeat, over, turn)
+    return Crossings(again, wire, arc, repeat, over, turn, np.abs(height)[again], position)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _lenses(wires: Wires, c: _Crossings, longest: float) -> list[_Lens]:
+def _lenses(wires: Wires, c: Crossings, longest: float) -> list[_Lens]:
     """Hooked lenses; those that share a corner: the one with the shorter arcs."""
-    found: list[tuple[float, int, int, _Lens]] = []
-    for pair in np.unique(c.wire, axis=0):
-        images = _Images(wires, c, pair, longest)
-        for p in np.flatnonzero((c.wire == pair).all(axis=1)).tolist():
+    found: list[_Lens] = []
+    order = np.lexsort(c.wire.T[::-1])
+    begins = np.flatnonzero(np.diff(c.wire[order], axis=0, prepend=-1).any(axis=1))
+    for member in np.split(order, begins)[1:]:
+        pair = (int(c.wire[member[0], 0]), int(c.wire[member[0], 1]))
+        images = _Images(wires, c, member, longest)
+        for p in member.tolist() if images.several else ():
             number, arcs = images.beside(p)
             inside = (arcs[:, 0] > c.arc[p, 0]) & (np.abs(arcs[:, 1] - c.arc[p, 1]) <= longest)
             for k in np.flatnonzero(inside & (c.over[number] == -c.over[p]) & (c.turn[number] == -c.turn[p])):
                 low, high = np.minimum(c.arc[p], arcs[k]), np.maximum(c.arc[p], arcs[k])
                 if not ((arcs > low) & (arcs < high)).all(axis=1).any():
-                    lens = _Lens((int(pair[0]), int(pair[1])), (int(c.repeat[p, 0]), int(c.repeat[p, 1])), low, high)
-                    found.append((lens.size, int(c.number[p]), int(c.number[number[k]]), lens))
+                    corner = (int(c.number[p]), int(c.number[number[k]]))
+                    found.append(
+                        _Lens((int(pair[0]), int(pair[1])), (int(c.repeat[p, 0]), int(c.repeat[p, 1])), low, high, corner)
+                    )
     taken: set[int] = set()
     kept = []
-    for _, p, q, lens in sorted(found, key=lambda entry: entry[0]):
-        if taken.isdisjoint((p, q)):
-            taken.update((p, q))
+    for lens in sorted(found, key=lambda lens: lens.size):
+        if taken.isdisjoint(lens.corner):
+            taken.update(lens.corner)
             kept.append(lens)
     return kept
 
@@ -165,15 +177,16 @@ def _lenses(wires: Wires, c: _Crossings, longest: float) -> list[_Lens]:
 class _Images:
     """The crossings of two wires, and those that come by again further along the first one."""
 
-    def __init__(self, wires: Wires, c: _Crossings, pair: np.ndarray, longest: float) -> None:
+    def __init__(self, wires: Wires, c: Crossings, member: np.ndarray, longest: float) -> None:
+        """member: numbers of all crossings of the two wires."""
         self.crossings, self.longest = c, longest
-        first, second = (int(w) for w in pair)
+        first, second = c.wire[member[0]].tolist()
         self._shift, self._length = wires.shifts[second], float(wires.lengths[second])
         self._rounds = _rounds(wires, second, longest)
-        member = np.flatnonzero((c.wire == pair).all(axis=1))
         rounds = np.repeat(_rounds(wires, first, longest), len(member))
         number = np.tile(member, len(rounds) // len(member))
         arc = c.arc[number, 0] + rounds * wires.lengths[first]
+        self.several = len(arc) * len(self._rounds) > 1
         order = np.argsort(arc, kind="stable")
         self._number, self._first = number[order], arc[order]
         self._repeat = (c.repeat[number] + rounds[:, None] * wires.shifts[first])[order]

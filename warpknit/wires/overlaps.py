@@ -7,7 +7,8 @@ of that width, pi D/2, or of the thickness: a bend without a fold can be that ti
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -68,61 +69,112 @@ class Images:
     middle: np.ndarray  # (image, 3) [m]
 
 
+@dataclass(frozen=True)
+class NearPairs:
+    """Pairs of segments that are no neighbours along one wire; each once."""
+
+    segment: np.ndarray  # (pair, 2)
+    repeat: np.ndarray  # (pair, 2) that the second lies in
+    distance: np.ndarray  # (pair,) [m]
+    place: np.ndarray  # (pair, 2) of the least distance, from 0 to 1 along either segment
+
+    def taken(self, kept: np.ndarray) -> NearPairs:
+        """The pairs with these numbers, or of this mask."""
+        return NearPairs(self.segment[kept], self.repeat[kept], self.distance[kept], self.place[kept])
+
+
 def find_overlaps(wires: Wires, thickness: float) -> Overlaps:
     """The overlaps of wires of `thickness` [m]."""
     segments = segments_of(wires)
+    closest, touching, count = None, [], 0
+    for near in _near_pairs(segments, wires, thickness):
+        if near is None or count > MOST_TOUCHING:
+            return Overlaps(thickness, None, None, None, 0, crowded=True)
+        touching.append(near.taken(near.distance < thickness))
+        count += len(touching[-1].distance)
+        if len(near.distance):
+            least = near.taken(np.argmin(near.distance, keepdims=True))
+            closest = least if closest is None or least.distance < closest.distance else closest
+    if closest is None or not closest.distance <= REACH * thickness:
+        return Overlaps(thickness, None, None, None, 0)
+    first, second = closest.segment[0].tolist()
+    arcs = segments.arc[closest.segment[0]] + closest.place[0] * segments.length[closest.segment[0]]
+    return Overlaps(
+        thickness,
+        float(closest.distance[0]),
+        (int(segments.wire[first]), int(segments.wire[second])),
+        (float(arcs[0]), float(arcs[1])),
+        len(np.unique(_place_numbers(segments, wires, _joined(touching)))),
+    )
+
+
+@dataclass(frozen=True)
+class ClosePlaces:
+    """Where two wires come nearer than REACH thicknesses; [place]."""
+
+    wire: np.ndarray  # (place, 2)
+    segment: np.ndarray  # (place, 2) of the closest points, counted along either wire
+    on: np.ndarray  # (place, 2) of the closest points, from 0 to 1 along these segments
+    repeat: np.ndarray  # (place, 2) of the second wire seen from the first, as they are drawn
+    segments: np.ndarray  # (place, 2) segments of either wire that are so near
+
+
+def close_places(wires: Wires, thickness: float) -> ClosePlaces | None:
+    """The places where wires of `thickness` [m] are near each other; None where there are too many to look at."""
+    segments = segments_of(wires)
+    found, count = [], 0
+    for near in _near_pairs(segments, wires, thickness):
+        if near is None or count > MOST_TOUCHING:
+            return None
+        found.append(near.taken(near.distance < REACH * thickness))
+        count += len(found[-1].distance)
+    pairs = _joined(found)
+    place = _place_numbers(segments, wires, pairs)
+    order = np.lexsort((pairs.distance, place))
+    closest = pairs.taken(order[np.unique(place[order], return_index=True)[1]])
+    first = np.searchsorted(segments.wire, np.arange(len(wires.points)))
+    wire = segments.wire[closest.segment]
+    along = [np.unique(np.stack([place, side]), axis=1)[0] for side in pairs.segment.T]
+    return ClosePlaces(
+        wire,
+        closest.segment - first[wire],
+        closest.place,
+        closest.repeat + segments.moved[closest.segment[:, 1]] - segments.moved[closest.segment[:, 0]],
+        np.stack([np.bincount(numbers, minlength=len(wire)) for numbers in along], axis=1),
+    )
+
+
+def _joined(parts: list[NearPairs]) -> NearPairs:
+    """Pairs of all parts."""
+    if not parts:
+        return NearPairs(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros((0, 2)))
+    return NearPairs(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(NearPairs)))
+
+
+def _near_pairs(segments: Segments, wires: Wires, thickness: float) -> Iterator[NearPairs | None]:
+    """Pairs nearer than REACH thicknesses and some farther ones, in blocks; None where there are too many."""
     radius = REACH * thickness + float(segments.length.max())
-    crowded = Overlaps(thickness, None, None, None, 0, crowded=True)
     if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
-        return crowded
+        yield None
+        return
     images = images_of(segments, wires.period, radius)
     tree = cKDTree(images.middle)
     own = np.flatnonzero(~images.offset.any(axis=1))
     candidates = cKDTree(images.middle[own]).count_neighbors(tree, radius)
     if candidates > MOST_PAIRS:
-        return crowded
+        yield None
+        return
     block = max(1, len(own) * BLOCK_PAIRS // candidates)
-    nearest, touching = _Nearest(), [np.empty((0, 4), dtype=np.int64)]
     for first in range(0, len(own), block):
         pairs, between = _pairs(segments, wires, images, tree, own[first : first + block], radius)
-        touching.append(nearest.take(segments, wires, pairs, between, thickness))
-        if sum(map(len, touching)) > MOST_TOUCHING:
-            return crowded
-    if not nearest.distance <= REACH * thickness:
-        return Overlaps(thickness, None, None, None, 0)
-    return Overlaps(
-        thickness, nearest.distance, nearest.wires, nearest.arcs, _place_count(segments, wires, np.concatenate(touching))
-    )
-
-
-class _Nearest:
-    """The closest of the pairs of segments looked at so far."""
-
-    distance = math.inf  # [m]
-    wires = (0, 0)
-    arcs = (0.0, 0.0)  # [m]
-
-    def take(self, segments: Segments, wires: Wires, pairs: np.ndarray, between: np.ndarray, thickness: float) -> np.ndarray:
-        """Look at pairs (pair, 4): two segments, and the repeat that the second lies in; `between` them lies so much wire
-        (pair,) [m]. Returns those nearer than `thickness`."""
-        a, b = pairs[:, 0], pairs[:, 1]
-        shift = np.zeros((len(pairs), 3))
+        (a, b), shift = pairs[:, :2].T, np.zeros((len(pairs), 3))
         if wires.period is not None:
             shift[:, :2] = pairs[:, 2:] * wires.period
-        distance, on_a, on_b = segment_distances(
+        distance, *place = segment_distances(
             segments.begin[a], segments.end[a], segments.begin[b] + shift, segments.end[b] + shift
         )
-        distance[between <= 0.5 * np.pi * np.maximum(distance, thickness)] = np.inf
-        least = int(np.argmin(distance)) if len(pairs) else 0
-        if len(pairs) and distance[least] < self.distance:
-            i, j = a[least], b[least]
-            self.distance = float(distance[least])
-            self.wires = (int(segments.wire[i]), int(segments.wire[j]))
-            self.arcs = (
-                float(segments.arc[i] + on_a[least] * segments.length[i]),
-                float(segments.arc[j] + on_b[least] * segments.length[j]),
-            )
-        return pairs[distance < thickness]
+        near = NearPairs(pairs[:, :2], pairs[:, 2:], distance, np.stack(place, axis=1))
+        yield near.taken(between > 0.5 * np.pi * np.maximum(distance, thickness))
 
 
 def _pairs(
@@ -220,14 +272,15 @@ def _wire_between(segments: Segments, wires: Wires, a: np.ndarray, b: np.ndarray
     return np.where(is_one, np.maximum(away - segments.length[a] - segments.length[b], 0.0), np.inf)
 
 
-def _place_count(segments: Segments, wires: Wires, pairs: np.ndarray) -> int:
-    """How many places overlapping pairs of segments (pair, 4) make: pairs next to each other on both wires are one.
+def _place_numbers(segments: Segments, wires: Wires, near: NearPairs) -> np.ndarray:
+    """(pair,) the place that each pair belongs to, from 0: pairs next to each other on both wires make one.
 
     A pair has several names, all given to it: the two segments of one wire either way round, and on a wire that goes on, those
     near its beginning also as what comes behind its end.
     """
+    pairs = np.column_stack([near.segment, near.repeat])
     if not len(pairs):
-        return 0
+        return np.zeros(0, dtype=np.int64)
     first = np.searchsorted(segments.wire, np.arange(len(wires.points)))
     wire_a, wire_b = segments.wire[pairs[:, 0]], segments.wire[pairs[:, 1]]
     repeat = pairs[:, 2:] + segments.moved[pairs[:, 1]] - segments.moved[pairs[:, 0]]
@@ -245,6 +298,6 @@ def _place_count(segments: Segments, wires: Wires, pairs: np.ndarray) -> int:
         names = np.concatenate([names, early])
     apart = names[:, 1:] * [1, 1, *[SAME_PLACE + 1] * 4]  # what differs in wire or repeat is not near
     near = cKDTree(apart).query_pairs(SAME_PLACE, p=np.inf, output_type="ndarray")
-    linked = names[near, 0]
+    linked = names[:, 0][near]
     graph = coo_matrix((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(len(pairs), len(pairs)))
-    return int(connected_components(graph, directed=False)[0])
+    return np.asarray(connected_components(graph, directed=False)[1])
