@@ -8,11 +8,11 @@ import pytest
 
 from warpknit import measure
 from warpknit.measure.surface import find_surface
+from warpknit.measure.tiles import Tiles
 from warpknit.mesh.rim import Rim, build_rim
-from warpknit.model import build_model
+from warpknit.model import build_model, initial_state
 from warpknit.planar.observables import read
 from warpknit.planar.panel_map import PanelMap, find_panel_map
-from warpknit.planar.state import initial_state
 from warpknit.scene import Cord, make_scene
 from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.simulate import Record, Simulation
@@ -21,25 +21,44 @@ LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}
 
 
 @cache
-def stretched() -> Record:
+def stretched(kind: str = "planar") -> Record:
     table = {"knit": {"repeats": [5, 4]}, "load": LOAD, "solver": {"preset": "draft"}, "output": {"frames": 1}}
-    model = build_model(make_scene(table))
+    model = build_model(make_scene(table | {"model": {"kind": kind}}))
     *_, last = Simulation(model, initial_state(model)).run()
     return last
 
 
-def test_the_tiles_add_up_to_the_whole() -> None:
-    """Virials of the tiles are parts of one sum, and so are the pairs; mean slopes are those of the boundary."""
-    reading = stretched().observables
-    found = find_panel_map(reading)
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_the_tiles_add_up_to_the_whole(kind: str) -> None:
+    """Virials of the tiles are parts of one sum, and so are the pairs; mean slopes are those of the boundary, but for what the
+    bodies of the outer tiles move from the affine prediction over the distance of these tiles."""
+    reading = stretched(kind).observables
+    found = reading.panel_map
+    assert found is not None
     assert found.inside.shape == (5, 4)
     assert np.all(found.known)
     assert found.nominal.mean(axis=(0, 1)) == pytest.approx(measure.nominal_stress(reading), rel=1e-9)
     assert found.stress_max.max() == pytest.approx(measure.wire_stress(reading).max())
-    assert np.diag(found.gradient.mean(axis=(0, 1))) == pytest.approx([1.1, 1.08], abs=0.01)
+    moved = np.abs(reading.displacement).max(axis=0) / (found.tile * [4, 3])
+    assert (np.abs(np.diag(found.gradient.mean(axis=(0, 1))) - [1.1, 1.08]) < moved).all()
+    assert (moved < 0.03).all()
     assert found.area_share(np.ones((5, 4), dtype=bool)) == 1.0
     everywhere = found.tension[..., 0, 0] > 0.0
     assert found.area_share(everywhere) == pytest.approx(everywhere.mean())
+    pairs = 2.0 * np.bincount(Tiles.of(reading.model).of_body, minlength=20).reshape(5, 4)
+    assert np.sum(pairs * found.active_percent) / pairs.sum() == pytest.approx(measure.contacts(reading).active_percent)
+
+
+def test_a_uniform_motion_in_space_is_a_uniform_map() -> None:
+    """Wires that move by a linear field have its slope in every tile, but for the part of their curve between two nodes that only
+    turns with them: of the bow of a segment, a tenth of a millimetre of the tile of 3.4 mm, the slope."""
+    reading = stretched("spatial").observables
+    slope = np.array([[0.02, 0.01, 0.0], [-0.005, 0.03, 0.0], [0.0, 0.0, 0.0]])
+    rest = reading.model.rods.position
+    affine = np.pad(reading.gradient, (0, 1))
+    found = replace(reading, position=rest @ (affine + slope).T).panel_map
+    change = found.gradient - reading.gradient
+    assert change == pytest.approx(np.broadcast_to(slope[:2, :2], change.shape), abs=0.03 * 0.1 / 3.4)
 
 
 @pytest.mark.parametrize("outline", ["rectangle", "hexagon"])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.collections import QuadMesh
+from matplotlib.collections import LineCollection, QuadMesh
 from matplotlib.contour import QuadContourSet
 from matplotlib.image import imread
 from matplotlib.transforms import Bbox
@@ -216,3 +216,29 @@ def test_stubs_of_lines_are_left_out(tmp_path, monkeypatch):
     (lines,) = [item for item in drawn[0].axes[0].collections if isinstance(item, QuadContourSet)]
     pieces = [len(path.to_polygons(closed_only=False)) for path in lines.get_paths()]
     assert dict(zip(lines.levels.tolist(), pieces, strict=True))[5.0] == 1 and sum(pieces) == 1
+
+
+def test_jumps_are_the_edges_between_their_cells(tmp_path, monkeypatch) -> None:
+    """Of 12 jumps along weft and warp as many edges, each half way between the two cells and as long as they are wide."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    cells = [(one, other) for one in STRAINS for other in STRAINS]
+    pairs = [(a, b) for a, b in combinations(cells, 2) if np.isclose(np.ptp([a, b], axis=0).sum(), 0.05)]
+    marks = Marks(stress=RISING, yield_stress=1e9, optimum=None, jumps=pairs)
+    map_figure(tmp_path / "a.png", STRAINS, STRAINS, RISING, title="", label="share", unit="% of pairs", marks=marks)
+    axes = drawn[0].axes[0]
+    (edges,) = [item for item in axes.collections if isinstance(item, LineCollection) and not isinstance(item, QuadContourSet)]
+    assert len(pairs) == len(edges.get_segments()) == 12
+    for segment, pair in zip(edges.get_segments(), 100.0 * np.array(pairs), strict=True):
+        assert segment.mean(axis=0) == pytest.approx(pair.mean(axis=0))
+        assert np.linalg.norm(segment[1] - segment[0]) == pytest.approx(5.0)
+        assert np.dot(segment[1] - segment[0], pair[1] - pair[0]) == pytest.approx(0.0)
+    assert not [line for line in axes.get_lines() if line.get_marker() == "x"]
+
+
+def test_a_line_of_several_levels_has_the_name_of_the_highest(tmp_path, monkeypatch) -> None:
+    """From 0 to 60 % at one edge: the line of 10, 25 and 50 % is named 50 %."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    draw(tmp_path / "a.png", np.array([[0.0, 60.0, 60.0]] * 3))
+    assert [text.get_text() for text in drawn[0].axes[0].texts if text.get_visible()] == ["50 %"]

@@ -165,3 +165,26 @@ def test_contacts_elsewhere_are_diamonds_where_there_are_some(
     told = [[text.get_text() for legend in figure.legends for text in legend.get_texts()] for figure in figures]
     for texts, not_drawn in zip(told, ("", ", not drawn"), strict=True):
         assert (f"active contacts elsewhere: {count}{not_drawn}" in texts) == (count > 0)
+
+
+@pytest.mark.parametrize("count", [40, 1000, 4000])
+def test_marks_shrink_with_their_number_until_maps_are_drawn(
+    count: int, tmp_path: Path, space_layout: WireLayout, make_space_frame: Callable[..., Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mark is a fifth of the mean distance of the drawn ones, and its dark edge a part of it: n of them cover at most
+    n (pi/4) 0.2^2 A/n, 3 % of the mesh A. Where they had to be smaller than SMALLEST_MARK to do so, there are none."""
+    layout = replace(space_layout, wire_closed=np.zeros(7, dtype=bool))
+    figures: list[Figure] = []
+    monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    frame = make_space_frame(4, count)
+    mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "a mesh")
+    marks = [line for line in figures[0].axes[0].lines if line.get_marker() == "D"]
+    size = np.prod(np.ptp(frame.node_position[:, :2], axis=0))
+    distance = 72.0 * mesh_figure.PLAN_SIZE * np.sqrt(size / count) / np.ptp(frame.node_position[:, :2], axis=0).max()  # [pt]
+    is_map = mesh_figure.MARK * distance < mesh_figure.SMALLEST_MARK
+    assert is_map == (count == 4000) == (not marks)
+    assert len([axes for axes in figures[0].axes if axes.get_xlabel()]) == 1 + is_map
+    for line in marks:
+        assert line.get_markersize() <= max(mesh_figure.MARK * distance, mesh_figure.SMALLEST_MARK)
+        (stroke,) = line.get_path_effects()
+        assert stroke._gc["linewidth"] < 0.4 * line.get_markersize()

@@ -55,6 +55,31 @@ def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch)
     assert shown[0][0] == pytest.approx(0.5) and shown[0][1] > 4.0
 
 
+def test_service_tensions_have_most_of_the_axis_of_tension(tmp_path, monkeypatch) -> None:
+    """Records from 1 mN/m to 1 kN/m, contacts that close at 2 mN/m, first yield at 6 N/m: the axis ends at 1.5 times that and
+    begins at 1/20 of its end, where 2 to 6 N/m take log(3)/log(20), 37 % of it."""
+    shown = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: shown.append(figure.axes[0].get_xlim()) or path)
+    rows = [
+        {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * k, "stress_max_Pa": 1e8 * t}
+        for k, t in enumerate(np.geomspace(1e-3, 1e3, 25).tolist())
+    ]
+
+    def state(tension: float) -> dict[str, float]:
+        return {"tension_weft_N_per_m": tension, "tension_warp_N_per_m": tension}
+
+    service = [{"tension_N_per_m": t, "state": state(t)} for t in (2.0, 3.4)] + [{"tension_N_per_m": 50.0, "state": None}]
+    answers = {"contacts": [{"name": "A", "closes": state(2e-3)}], "best": None, "first_yield": state(6.0), "service": service}
+    rows = [row | {"active_A_percent": row["active_percent"]} for row in rows]
+    design_figures.tension_figure(rows, answers, tmp_path / "tension.png", yield_stress=6e8)
+    end = design_figures.BEYOND_LIMIT * 6.0
+    room = design_figures.LONGEST_AXIS**design_figures.ROOM
+    assert shown[0] == pytest.approx((end / design_figures.LONGEST_AXIS, end * room))
+    best = {**state(0.1), "low": state(0.05), "high": state(0.2)}
+    design_figures.tension_figure(rows, answers | {"best": best}, tmp_path / "tension.png", yield_stress=6e8)
+    assert shown[1][0] == pytest.approx(design_figures.BEFORE * 0.1)  # the best tension is always shown
+
+
 @pytest.mark.parametrize("least", [1.0, 0.1, 0.01, 7.5e-4])
 def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, monkeypatch) -> None:
     drawn = []

@@ -105,8 +105,9 @@ def test_a_bulge_towards_a_wire_is_a_place_at_its_top(tmp_path: Path) -> None:
 def test_contact_forces_of_a_weave_balance_its_wires(tmp_path: Path) -> None:
     """A wire of tension T that leaves a crossing at the slope t on both sides presses on it with F = 2 T sin t.
 
-    The wires are naturally straight. Half way between two crossings a wire has no moment. Beyond the length sqrt(EI/T) from a crossing, 0.12 mm here, it carries no
-    shear force, and its direction is that of T: the share of shear is 1/cosh(L/2 sqrt(T/EI)), 4e-4, with L between crossings.
+    The wires are naturally straight. Half way between two crossings a wire has no moment. Beyond the length sqrt(EI/T) from a
+    crossing, 0.12 mm here, it carries no shear force, and its direction is that of T: the share of shear is
+    1/cosh(L/2 sqrt(T/EI)), 4e-4, with L between crossings.
     """
     table = {"load": {"strain_weft": 0.002, "strain_warp": 0.002}, "model": {"boundary": "periodic"}}
     scene = scene_of(tmp_path, weave(2, 2), wires={"period": [2.0 * SPACING, 2.0 * SPACING]}, wire={"set_fraction": 0.0}, **table)

@@ -28,6 +28,7 @@ FREQUENCIES = (1e9, 1e11)  # [Hz]
 BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end of the axis
 LABELLED_DECADES = 3.0  # of the axis of tension: on a longer one only powers of ten have labels
 ROOM = 0.04  # of the axis, at both ends
+LONGEST_AXIS = 20.0  # upper over lower end of the axis of tension: service tensions keep most of it
 BEFORE = 0.8  # of the lowest tension that is told: where the axis of tension begins
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
@@ -57,12 +58,15 @@ def tension_figure(
     """
     tension = np.array([0.5 * (row["tension_weft_N_per_m"] + row["tension_warp_N_per_m"]) for row in rows])
     shown = tension > LEAST_TENSION * tension.max()
-    scale, unit = scale_of("N/m", tension)
     to_stress, stress_unit = scale_of("Pa", np.array([row["stress_max_Pa"] for row in rows]), np.array([yield_stress]))
 
     def column(name: str) -> NDArray[Any]:
         return np.array([row[name] for row in rows], dtype=float)[shown]
 
+    active = column("active_percent")
+    begin, end = _tension_range(tension[shown], active, answers)
+    decades = np.log10(end / begin)
+    scale, unit = scale_of("N/m", np.array([end]))
     abscissa = scale * tension[shown]
     between = zip(tension[shown][:-1], tension[shown][1:], strict=True)
     jumped = np.array([False, *(any(one <= low < high <= other for low, high in jumps) for one, other in between)])
@@ -71,7 +75,6 @@ def tension_figure(
     contacts, stress = figure.subplots(1, 2)
     classes = [one["name"] for one in answers["contacts"]]
     widths = np.linspace(min(LAST_CLASS + WIDER_CLASS * len(classes), WIDEST_CLASS), LAST_CLASS, 1 + len(classes)).tolist()
-    active = column("active_percent")
     draw_line(contacts, abscissa, active, jumped, color=GREEN, linewidth=widths[0], label="all contacts")
     if len(classes) > 1:
         for number, name in enumerate(classes):
@@ -85,17 +88,9 @@ def tension_figure(
     stress.axhline(to_stress * yield_stress, color=ORANGE, linestyle="--", label="elastic limit")
     stress.set_ylim(0.0, to_stress * 1.15 * min(max(column("stress_max_Pa").max(initial=0.0), yield_stress), 2.0 * yield_stress))
     stress.set_ylabel(f"largest wire stress [{stress_unit}]")
-    # below the first change, and the lowest tension that is told, nothing of interest happens
-    changes = np.flatnonzero(np.diff(active))
-    told = [one["closes"] for one in answers["contacts"] if one["closes"] is not None]
-    told += [] if answers["best"] is None else [answers["best"]["low"]]
-    first = [0.5 * tension[shown][changes[0]]] if len(changes) else [0.0]
-    first += [BEFORE * 0.5 * (one["tension_weft_N_per_m"] + one["tension_warp_N_per_m"]) for one in told]
-    begin = max(min(first), tension[shown].min())
-    decades = np.log10(tension.max() / begin)
     for axes in (contacts, stress):
         axes.set_xscale("log")
-        axes.set_xlim(scale * begin, scale * tension.max() * 10.0 ** (ROOM * decades))
+        axes.set_xlim(scale * begin, scale * end * 10.0 ** (ROOM * decades))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         axes.xaxis.set_minor_formatter("{x:g}" if decades < LABELLED_DECADES else NullFormatter())
@@ -116,6 +111,28 @@ def tension_figure(
         axes.spines[["top", "right"]].set_visible(False)
     figure.legend(handles=_handles(figure), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
     return save_figure(figure, path)
+
+
+def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Mapping[str, Any]) -> tuple[float, float]:
+    """Ends [N/m] of the axis: from the first change of contacts to a little beyond first yield and the service tensions.
+
+    At most LONGEST_AXIS times the lower end, but never beyond the best tension. tension, active: of the records that are drawn.
+    """
+
+    def mean(state: Mapping[str, Any]) -> float:
+        return float(0.5 * (state["tension_weft_N_per_m"] + state["tension_warp_N_per_m"]))
+
+    best, first_yield = answers["best"], answers.get("first_yield")
+    end = float(tension.max())
+    if first_yield is not None:
+        asked = [one["tension_N_per_m"] for one in answers.get("service", ()) if one["state"] is not None]
+        asked += [] if best is None else [mean(best)]
+        end = min(end, BEYOND_LIMIT * max([mean(first_yield), *asked]))
+    changes = np.flatnonzero(np.diff(active))
+    told = [one["closes"] for one in answers["contacts"] if one["closes"] is not None] + ([] if best is None else [best["low"]])
+    first = [0.5 * float(tension[changes[0]])] if len(changes) else [0.0]
+    begin = max(min(first + [BEFORE * mean(one) for one in told]), float(tension.min()), end / LONGEST_AXIS)
+    return (begin if best is None else min(begin, BEFORE * mean(best))), end
 
 
 def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[str], *, yield_stress: float) -> Path:

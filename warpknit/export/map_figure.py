@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.contour import ContourSet
 from matplotlib.lines import Line2D
@@ -36,6 +37,7 @@ BEYOND_LIMIT = 1.25  # of the largest force below the elastic limit: last colour
 LEAST_LEVEL = 0.02  # of the largest value: lines of less are left out
 LIMIT_COLOUR, OPTIMUM_COLOUR = "#D55E00", "white"
 LIMIT_WIDTH = 2.4  # [pt]
+JUMP_WIDTH = 1.6  # [pt] of the edge between two cells
 PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
 LEAST_LINE = 0.75  # cells: shorter pieces of lines between jumps are left out
@@ -150,7 +152,7 @@ def _draw_levels(
         return {}
     if not percent:
         same = {level: [level] for level in _levels_apart(axes, x, y, known, [some[0] for some in same.values()])}
-    names = {some[-1]: ", ".join(f"{level:g}" for level in some) + (" %" if percent else "") for some in same.values()}
+    names = {some[-1]: f"{some[-1]:g}{' %' if percent else ''}" for some in same.values()}  # of several levels the highest
     # a share that reaches a line is on its upper side
     shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
     drawn = axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9)
@@ -287,16 +289,19 @@ def _draw_marks(
     elif known.count():
         handles.append(Line2D([], [], linestyle="none", label=f"all below {limit}"))
     if marks.jumps:
-        style = {"marker": "x", "markersize": 6, "markeredgewidth": 1.6, "color": "black", "linestyle": "none"}
-        style["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
-        cells = of_load[0] * np.array(sorted({tuple(cell) for pair in marks.jumps for cell in pair}))
-        axes.plot(cells[:, 0], cells[:, 1], zorder=6, clip_on=False, **style)
-        handles.append(Line2D([], [], label="jump to a neighbouring cell: lines end", **style))
+        style = {
+            "color": "black",
+            "linewidth": JUMP_WIDTH,
+            "path_effects": [withStroke(linewidth=2.0 * JUMP_WIDTH, foreground="white")],
+        }
+        pairs = of_load[0] * np.array(marks.jumps, dtype=float)
+        axes.add_collection(LineCollection([_edge_between(x, y, *pair) for pair in pairs], zorder=4, **style))
+        handles.append(Line2D([], [], label="jump to another equilibrium", **style))
     if marks.optimum is not None:
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]
         text = " / ".join(f"{value:.1f} {of_load[1]}" for value in place)
-        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=7, clip_on=False, **style)  # over its cross, which the legend tells
+        axes.plot(*place, color=OPTIMUM_COLOUR, zorder=7, clip_on=False, **style)
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}{marks.optimum_note}", **style))
     inside = [(label, load, value) for label, load, value in marks.places if load is not None]
     for (label, load, value), marker in zip(inside, cycle(PLACE_MARKERS), strict=False):
@@ -306,6 +311,16 @@ def _draw_marks(
         handles.append(Line2D([], [], label=label, **style))
     outside = [f"{label}, outside the map" for label, load, _ in marks.places if load is None]
     return handles + [Line2D([], [], linestyle="none", label=label) for label in outside]
+
+
+def _edge_between(x: NDArray[Any], y: NDArray[Any], one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    """(2, 2) ends of the edge between two neighbouring cells with the middles `one` and `other` (2,)."""
+    across = 0 if abs(other[0] - one[0]) > abs(other[1] - one[1]) else 1
+    middle = (x, y)[1 - across]
+    cell = int(np.argmin(np.abs(middle - one[1 - across])))
+    ends = np.empty((2, 2))
+    ends[:, across], ends[:, 1 - across] = 0.5 * (one + other)[across], _edges(middle)[cell : cell + 2]
+    return ends
 
 
 def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor: float) -> Any:

@@ -1,4 +1,4 @@
-"""Figure of the deformed mesh: wires coloured by stress, and contacts; for a large mesh, maps of both."""
+"""Figure of the deformed mesh: wires coloured by stress, and contacts; for a large or crowded mesh, maps of both."""
 
 import math
 import os
@@ -33,8 +33,10 @@ COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many c
 THINNEST = 0.9  # [pt] line that is still legible
 ROOM = 293.15  # [K]  a temperature other than this is said in the title
 OPEN_SIZE = 1.8  # of the mark of an active contact: that of an open one
-SMALLEST_MARK = 2.0  # [pt]
+SMALLEST_MARK, LARGEST_MARK = 2.4, 7.0  # [pt] of an active contact; where marks had to be smaller, maps are drawn
+MARK, MARK_IN_PLACE = 0.2, 0.4  # of the mean distance of the drawn marks, and of the places of contact
 LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges and open contacts below; all of the edge above
+PLAN_SIZE = 8.0  # [inch] of the larger side of a plan view
 LEGEND_COLUMN = 2.5  # [inch]
 ONE_TENSION = 4e-3  # of a tension: what the search of one may leave between weft and warp
 PEAK: dict[str, Any] = {"linestyle": "none", "marker": "*", "markersize": 13, "markerfacecolor": "none"}  # a contact shows in it
@@ -43,7 +45,7 @@ SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
 ELSEWHERE: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
 ELSEWHERE_SIZE = 0.75  # of the marks where wires hook, of which many are near
-ELSEWHERE |= {"path_effects": [withStroke(linewidth=1.8, foreground="black")]}
+DARK = 0.26  # of the mark: the dark line about it
 RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
@@ -71,15 +73,14 @@ def mesh_figure(
     `yield_stress` [Pa]: stress beyond it is drawn in cyan. peak: the largest stress and its place, which is marked.
     """
     frame.require_finite()
-    if layout.curve_segment.size > SEGMENTS_DRAWN:
+    if layout.curve_segment.size > SEGMENTS_DRAWN or _is_crowded(layout, frame):
         return _mesh_map(layout, frame, path, title, yield_stress, peak)
     lines, stress = _lines(layout, frame)
     bodies = 1e3 * np.asarray(frame.body_position)[:, :2]
     offsets, tile = np.zeros((1, 2)), None
     if layout.wire_closed.any():
         tile = 1e3 * frame.deformation @ np.diag(layout.period)
-        count = COPIES if layout.curve_segment.size <= COPIED else 1
-        corners = count * SQUARE @ tile.T
+        corners = _copies(layout) * SQUARE @ tile.T
         low, high = corners.min(axis=0), corners.max(axis=0)
         offsets = tile_copies(lines[:, :, :2].reshape(-1, 2), tile, *_with_margin(low, high))
     else:
@@ -104,10 +105,29 @@ def mesh_figure(
         pieces, number = copied(pieces, offsets, *_with_margin(low, high))
         edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
         axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
-    room = spacing if layout.body_count else _spacing(lines.reshape(-1, 3)[:, :2], frame.elsewhere_force.size)
-    _draw_contacts(axes, layout, frame, bodies, offsets, room * points_per_mm, shows_open)
+    size = points_per_mm * min(
+        MARK * _spacing(lines.reshape(-1, 3), _mark_count(layout, frame, shows_open)), MARK_IN_PLACE * spacing
+    )
+    _draw_contacts(axes, layout, frame, bodies, offsets, min(max(size, SMALLEST_MARK), LARGEST_MARK), shows_open)
     _draw_peak(axes, peak)
     return save_figure(figure, path)
+
+
+def _mark_count(layout: WireLayout, frame: Frame, shows_open: bool) -> int:
+    """Number of contacts that are drawn."""
+    return int(layout.body_count if shows_open else np.count_nonzero(frame.body_active)) + frame.elsewhere_force.size
+
+
+def _copies(layout: WireLayout) -> int:
+    """Number of copies of a periodic tile each way."""
+    return COPIES if layout.wire_closed.any() and layout.curve_segment.size <= COPIED else 1
+
+
+def _is_crowded(layout: WireLayout, frame: Frame) -> bool:
+    """Whether the marks of the active contacts would be smaller than SMALLEST_MARK."""
+    position = 1e3 * np.asarray(frame.node_position)[:, :2]
+    points_per_mm = 72.0 * PLAN_SIZE / (_copies(layout) * float(np.ptp(position, axis=0).max()))
+    return MARK * _spacing(position, _mark_count(layout, frame, shows_open=False)) * points_per_mm < SMALLEST_MARK
 
 
 def _draw_peak(axes: Axes, peak: Peak | None) -> None:
@@ -167,27 +187,24 @@ def _mesh_map(
     size = high - low
     figure, (left, right) = _plan_figure(size, 2, title)
 
-    shape = _cells(size, position.shape[0] / 100.0, 500)
-    extent = (low[0], high[0], low[1], high[1])
-    stress = np.full(math.prod(shape), np.nan)
-    np.fmax.at(stress, _cell_of(position, low, size, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
-    colours, scale = stress_colours(stress, yield_stress)
-    image = left.imshow(stress.reshape(shape), origin="lower", extent=extent, cmap=colours, norm=scale, interpolation="nearest")
-    _stress_bar(figure, left, image, yield_stress, "highest stress at nodes in each cell [MPa]")
-
-    body = 1e3 * np.asarray(frame.body_position)[:, :2]
     # repeats count from the corner of the mesh; loops at the edge reach a little beyond it
     corner = np.zeros(2) if layout.repeats.all() else low
     whole = 1e3 * np.diag(frame.deformation) * layout.period if layout.repeats.all() else size
-    shape, covered = _cells_of_repeats(layout.repeats, whole, body.shape[0] / 12.0, 250)
+    shape, covered = _cells_of_repeats(layout.repeats, whole, position.shape[0] / 100.0, 250)
     extent = (corner[0], corner[0] + covered[0], corner[1], corner[1] + covered[1])
+    drawn: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
+    stress = np.full(math.prod(shape), np.nan)
+    np.fmax.at(stress, _cell_of(position, corner, covered, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
+    colours, scale = stress_colours(stress, yield_stress)
+    image = left.imshow(stress.reshape(shape), cmap=colours, norm=scale, **drawn)
+    _stress_bar(figure, left, image, yield_stress, "highest stress at nodes in each cell [MPa]")
+
+    body = 1e3 * np.asarray(frame.body_position)[:, :2]
     cell = _cell_of(body, corner, covered, shape)
     pairs = 2.0 * np.bincount(cell, minlength=math.prod(shape))
     active = np.bincount(cell, frame.pair_active.reshape(-1, 2).sum(axis=1), minlength=math.prod(shape))
     share = np.divide(100.0 * active, pairs, out=np.full(pairs.shape, np.nan), where=pairs > 0.0)
-    image = right.imshow(
-        share.reshape(shape), origin="lower", extent=extent, cmap="viridis", clim=(0.0, 100.0), interpolation="nearest"
-    )
+    image = right.imshow(share.reshape(shape), cmap="viridis", clim=(0.0, 100.0), **drawn)
     _colour_bar(figure, right, image, "active contacts [% of the pairs in each cell]")
     rhombus = body[layout.rhombus_bodies]
     ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 11, "markerfacecolor": "none"}
@@ -240,9 +257,7 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
         handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
     if count := frame.elsewhere_force.size:
-        handles.append(
-            Line2D([], [], label=f"active contacts elsewhere: {count}", **ELSEWHERE, markersize=6.0, markeredgewidth=1.4)
-        )
+        handles.append(Line2D([], [], label=f"active contacts elsewhere: {count}", **_elsewhere(LARGEST_MARK)))
     if layout.body_count and layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
     elif layout.rhombus_bodies.size:
@@ -261,16 +276,15 @@ def _draw_contacts(
     frame: Frame,
     position: NDArray[Any],
     offsets: NDArray[Any],
-    spacing: float,
+    size: float,
     shows_open: bool,
 ) -> None:
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus.
 
-    Active contacts elsewhere are hollow diamonds, beneath active ones. spacing [pt] of the contacts.
+    Active contacts elsewhere are hollow diamonds, beneath active ones. size [pt] of the marks.
     """
-    size = float(np.clip(0.2 * spacing, SMALLEST_MARK, 7.0))  # [pt]
     elsewhere = (1e3 * frame.elsewhere_position[:, None, :2] + offsets).reshape(-1, 2)
-    axes.plot(*elsewhere.T, **ELSEWHERE, markersize=ELSEWHERE_SIZE * size, markeredgewidth=0.18 * size, zorder=3.1)
+    axes.plot(*elsewhere.T, **_elsewhere(size), zorder=3.1)
     if not layout.body_count:
         return
     for chosen, name, edge, look in reversed(
@@ -288,9 +302,21 @@ def _draw_contacts(
         axes.fill(*mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
 
 
+def _elsewhere(size: float) -> dict[str, Any]:
+    """Look of an active contact elsewhere, beside marks of a size [pt]: its dark edge grows and shrinks with it."""
+    dark = [withStroke(linewidth=DARK * size, foreground="black")]
+    return {**ELSEWHERE, "markersize": ELSEWHERE_SIZE * size, "markeredgewidth": 0.18 * size, "path_effects": dark}
+
+
 def _spacing(position: NDArray[Any], count: int) -> float:
-    """Mean distance [mm] of contacts at `position` (body, 2) [mm]; without bound where there are none."""
-    return math.sqrt(max(float(np.prod(np.ptp(position, axis=0))), 1e-12) / count) if count else math.inf
+    """Mean distance [mm] of `count` contacts on the area of `position` (point, 2 or 3) [mm]; without bound where none is.
+
+    Those of a narrow strip stand in a row.
+    """
+    if not count:
+        return math.inf
+    size = np.ptp(position[:, :2], axis=0)
+    return max(math.sqrt(float(np.prod(size)) / count), float(size.max()) / count)
 
 
 def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, dict[str, Any]], ...]:
@@ -306,7 +332,7 @@ def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, dict[str,
 def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, NDArray[Any]]:
     """A figure for `panels` plan views of `size` [mm] side by side, and its axes."""
     width, height = 1.06 * np.maximum(size, 1e-9)
-    inches = min(8.0 / width, 8.0 / height)
+    inches = min(PLAN_SIZE / width, PLAN_SIZE / height)
     across, up = max(inches * width, 3.2), max(inches * height, 3.2)
     figure = figure_of(panels * (across + 1.7), up + 1.5)
     figure.suptitle(title, fontsize=12)

@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from warpknit.export.plots import figure_of, frame_plan_axes, save_figure, scale_of
 
 __all__ = ["panel_figure"]
 
-SHADES = (2.0, 98.0)  # percentiles of the inner tiles between which the colours of a tension or stress lie
+SHADES = (2.0, 98.0)  # percentiles of the inner tiles, not next to a grip, between which the colours of a tension or stress lie
 LONGEST = 2.5  # median edges: longer ones of a triangulation of points lie outside the panel
 NET_NODES = 200  # places that hold a panel up to which each is marked
 FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn alike
@@ -74,7 +75,9 @@ def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str
     ix, iy = np.meshgrid(np.arange(len(columns) + 3), np.arange(len(rows) + 3), indexing="ij")
     corner = np.stack([columns[0] + (ix - 1.5) * step[0], rows[0] + (iy - 1.5) * step[1]], axis=-1) @ strained
     if "vmax" not in look:
-        inner = values[tiles["inside"] > 0.999]
+        whole = np.zeros(grid.shape, dtype=bool)
+        whole[column + 1, row + 1] = tiles["inside"] > 0.999
+        inner = values[binary_erosion(whole, np.ones((3, 3)))[column + 1, row + 1]]
         low, high = np.percentile(inner if len(inner) else values, SHADES)
         apart = max(float(high - low), 0.02 * float(np.abs(values).max()), 1e-12)
         look = {**look, "vmin": float(low), "vmax": float(low) + apart}

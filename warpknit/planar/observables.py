@@ -16,6 +16,7 @@ from ..measure.measures import active_threshold, section
 from ..measure.observables import Energies, WireStress
 from ..measure.panel_map import PanelMap
 from ..measure.strain import rotation
+from ..measure.tiles import has_map
 from ..text import short_repr
 from .bending import bending_moments
 from .contact_places import contact_places
@@ -23,7 +24,7 @@ from .friction import friction_energy
 from .hook_contact import hook_contact
 from .host_state import HostState, joined, pair_levers, read_strip
 from .model import Model
-from .panel_map import find_panel_map, has_map
+from .panel_map import find_panel_map
 from .state import State
 
 
@@ -300,7 +301,7 @@ class PlanarObservables(HostState):
     @property
     def panel_map(self) -> PanelMap | None:
         """The map of a gripped panel of enough repeats."""
-        return find_panel_map(self) if has_map(self) else None
+        return find_panel_map(self) if has_map(self.model) else None
 
 
 def read(model: Model, state: State) -> PlanarObservables:

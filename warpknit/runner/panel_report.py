@@ -1,6 +1,6 @@
 """Results of a panel: maps as tables, and values of the summary.
 
-Keys of the section `panel` of summary.json, of gripped meshes of a dozen repeats or more; in space of those on cords.
+Keys of the section `panel` of summary.json, of gripped meshes of a dozen repeats or more, and of those on cords.
 
     outline                      `panel.outline`
     area_m2                      area as knitted

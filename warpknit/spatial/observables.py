@@ -21,12 +21,15 @@ from ..measure.drawn_curve import WireCurve
 from ..measure.hook_contact import HookContact
 from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
+from ..measure.panel_map import PanelMap
+from ..measure.tiles import has_map
 from ..text import short_repr
 from .contact_places import contact_places, site_places, touched_places
 from .contacts import Contacts
 from .hook_contact import hook_contact
 from .model import SpatialModel
 from .moments import bending_moments
+from .panel_map import find_panel_map
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .rods import Rods
@@ -289,8 +292,9 @@ class SpatialObservables(Boundary):
         return float(np.ptp(self.position[:, 2])) + self.model.rods.section.thickness
 
     @property
-    def panel_map(self) -> None:
-        """None: not implemented in space."""
+    def panel_map(self) -> PanelMap | None:
+        """Strain, tension, contacts and stress of each repeat."""
+        return find_panel_map(self) if has_map(self.model) else None
 
 
 def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.ndarray, touching: Contacts) -> np.ndarray:

@@ -297,7 +297,7 @@ def _place_numbers(segments: Segments, wires: Wires, near: NearPairs) -> np.ndar
         early[:, 5:] += sign * wires.shifts[early[:, side + 2]]
         names = np.concatenate([names, early])
     apart = names[:, 1:] * [1, 1, *[SAME_PLACE + 1] * 4]  # what differs in wire or repeat is not near
-    near = cKDTree(apart).query_pairs(SAME_PLACE, p=np.inf, output_type="ndarray")
-    linked = names[:, 0][near]
+    adjacent = cKDTree(apart).query_pairs(SAME_PLACE, p=np.inf, output_type="ndarray")
+    linked = names[adjacent, 0]
     graph = coo_matrix((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(len(pairs), len(pairs)))
     return np.asarray(connected_components(graph, directed=False)[1])
