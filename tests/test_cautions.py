@@ -279,3 +279,15 @@ def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut(
     assert not said(long, 2e9) and not said(short, 2e8) and not said(0, 2e9, tile) and not said(long, 2e9, part=0.2)
     (line,) = said(long, 2e9, part=1.0)
     assert "apart: they carry 50 % in weft of the tension; the tension" in line
+
+
+def test_bars_that_are_given_twice_and_even_chains_are_reported():
+    def found(*chains):
+        scene = load_scene({"knit": {"bars": [{"chain": chain} for chain in chains]}, "load": {"strain_weft": 0.01}})
+        return [line for line in scene_cautions(scene, None) if "bars" in line or "chains" in line]
+
+    assert found("2-3/1-0", "1-0/1-2") == []
+    assert found("1-0/1-2", "2-3/1-0", "1-0/1-2") == [
+        "knit.bars[0] and knit.bars[2] are the same: every loop has both wires; for one yarn of parallel wires set wire.ends"
+    ]
+    assert found("4-6/2-0", "2-0/2-4") == ["chains in even numbers count half needles: 4-6/2-0 as 2-3/1-0, 2-0/2-4 as 1-0/1-2"]

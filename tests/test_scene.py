@@ -182,3 +182,46 @@ def test_fine_nodes_are_double_unless_said():
     """Round-off of single precision grows as EI/h^2: many nodes a loop default to double."""
     assert make_scene({"model": {"nodes_per_loop": 60}}).solver.precision == "double"
     assert make_scene({"model": {"nodes_per_loop": 60}, "solver": {"precision": "single"}}).solver.precision == "single"
+
+
+def knit_of(*chains):
+    """A scene with one bar for each chain."""
+    bars = [{"chain": chain} for chain in chains]
+    return make_scene({"knit": {"bars": bars, "wales": "26 /inch", "courses": "33 /inch"}})
+
+
+@pytest.mark.parametrize(
+    ("chains", "even"),
+    [
+        (("2-3/1-0//", "1-0/1-2 //"), ()),
+        (("2-3 / 1-0", " 1-0 / 1-2 "), ()),
+        (("4-6/2-0", "2-0/2-4//"), ("4-6/2-0 as 2-3/1-0", "2-0/2-4 as 1-0/1-2")),
+    ],
+)
+def test_chains_as_they_are_published_are_the_same_knit(chains, even):
+    """// ends a chain; where all numbers of all bars are even, a needle counts two."""
+    plain, published = knit_of("2-3/1-0", "1-0/1-2"), knit_of(*chains)
+    assert published == plain and published.hash == plain.hash and published.knit.repeat == plain.knit.repeat
+    assert published.even_chains == even and plain.even_chains == ()
+
+
+def test_inlays_with_even_numbers_stay_beside_odd_ones():
+    bars = knit_of("0-0/2-2", "1-0/0-1").knit.bars
+    assert [bar.chain for bar in bars] == ["0-0/2-2", "1-0/0-1"]
+    assert [bar.chain for bar in knit_of("0-0/4-4", "2-0/0-2").knit.bars] == ["0-0/2-2", "1-0/0-1"]
+
+
+@pytest.mark.parametrize("chain", ["2-3-3/1-0-0", "2-3/1-0-1"])
+def test_links_of_three_numbers_are_refused_by_name(chain):
+    with pytest.raises(SceneError, match="write (2-3|1-0)") as caught:
+        knit_of(chain, "1-0/1-2")
+    assert "the third number of" in str(caught.value) and "knit.bars[0].chain" in str(caught.value)
+
+
+def test_repeats_that_are_written_out_make_a_larger_repeat_of_the_same_knit():
+    """Twice the courses with the same loops: wire a loop, and hooks a loop."""
+    short, long = knit_of("2-3/1-0", "1-0/1-2"), knit_of("2-3/1-0/2-3/1-0", "1-0/1-2/1-0/1-2")
+    cloth, twice = (knit_cloth(scene.knit, scene.wire.thickness) for scene in (short, long))
+    assert long.knit.repeat == (short.knit.repeat[0], 2.0 * short.knit.repeat[1])
+    assert len(twice.stitches) == 2 * len(cloth.stitches) and len(twice.clasps) == 2 * len(cloth.clasps)
+    assert twice.wire_length == pytest.approx(cloth.wire_length, rel=1e-9)

@@ -9,6 +9,7 @@ threading such as ``|.`` repeats along the guide bar: ``|`` is a guide with a wi
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 _LINK = re.compile(r"(\d+)-(\d+)")
@@ -77,6 +78,21 @@ def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
             f"laps that return: the last underlap spans {underlaps[-1]} needles, the others at most {longest}",
         )
     return tuple(links)
+
+
+def single_steps(chains: Sequence[str]) -> list[str]:
+    """Chains of all bars in steps of one needle, from chains that may be in even numbers (0, 2, 4).
+
+    In even numbers a lap spans two; in steps of one needle a lap has an odd number.
+
+    >>> single_steps(["4-6/2-0", "2-0/2-4"])
+    ['2-3/1-0', '1-0/1-2']
+    """
+    numbers = [int(number) for chain in chains for number in re.findall(r"\d+", chain)]
+    laps = any(int(link[1]) != int(link[2]) for chain in chains for link in re.finditer(r"(\d+)-(\d+)", chain))
+    if not laps or any(number % 2 for number in numbers):
+        return list(chains)
+    return [re.sub(r"\d+", lambda number: str(int(number[0]) // 2), chain) for chain in chains]
 
 
 def parse_threading(text: object, key: str = "threading") -> tuple[bool, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -46,6 +46,9 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
     if scene.is_empty:
         yield "the scene file is empty: all values that no override gives are defaults"
+    if scene.even_chains:
+        yield f"chains in even numbers count half needles: {', '.join(scene.even_chains)}"
+    yield from _about_bars(scene)
     yield from _about_constants(scene)
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
         yield "no load is given: [load] has neither strain nor tension nor temperature"
@@ -59,6 +62,16 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
             yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
         yield from _about_friction(scene)
+
+
+def _about_bars(scene: Scene) -> Iterator[str]:
+    """Bars that are given twice."""
+    for first, second in combinations(range(len(scene.knit.bars)), 2):
+        if scene.knit.bars[first] == scene.knit.bars[second]:
+            yield (
+                f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires; for one yarn of"
+                " parallel wires set wire.ends"
+            )
 
 
 def _is_loaded(scene: Scene, stage: Stage) -> bool:

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from warpknit.knit.chain import single_steps
 from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.scene.keys import Table, key
 from warpknit.scene.values import (
@@ -34,6 +35,7 @@ class Bar(Table):
 
     chain: Chain = key(
         "Links a-b of a guide bar, course by course: the overlap runs from gap a to gap b. a = b is an inlay without a loop."
+        " `//` may end the chain. Where all numbers of all bars are even (0, 2, 4), they count half needles."
     )
     threading: Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
     shift: Shift = key("Offset of the bar to the right, in needles.", 0)
@@ -41,6 +43,11 @@ class Bar(Table):
         "Factor on the proportions of `[knit.loop]` that make a loop large, for the loops of this bar: bars of different run-in.",
         1.0,
     )
+
+
+def _in_needles(bars: tuple[Bar, ...]) -> tuple[Bar, ...]:
+    """The bars with their chains in steps of one needle."""
+    return tuple(replace(bar, chain=chain) for bar, chain in zip(bars, single_steps([bar.chain for bar in bars]), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +101,7 @@ class Loop(Table):
 class Knit(Table):
     """[knit]: the pattern, its spacings, and how often it repeats; the double atlas net of the paper where a key is left out."""
 
-    bars: Annotated[tuple[Bar, ...], Field(min_length=1)] = key(
+    bars: Annotated[tuple[Bar, ...], Field(min_length=1), AfterValidator(_in_needles)] = key(
         "The guide bars. Default: the two of the double atlas.",
         (
             Bar(chain="1-0/1-2/2-3/2-1", threading="|.", shift=0),

@@ -57,6 +57,7 @@ class Scene:
     assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys of the wire with the value of its material
     is_empty: bool = field(default=False, compare=False)  # whether its file holds no key
     bare_temperatures: tuple[float, ...] = field(default=(), compare=False)  # [K] that were given as numbers without a unit
+    even_chains: tuple[str, ...] = field(default=(), compare=False)  # chains in even numbers and how they were read, in words
     remake: InitVar[Callable[..., Scene] | None] = None  # from what was written; lost where a scene is replaced in part
 
     def __post_init__(self, remake: Callable[..., Scene] | None) -> None:

@@ -31,6 +31,7 @@ from warpknit.scene.scene import Overrides, Scene
 from warpknit.scene.source import Source
 from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import has_unit, is_quantity, shown
+from warpknit.scene.values import Links
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import wire_file
 from warpknit.text import at_least, at_most, exact
@@ -181,6 +182,7 @@ def make_scene(
         assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
         is_empty=is_empty,
         bare_temperatures=tuple(_bare_temperatures(table)),
+        even_chains=tuple(_even_chains(table, knit)),
         remake=partial(make_scene, table, path=path),
     )
 
@@ -192,6 +194,13 @@ def _bare_temperatures(table: Mapping[str, Any]) -> Iterator[float]:
         value = part.get(key, "20 degC")
         if not isinstance(value, str) or not has_unit(value):
             yield float(value)
+
+
+def _even_chains(table: Mapping[str, Any], knit: Knit) -> Iterator[str]:
+    """Chains of a checked table that are in even numbers, with the same chains in needles."""
+    for given, bar in zip(table.get("knit", {}).get("bars", ()), knit.bars, strict=False):
+        if (chain := Links()(given["chain"])) != bar.chain:
+            yield f"{chain} as {bar.chain}"
 
 
 def _wire(source: Source, table: Wire) -> Wire:

@@ -196,6 +196,21 @@ class Text(Check):
         return value
 
 
+@dataclass(frozen=True)
+class Links(Check):
+    """A chain of links a-b, without its spaces and the // that ends a published one."""
+
+    allowed: str = "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'"
+
+    def __call__(self, value: Any) -> str:
+        text = re.sub(r"\s", "", value).removesuffix("//") if isinstance(value, str) else ""
+        if three := re.search(r"(?<![\d-])(\d+-\d+)-\d+(?![\d-])", text):
+            raise refused(f"{self.allowed}; the third number of {three[0]} only divides the underlap: write {three[1]}")
+        if not isinstance(value, str) or not re.fullmatch(r"[0-9]{1,4}-[0-9]{1,4}(/[0-9]{1,4}-[0-9]{1,4})*", text):
+            raise refused(self.allowed)
+        return text
+
+
 def exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
     """Refuse two keys of one group in the raw table `data`."""
     for group in groups:
@@ -280,15 +295,7 @@ FrameCount = Annotated[int, BeforeValidator(Integer(1, 100_000))]
 FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
 TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
 PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]
-Chain = Annotated[
-    str,
-    BeforeValidator(
-        Text(
-            r"\s*[0-9]{1,4}-[0-9]{1,4}\s*(/\s*[0-9]{1,4}-[0-9]{1,4}\s*)*",
-            "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'",
-        )
-    ),
-]
+Chain = Annotated[str, BeforeValidator(Links())]
 Threading = Annotated[
     str,
     BeforeValidator(
