@@ -104,12 +104,12 @@ _BOUND = (
                     double share = BEYOND_WEIGHT * (role == 0 ? weight[0] : weight[3]);
                     if (role == 1) share = 1 - place > LEAST_WEIGHT ? 1 - place : LEAST_WEIGHT;
                     if (role == 2) share = place > LEAST_WEIGHT ? place : LEAST_WEIGHT;
-                    const double slender = thickness / natural_length.data[segment];
+                    const double slender = thickest / natural_length.data[segment];
                     const double along = stiffness * (nx + ny + nz), arm = sticking * slender * slender;
                     x += share * total * (along * nx + sticking) + arm;
                     y += share * total * (along * ny + sticking) + arm;
                     z += share * total * (along * nz + sticking) + arm;
-                    if (role < 3) turn += stiffness * lever * lever + 0.25 * sticking * thickness * thickness;
+                    if (role < 3) turn += stiffness * lever * lever + 0.25 * sticking * thickest * thickest;
 """,
     )
     + r"""
@@ -194,6 +194,7 @@ def contact_bound_at(
     rest_row: wp.array(dtype=wp.int32),
     slope_weight: wp.array(dtype=wp.vec4d),
     thickness: wp.float64,
+    thickest: wp.float64,
     weight_square: wp.float64,
     lever: wp.float64,
     # in: contacts, also those with a gap below EVALUATED_GAP
@@ -252,6 +253,7 @@ def bound_contact_stiffness(
     rest_row: wp.array(dtype=wp.int32),
     slope_weight: wp.array(dtype=wp.vec4d),
     thickness: wp.float64,
+    thickest: wp.float64,
     weight_square: wp.float64,
     lever: wp.float64,
     # in: contacts, also those with a gap below EVALUATED_GAP
@@ -274,7 +276,7 @@ def bound_contact_stiffness(
     """A thread a node."""
     i = first_node + wp.tid()
     bound = contact_bound_at(
-        i, previous, following, natural_length, rest_row, slope_weight, thickness, weight_square, lever,
+        i, previous, following, natural_length, rest_row, slope_weight, thickness, thickest, weight_square, lever,
         control, touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
         pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty,
     )  # fmt: skip

@@ -98,6 +98,7 @@ def sum_states(
     # in: blocks
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
+    block_wire: wp.array(dtype=wp.int32),
     first_block: int,
     # in: rest data
     following: wp.array(dtype=wp.int32),
@@ -107,7 +108,7 @@ def sum_states(
     bow_weight: wp.array(dtype=wp.vec2d),
     bow_at_rest: wp.array(dtype=wp.float64),
     thermal_strain: wp.array(dtype=wp.float64),
-    axial_stiffness: wp.float64,
+    wire_axial: wp.array(dtype=wp.float64),
     keeps_arc_length: wp.int32,
     # in
     control: wp.array(dtype=wp.float64),
@@ -122,6 +123,7 @@ def sum_states(
 ):
     """A thread a block."""
     block = first_block + wp.tid()
+    axial_stiffness = wire_axial[block_wire[block]]
     half = wp.float64(0.5)
     square = wp.float64(0.0)
     largest = wp.float64(0.0)
@@ -173,7 +175,7 @@ def renew_tension_offsets(
     bow_weight: wp.array(dtype=wp.vec2d),
     bow_at_rest: wp.array(dtype=wp.float64),
     thermal_strain: wp.array(dtype=wp.float64),
-    axial_stiffness: wp.float64,
+    wire_axial: wp.array(dtype=wp.float64),
     keeps_arc_length: wp.int32,
     # in: [wire] by which the softened stiffness of a wire is multiplied
     stiffening: wp.array(dtype=wp.float64),
@@ -188,6 +190,7 @@ def renew_tension_offsets(
     """A thread a node. A segment between two held nodes has no offset."""
     i = first_node + wp.tid()
     stiffness = stretch_stiffness[i]
+    axial_stiffness = wire_axial[node_wire[i]]
     stiffer = wp.min(stiffening[node_wire[i]] * stiffness, axial_stiffness)
     offset = wp.float64(0.0)
     after = following[i]

@@ -95,6 +95,7 @@ _FORCES = (
         }
     }
     #endif
+    const double bending_stiffness = wire_bending.data[wire], yield_curvature = wire_yield.data[wire];
     const bool any_yields = yield_curvature > 0 && hardening < 1;
     // on a CPU compiled for elastic wires and for those that yield
     struct elastic { static constexpr bool yields() { return false; } };
@@ -418,8 +419,8 @@ def forces_of_block(
     slope_length: wp.array(dtype=wp.float64),
     moment_turn: wp.array(dtype=wp.vec2d),
     node_stiffness: wp.array2d(dtype=wp.float64),
-    bending_stiffness: wp.float64,
-    yield_curvature: wp.float64,
+    wire_bending: wp.array(dtype=wp.float64),
+    wire_yield: wp.array(dtype=wp.float64),
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
     # in, where there is one: load of the nodes [N]
@@ -473,8 +474,8 @@ def find_rod_forces(
     slope_length: wp.array(dtype=wp.float64),
     moment_turn: wp.array(dtype=wp.vec2d),
     node_stiffness: wp.array2d(dtype=wp.float64),
-    bending_stiffness: wp.float64,
-    yield_curvature: wp.float64,
+    wire_bending: wp.array(dtype=wp.float64),
+    wire_yield: wp.array(dtype=wp.float64),
     hardening: wp.float64,
     stretch_stiffness: wp.array(dtype=wp.float64),
     # in, where there is one: load of the nodes [N]
@@ -527,8 +528,8 @@ def find_rod_forces(
             slope_length,
             moment_turn,
             node_stiffness,
-            bending_stiffness,
-            yield_curvature,
+            wire_bending,
+            wire_yield,
             hardening,
             stretch_stiffness,
             load_force,

@@ -26,6 +26,9 @@ _MASSES = (
     + AROUND
     + constants(TURNED=TURNED, MORE_TURN=MORE_TURN, MORE_TENSION=MORE_TENSION, BOW=BOW, HELD_NODE=HELD_NODE, HELD_TURN=HELD_TURN)
     + r"""
+    const double bending_stiffness = wire_bending.data[wire], twist_stiffness = wire_twist.data[wire];
+    const double yield_curvature = wire_yield.data[wire], stiffest = slope_factor * bending_stiffness;
+    const double slow_mass = bending_stiffness * wave_fourth * spacing, slow_inertia = twist_stiffness * wave_square * spacing;
     const bool yields = yield_curvature > 0 && hardening < 1;
     const double factor = steer[LENGTH_FACTOR], back = yields ? hardening / (1 - hardening) : 0.0;
     const double most = twist_stiffness > bending_stiffness ? twist_stiffness : bending_stiffness;
@@ -126,17 +129,18 @@ def masses_of_block(
     node_length: wp.array(dtype=wp.float64),
     natural_curvature: wp.array(dtype=wp.vec2d),
     bow_weight: wp.array(dtype=wp.vec2d),
-    bending_stiffness: wp.float64,
-    stiffest: wp.float64,
-    twist_stiffness: wp.float64,
-    yield_curvature: wp.float64,
+    wire_bending: wp.array(dtype=wp.float64),
+    wire_twist: wp.array(dtype=wp.float64),
+    wire_yield: wp.array(dtype=wp.float64),
+    slope_factor: wp.float64,
     hardening: wp.float64,
     keeps_arc_length: wp.int32,
-    # in: shares of the bound, and masses of the slowest waves [N/m] [N m]
+    # in: shares of the bound; of the slowest waves 1/length^2 and its square, and the distance of nodes
     share: wp.float64,
     spin_share: wp.float64,
-    slow_mass: wp.float64,
-    slow_inertia: wp.float64,
+    wave_square: wp.float64,
+    wave_fourth: wp.float64,
+    spacing: wp.float64,
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # state in
@@ -176,17 +180,18 @@ def find_masses(
     node_length: wp.array(dtype=wp.float64),
     natural_curvature: wp.array(dtype=wp.vec2d),
     bow_weight: wp.array(dtype=wp.vec2d),
-    bending_stiffness: wp.float64,
-    stiffest: wp.float64,
-    twist_stiffness: wp.float64,
-    yield_curvature: wp.float64,
+    wire_bending: wp.array(dtype=wp.float64),
+    wire_twist: wp.array(dtype=wp.float64),
+    wire_yield: wp.array(dtype=wp.float64),
+    slope_factor: wp.float64,
     hardening: wp.float64,
     keeps_arc_length: wp.int32,
-    # in: shares of the bound, and masses of the slowest waves [N/m] [N m]
+    # in: shares of the bound; of the slowest waves 1/length^2 and its square, and the distance of nodes
     share: wp.float64,
     spin_share: wp.float64,
-    slow_mass: wp.float64,
-    slow_inertia: wp.float64,
+    wave_square: wp.float64,
+    wave_fourth: wp.float64,
+    spacing: wp.float64,
     # in: what steers the step
     control: wp.array(dtype=wp.float64),
     # state in
@@ -224,16 +229,17 @@ def find_masses(
         node_length,
         natural_curvature,
         bow_weight,
-        bending_stiffness,
-        stiffest,
-        twist_stiffness,
-        yield_curvature,
+        wire_bending,
+        wire_twist,
+        wire_yield,
+        slope_factor,
         hardening,
         keeps_arc_length,
         share,
         spin_share,
-        slow_mass,
-        slow_inertia,
+        wave_square,
+        wave_fourth,
+        spacing,
         control,
         stretch_stiffness,
         tension_offset,

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reference.rods import SECTION, Pose, helix
+from reference.rods import SECTION, Pose, helix, round_section
 from warpknit.kernels import control as c
+from warpknit.spatial.fictitious_masses import BandedMasses
+from warpknit.spatial.rod_checks import RodChecks
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of, straight
 from warpknit.spatial.step_bound import largest_rates, stable_step
@@ -216,3 +218,32 @@ def test_step_bound_of_a_coil_holds(turn: float, tightness: float) -> None:
     largest = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[-1]
     bound = largest_rates(rods, mass, inertia, turning=turn).all
     assert tightness**2 * bound < largest < bound
+
+
+@pytest.mark.parametrize("plastic", [False, True])
+def test_wires_of_several_sections_are_each_as_alone(plastic: bool) -> None:
+    """Forces, torques, energy, inertia and fictitious masses of two wires together, the second 1.5 times as thick, are those of
+    each alone. The slowest wave is long: its mass would depend on the mean distance of all nodes."""
+    kappa = 0.02 if plastic else 0.0
+    thin = replace(SECTION, yield_curvature=kappa, hardening=0.2)
+    thick = replace(round_section(1.5, 1e4, 0.3, 1.0), yield_curvature=kappa / 1.5, hardening=0.2)
+    shapes, rng = [helix(5.0, 4.0, 9, 0.6), helix(2.0, 0.0, 7)], np.random.default_rng(3)
+    closing = [None, np.zeros(3)]
+    move, turn = 0.3 * rng.normal(size=(16, 3)), 0.3 * rng.normal(size=16)
+
+    def found(rods: Rods, nodes: slice) -> tuple[float, np.ndarray]:
+        pose = Pose(rods)
+        energy, force, torque = pose.at(move[nodes], turn[nodes])
+        state = pose.stepper.state
+        true = np.column_stack([state.node_mass.numpy(), state.spin_inertia.numpy(), state.stretch_stiffness.numpy()])
+        checks = RodChecks(pose.stepper, np.zeros(0, dtype=np.int64), keeps_arc_length=False, bow_at_rest=np.zeros(len(force)))
+        BandedMasses(checks, 1e9, keeps_arc_length=False).find()
+        banded = np.column_stack([state.node_mass.numpy(), state.next_mass.numpy(), state.spin_inertia.numpy()])
+        return energy, np.column_stack([force, torque, true, banded])
+
+    both, of_both = found(replace(rods_of(thin, shapes, closing), sections=(thin, thick)), slice(None))
+    one, of_one = found(rods_of(thin, shapes[:1], closing[:1]), slice(0, 9))
+    other, of_other = found(rods_of(thick, shapes[1:], closing[1:]), slice(9, 16))
+    assert both == pytest.approx(one + other, rel=100 * ROUND_OFF)
+    differences = np.abs(of_both - np.concatenate([of_one, of_other]))
+    assert np.all(differences <= 100 * ROUND_OFF * np.abs(of_both).max(axis=0))

@@ -278,8 +278,7 @@ def slid(r: Observables) -> float:
 
 def areal_mass(r: Observables) -> float:
     """Mass of wire per current area [kg/m2]."""
-    model = r.model
-    return r.wire_length * model.scene.wire.linear_density / (model.panel.area * float(np.linalg.det(r.gradient)))
+    return r.wire_mass / (r.model.panel.area * float(np.linalg.det(r.gradient)))
 
 
 # --- what is recorded -------------------------------------------------------------------------------------------------

@@ -255,6 +255,10 @@ class Observables(Protocol):
     def wire_length(self) -> float:
         """[m] of all wires as knitted."""
 
+    @property
+    def wire_mass(self) -> float:
+        """[kg] of all wires."""
+
     # --- places
 
     @property

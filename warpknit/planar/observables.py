@@ -242,6 +242,11 @@ class PlanarObservables(HostState):
         """[m] of all wires as knitted."""
         return float(np.sum(self.model.panel.wire_length))
 
+    @property
+    def wire_mass(self) -> float:
+        """[kg] of all wires."""
+        return self.wire_length * self.model.scene.wire.linear_density
+
     # --- places, from the corner of the mesh
 
     @cached_property

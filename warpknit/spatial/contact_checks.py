@@ -41,6 +41,7 @@ class ContactChecks:
         rods = stepper.rods
         self._of_wires = {
             "thickness": wp.float64(rods.section.thickness),
+            "thickest": wp.float64(float(rods.of_wires("thickness").max())),
             "weight_square": wp.float64(curve.weight_square),
             "lever": wp.float64(curve.lever),
         }

@@ -37,7 +37,8 @@ def touched_places(r: Any, contact: np.ndarray, sign: np.ndarray | float = 1.0) 
     t, sign = r.touching, np.broadcast_to(sign, len(contact))
     side = np.where(sign > 0.0, 0, 1)
     node = np.where(side == 0, t.first[contact], t.second[contact])
-    half = 0.5 * (r.length_factor * r.model.rods.section.thickness - t.overlap[contact])
+    rods = r.model.rods
+    half = r.length_factor * rods.wire_radius[rods.wire_of[node]] - 0.5 * t.overlap[contact]
     own = r.position[node] + r.curve.offset(node, t.place[contact, side])
     return np.asarray(own - (sign * half)[:, None] * t.normal[contact])
 

@@ -44,20 +44,17 @@ class BandedMasses:
     def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool) -> None:
         """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes."""
         self._checks, rods = checks, checks.stepper.strip.whole
-        section, wave = rods.section, 2.0 * math.pi / wave_length
-        spacing = float(rods.natural_length[rods.following >= 0].mean())
+        wave = 2.0 * math.pi / wave_length
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
         self._constants = {
-            "bending_stiffness": wp.float64(section.bending_stiffness),
-            "stiffest": wp.float64(SLOPE_FACTOR * section.bending_stiffness),
-            "twist_stiffness": wp.float64(section.twist_stiffness),
-            "yield_curvature": wp.float64(section.yield_curvature),
-            "hardening": wp.float64(section.hardening),
+            "slope_factor": wp.float64(SLOPE_FACTOR),
+            "hardening": wp.float64(rods.section.hardening),
             "keeps_arc_length": wp.int32(keeps_arc_length),
             "share": wp.float64(share),
             "spin_share": wp.float64(spin_share),
-            "slow_mass": wp.float64(section.bending_stiffness * wave**4 * spacing),
-            "slow_inertia": wp.float64(section.twist_stiffness * wave**2 * spacing),
+            "wave_square": wp.float64(wave**2),
+            "wave_fourth": wp.float64(wave**4),
+            "spacing": wp.float64(float(rods.natural_length[rods.following >= 0].mean())),
         }
 
     def find(self) -> None:

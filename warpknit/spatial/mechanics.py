@@ -348,7 +348,8 @@ class SpatialMechanics:
         if self.state.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
             return False
         self.stepper.evaluate()
-        overlaps = self.contact.read_contacts().overlap / self.model.rods.section.thickness
+        found = self.contact.read_contacts()
+        overlaps = found.overlap / self.stepper.rods.touch_distance(found.first, found.second)
         deep = np.concatenate(self.strip.ranks.everyone(overlaps[overlaps > CLOSEST]))
         if len(deep):
             self.notes.append(
@@ -357,8 +358,9 @@ class SpatialMechanics:
             )
             return False
         state = self.relaxation.sums(of_mean=False)
-        tension = self.strip.largest_of_nodes(np.abs(self.relaxation.tension()))
-        is_free = wire.set_fraction == 1.0 and tension <= AXIAL_ERROR * self.model.rods.section.axial_stiffness
+        rods, tension = self.model.rods, np.abs(self.relaxation.tension())
+        strained = self.strip.largest_of_nodes(tension / rods.of_nodes("axial_stiffness"))
+        is_free = wire.set_fraction == 1.0 and rods.natural_curvature is None and strained <= AXIAL_ERROR
         return is_free and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
 
     # --- real time

@@ -100,8 +100,8 @@ class SpatialModel:
 
     @property
     def bending_stiffness(self) -> float:
-        """EI [N m2]."""
-        return self.rods.section.bending_stiffness
+        """EI [N m2]; where wires differ, of the thickest one."""
+        return self.scene.wire.bending_stiffness
 
     @property
     def curve_error(self) -> float:
@@ -176,6 +176,7 @@ def wire_section(wire: Wire) -> Section:
         linear_density=wire.linear_density,
         rotary_inertia=wire.linear_density * wire.thickness**2 / 8,
         thickness=wire.thickness,
+        radius=wire.radius,
         yield_curvature=wire.yield_curvature if wire.plastic else 0.0,
         hardening=wire.hardening,
     )
@@ -269,13 +270,14 @@ def _assemble(
     device: str,
 ) -> SpatialModel:
     """The model with its solver constants; spacing [m] of its nodes."""
-    section, rods = rods.section, replace(rods, set_fraction=scene.wire.set_fraction)
+    rods = replace(rods, set_fraction=scene.wire.set_fraction)
+    axial, bending = rods.of_wires("axial_stiffness"), rods.of_wires("bending_stiffness")
     # with more softening, bending limits the step of a ramp and nothing is gained
     most = (2.0 * spacing / scene.wire.diameter) ** 2
     if scene.solver.drive == "relax":
-        most = section.axial_stiffness * loop_length**2 / (SOFT_STRETCH * section.bending_stiffness)
+        most = float(np.min(axial * loop_length**2 / (SOFT_STRETCH * bending)))
     softening = max(1.0, min(scene.solver.axial_softening, most))
-    stiffest = max(section.axial_stiffness / softening / spacing, 4.0 * section.bending_stiffness / spacing**3)
+    stiffest = float(max(axial.max() / softening / spacing, 4.0 * bending.max() / spacing**3))
     given = scene.contact.stiffness
     model = SpatialModel(
         scene=scene,
@@ -297,7 +299,7 @@ def _assemble(
 
 def _soft_penalty(rods: Rods, loop_length: float) -> float:
     """[N/m] smallest penalty of a contact: about as stiff as a loop, or as the softest wire where all are nearly straight."""
-    loop = rods.section.bending_stiffness / loop_length**3
+    loop = float(rods.of_wires("bending_stiffness").max()) / loop_length**3
     return float(max(SOFT_PENALTY * loop, STRAIGHT_PENALTY * rods.wire_stiffness.min() / loop_length))
 
 

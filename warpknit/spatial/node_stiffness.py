@@ -30,7 +30,7 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
 
     pieces (node, part, 3) [m]: of the centre line behind a node, between `places` 0 .. 1 of the segment.
     """
-    section, before, edge = rods.section, rods.previous, rods.rest_edge
+    before, edge = rods.previous, rods.rest_edge
     tangent = edge / np.linalg.norm(edge, axis=1)[:, None]
     e, f = tangent[before], tangent
     inside = (before >= 0) & (rods.following >= 0)
@@ -47,10 +47,9 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
     along = np.stack([np.sum(second * n, axis=1), -np.sum(first * n, axis=1)], axis=1)
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     length = np.where(inside, rods.node_length, 1.0)
-    ei, gj = section.bending_stiffness, section.twist_stiffness
-    isotropic = section.yield_curvature > 0.0 or rods.natural_curvature is not None
-    compliance = np.zeros((rods.node_count, 3, 3))
-    compliance[:] = np.diag([1.0 / ei, 1.0 / ei, 1.0 / gj])
+    ei, gj = rods.of_nodes("bending_stiffness"), rods.of_nodes("twist_stiffness")
+    isotropic = rods.section.yield_curvature > 0.0 or rods.natural_curvature is not None
+    compliance = np.stack([1.0 / ei, 1.0 / ei, 1.0 / gj], axis=1)[:, None, :] * np.eye(3)
     compliance *= length[:, None, None]
     if pieces is not None and places is not None and not isotropic:
         compliance = np.where(inside[:, None, None], _along_line(rods, pieces, places, frame), compliance)
@@ -66,7 +65,7 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
 
 def _along_line(rods: Rods, pieces: np.ndarray, places: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """(node, 3, 3) compliance of the centre line around the nodes, in their frames (node, 3, 3), rows."""
-    section, total = rods.section, np.zeros((rods.node_count, 3, 3))
+    total, ei, gj = np.zeros((rods.node_count, 3, 3)), rods.of_nodes("bending_stiffness"), rods.of_nodes("twist_stiffness")
     segments = np.flatnonzero(rods.following >= 0)
     for first in range(0, len(segments), AT_A_TIME):
         begin = segments[first : first + AT_A_TIME]
@@ -77,5 +76,5 @@ def _along_line(rods: Rods, pieces: np.ndarray, places: np.ndarray, frame: np.nd
             t = piece @ np.swapaxes(frame[node], 1, 2) / np.maximum(size, 1e-300)[:, :, None]
             twisted = np.swapaxes(part[:, :, None] * t, 1, 2) @ t
             bent = np.sum(part, axis=1)[:, None, None] * np.eye(3) - twisted
-            total[node] += twisted / section.twist_stiffness + bent / section.bending_stiffness
+            total[node] += twisted / gj[node][:, None, None] + bent / ei[node][:, None, None]
     return total

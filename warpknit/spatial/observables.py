@@ -60,8 +60,7 @@ class SpatialObservables(Boundary):
     twist_change: np.ndarray  # [1/m]
     segment_force: np.ndarray  # (node, 3) [N]
     force: np.ndarray  # (node, 3) [N] unbalanced
-    stretch_stiffness: float  # [N] true, or softened in a ramp
-    stretch_energy: float  # [J] with that stiffness
+    stretch_energy: float  # [J] with the true stiffness, or the softened one in a ramp
     bend_energy: float  # [J] bending and twist, elastic
     hardened_energy: float  # [J] stored by hardening
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
@@ -185,7 +184,8 @@ class SpatialObservables(Boundary):
     @property
     def penetration(self) -> float:
         """Largest penetration over the thickness."""
-        return float(self.touching.overlap.max(initial=0.0)) / self.model.rods.section.thickness
+        t = self.touching
+        return float(np.max(t.overlap / self.model.rods.touch_distance(t.first, t.second), initial=0.0))
 
     @property
     def contact_places(self) -> ContactPlaces:
@@ -202,13 +202,13 @@ class SpatialObservables(Boundary):
     @cached_property
     def wire_stress(self) -> WireStress:
         """[Pa] E (d/2) M/EI + N E/EA with the moments of moments.py; at nodes the larger tension of the two segments."""
-        wire, rods = self.model.scene.wire, self.model.rods
-        own = np.abs(self.tension) * wire.youngs_modulus / wire.axial_stiffness
+        modulus, rods = self.model.scene.wire.youngs_modulus, self.model.rods
+        own = np.abs(self.tension) * modulus / rods.of_nodes("axial_stiffness")
         before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
-        moments, per_moment = bending_moments(self), wire.youngs_modulus * wire.radius / wire.bending_stiffness
+        moments, per_moment = bending_moments(self), modulus * rods.of_nodes("radius") / rods.of_nodes("bending_stiffness")
         segment = np.flatnonzero(rods.slope_length > 0.0)
-        between = (own[:, None] + per_moment * moments.between)[segment]
-        peaks = np.concatenate([between.ravel(), own[moments.segment] + per_moment * moments.contact])
+        between = (own[:, None] + per_moment[:, None] * moments.between)[segment]
+        peaks = np.concatenate([between.ravel(), own[moments.segment] + per_moment[moments.segment] * moments.contact])
         nodes = np.concatenate([np.repeat(segment, between.shape[1]), moments.segment])
         return WireStress(np.maximum(own, before) + per_moment * moments.node, peaks, nodes)
 
@@ -216,17 +216,18 @@ class SpatialObservables(Boundary):
     def shear_stress(self) -> np.ndarray:
         """[node] [Pa] G (d/2) |twist - twist0|."""
         wire = self.model.scene.wire
-        return wire.youngs_modulus / (2 * (1 + wire.poissons_ratio)) * wire.radius * np.abs(self.twist_change)
+        radius = self.model.rods.of_nodes("radius")
+        return wire.youngs_modulus / (2 * (1 + wire.poissons_ratio)) * radius * np.abs(self.twist_change)
 
     @property
     def axial_strain(self) -> np.ndarray:
         """[node] mechanical axial strain of the segments, T/EA."""
-        return self.tension / self.model.rods.section.axial_stiffness
+        return self.tension / self.model.rods.of_nodes("axial_stiffness")
 
     @property
     def plastic_strain(self) -> np.ndarray:
         """[node] plastic strain of the outermost fibre."""
-        return self.model.scene.wire.radius * np.linalg.norm(self.plastic_curvature, axis=1)
+        return self.model.rods.of_nodes("radius") * np.linalg.norm(self.plastic_curvature, axis=1)
 
     @property
     def node_length(self) -> np.ndarray:
@@ -237,6 +238,12 @@ class SpatialObservables(Boundary):
     def wire_length(self) -> float:
         """[m] total length of the wires as knitted."""
         return float(self.model.rods.wire_length.sum())
+
+    @property
+    def wire_mass(self) -> float:
+        """[kg] mass of the wires."""
+        rods = self.model.rods
+        return float(np.sum(rods.wire_length * rods.of_wires("linear_density")))
 
     # --- places
 
@@ -289,7 +296,8 @@ class SpatialObservables(Boundary):
     @property
     def thickness(self) -> float:
         """[m] thickness of the mesh, from the lowest to the highest fibre."""
-        return float(np.ptp(self.position[:, 2])) + self.model.rods.section.thickness
+        height, radius = self.position[:, 2], self.model.rods.wire_radius[self.model.rods.wire_of]
+        return float((height + radius).max() - (height - radius).min())
 
     @property
     def panel_map(self) -> PanelMap | None:
@@ -331,7 +339,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     )
     half_in_clamp = factor * rods.half_in_clamp if relaxation.keeps_arc_length else np.zeros(rods.node_count)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0) + half_in_clamp
-    touching = strip.gathered_contacts(contact.read_contacts())
+    touching, stored = strip.gathered_contacts(contact.read_contacts()), relaxation.stored_stiffness(rods)
     return SpatialObservables(
         model=model,
         sites=sites,
@@ -348,8 +356,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         twist_change=twisted,
         segment_force=of_mesh(state.edge_force),
         force=of_mesh(state.force),
-        stretch_stiffness=relaxation.stored_stiffness,
-        stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness)),
+        stretch_energy=float(np.sum(0.5 * tension**2 * length / stored)),
         bend_energy=yielding.elastic_energy,
         hardened_energy=yielding.hardened_energy,
         contact_growth=_contact_growth(model, touching, tangent, director),
@@ -381,5 +388,4 @@ def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, direc
         section_offsets(rods, model.curve, tangent, director, node, t.place[:, k]).sum(axis=1)
         for k, node in enumerate((t.first, t.second))
     )
-    thick = rods.wire_radius[rods.wire_of[t.first]] + rods.wire_radius[rods.wire_of[t.second]]
-    return float(np.sum(t.force * (thick - np.sum(t.normal * (own - other), axis=1))))
+    return float(np.sum(t.force * (rods.touch_distance(t.first, t.second) - np.sum(t.normal * (own - other), axis=1))))

@@ -25,8 +25,7 @@ def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip
 
     near: contacts of the strip as knitted, of any gap below zero at least.
     """
-    contact_distance = rods.wire_radius[rods.wire_of[near.first]] + rods.wire_radius[rods.wire_of[near.second]]
-    distance = 1.0 - near.overlap / contact_distance
+    distance = 1.0 - near.overlap / rods.touch_distance(near.first, near.second)
     wires, places = strip.wire[rods.wire_of[np.stack([near.first, near.second])]], rods.position[near.first]
     worst = int(distance.argmin()) if len(distance) else None
     here = (np.inf, 0, 0, np.zeros(3)) if worst is None else (distance[worst], *wires[:, worst].tolist(), places[worst])
@@ -77,7 +76,7 @@ def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.
         f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
         for name, unit, now, of_scene in (
             ("contact penalty", "N/m", penalty[list(nodes)].mean(), model.contact_stiffness),
-            ("axial stiffness", "N", stretch[nodes[0]], model.rods.section.axial_stiffness),
+            ("axial stiffness", "N", stretch[nodes[0]], model.rods.of_nodes("axial_stiffness")[nodes[0]]),
         )
         if not math.isclose(now, of_scene, rel_tol=LEAST_DIFFERENCE)
     )

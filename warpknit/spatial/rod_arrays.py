@@ -37,6 +37,10 @@ class RodArrays:
     wire_count: wp.array  # [wire]
     wire_closed: wp.array  # [wire]
     wire_border: wp.array  # [wire] row of the first node in the borders of the masses, see kernels/banded_mass.py
+    wire_axial: wp.array  # [wire] [N] EA
+    wire_bending: wp.array  # [wire] [N m2] EI
+    wire_twist: wp.array  # [wire] [N m2] GJ
+    wire_yield: wp.array  # [wire] [1/m] change of curvature at first yield; 0: none
     block_first: wp.array  # [block] int, see kernels/rod_blocks.py
     block_count: wp.array  # [block]
     block_wire: wp.array  # [block]
@@ -155,6 +159,10 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodAr
         wire_count=shared(rods.wire_count, wp.int32, device),
         wire_closed=shared(rods.wire_closed, wp.int32, device),
         wire_border=wp.array(_borders(rods)[0], dtype=wp.int32, device=device),
+        wire_axial=shared(rods.of_wires("axial_stiffness"), wp.float64, device),
+        wire_bending=shared(rods.of_wires("bending_stiffness"), wp.float64, device),
+        wire_twist=shared(rods.of_wires("twist_stiffness"), wp.float64, device),
+        wire_yield=shared(rods.of_wires("yield_curvature"), wp.float64, device),
         block_first=shared(blocks[0], wp.int32, device),
         block_count=shared(blocks[1], wp.int32, device),
         block_wire=shared(blocks[2], wp.int32, device),
@@ -232,7 +240,6 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
     """The rest state, with true masses and stiffnesses."""
     nodes = rods.node_count
     edge = rods.rest_edge
-    section = rods.section
 
     def reals(values: np.ndarray | float = 0.0) -> wp.array:
         return shared(np.array(np.broadcast_to(values, nodes), dtype=float), wp.float64, device)
@@ -255,11 +262,11 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         tangent=directions(edge / np.linalg.norm(edge, axis=1)[:, None]),
         director=directions(rods.director),
         tension_offset=reals(),
-        stretch_stiffness=reals(section.axial_stiffness),
-        node_mass=vectors(np.repeat((section.linear_density * rods.node_length)[:, None], 3, axis=1)),
+        stretch_stiffness=reals(rods.of_nodes("axial_stiffness")),
+        node_mass=vectors(np.repeat((rods.of_nodes("linear_density") * rods.node_length)[:, None], 3, axis=1)),
         next_mass=reals(),
         second_mass=reals(),
-        spin_inertia=reals(section.rotary_inertia * rods.natural_length),
+        spin_inertia=reals(rods.of_nodes("rotary_inertia") * rods.natural_length),
         next_inertia=reals(),
         mass_factor=zeros((nodes, FACTORS), vec4, device),
         mass_border=zeros((_borders(rods)[1], BORDERS), vec4, device),
@@ -273,7 +280,7 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         moment=vectors(),
         twist=reals(),
         bend_energy=reals(),
-        plastic_turn=zeros(nodes if section.yields else 1, wp.vec2d, device),
+        plastic_turn=zeros(nodes if rods.section.yields else 1, wp.vec2d, device),
         edge_force=vectors(),
         contact_penalty=reals(),
         contact_offset=reals(),
@@ -330,12 +337,11 @@ def force_launch(
 ) -> Launch:
     """Launch of `find_rod_forces` for some blocks, default all: stretch, bending, twist, and the sum of all forces."""
     block, threads, a_block = _block_threads(arrays, state, blocks)
-    section, stored = rods.section, stored or StepForces.of(state)
+    stored = stored or StepForces.of(state)
     return bind(
         find_rod_forces, threads, arrays, state, touch, first_block=block, threads_a_block=a_block,
         stored_from=stored.stored_from, force=stored.force, torque=stored.torque,
-        bending_stiffness=wp.float64(section.bending_stiffness),
-        yield_curvature=wp.float64(section.yield_curvature), hardening=wp.float64(section.hardening),
+        hardening=wp.float64(rods.section.hardening),
     )  # fmt: skip
 
 

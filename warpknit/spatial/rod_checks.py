@@ -50,9 +50,7 @@ class RodChecks:
         free = (mesh.held & int(HELD_NODE)) == 0
         self._free = int(np.count_nonzero(free))
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following])))
-        self._own: dict[str, Any] = {
-            "axial_stiffness": wp.float64(rods.section.axial_stiffness), "keeps_arc_length": wp.int32(keeps_arc_length)
-        }  # fmt: skip
+        self._own: dict[str, Any] = {"keeps_arc_length": wp.int32(keeps_arc_length)}
         self.launches = SharedLaunches(stepper.team, device)
 
     def sums(self, *, of_mean: bool) -> StateSums:

@@ -27,6 +27,7 @@ from .fictitious_masses import BandedMasses
 from .rest_curve import RestCurve
 from .rod_checks import RodChecks, StateSums
 from .rod_step import EVALUATED, RodStepper
+from .rods import Rods
 from .stalled import Stalled
 from .step_bound import largest_rates, stable_step
 
@@ -84,14 +85,12 @@ class RodRelaxation:
         self.free_sections = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.softened_stiffness = rods.section.axial_stiffness / softening
         least = rods.wire_stiffness[rods.wire_of] if multipliers else 0.0
-        store(state.stretch_stiffness, np.maximum(least, self.softened_stiffness))
+        store(state.stretch_stiffness, np.maximum(least, rods.of_nodes("axial_stiffness") / softening))
         stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arc_length = multipliers and softening != 1.0
         self._has_multipliers = self.keeps_arc_length
-        self.stored_stiffness = (
-            rods.section.axial_stiffness if multipliers else self.softened_stiffness
-        )  # [N] that stretch is stored with
+        self._stored_softening = 1.0 if multipliers else softening
         state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arc_length else 0.0})
         mesh = stepper.strip.whole
         spacing = float(mesh.natural_length[mesh.following >= 0].min())
@@ -119,6 +118,10 @@ class RodRelaxation:
         self._taut = Stalled(wires, TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)
         self._leading = Stalled(wires, LEADING_ERROR * AXIAL_ERROR, *LEADING_PROGRESS)
         self._excess_leads = False  # of all criteria, at the last check
+
+    def stored_stiffness(self, rods: Rods) -> np.ndarray:
+        """[node] [N] axial stiffness that stretch is stored with, of the rods of a strip or of the mesh."""
+        return rods.of_nodes("axial_stiffness") / self._stored_softening
 
     def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
         """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""

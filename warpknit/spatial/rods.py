@@ -29,6 +29,7 @@ class Section:
     linear_density: float  # [kg/m]
     rotary_inertia: float  # [kg m] of a length about its axis
     thickness: float  # [m] diameter where it touches
+    radius: float = 0.0  # [m] of one end without its plating, for stresses
     yield_curvature: float = 0.0  # [1/m] change of curvature at first yield in bending; 0: no yield
     hardening: float = 1.0  # tangent bending stiffness beyond yield, over the elastic one
 
@@ -40,11 +41,11 @@ class Section:
 
 @dataclass(frozen=True)
 class Rods:
-    """Wires with one section. All arrays [node], segment data included, run over the nodes wire by wire."""
+    """Wires, each with one section. All arrays [node], segment data included, run over the nodes wire by wire."""
 
     __repr__ = short_repr
 
-    section: Section
+    section: Section  # of all wires; where they differ, of the thinnest one, by which motions and gaps are bounded
     wire_first: np.ndarray  # [wire] first node
     wire_count: np.ndarray  # [wire] nodes
     wire_closed: np.ndarray  # [wire] bool
@@ -59,6 +60,7 @@ class Rods:
     natural_twist: np.ndarray | None = None  # [node] [rad]; None: as at rest
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
     node_stiffness: np.ndarray | None = None  # (node, 6) [N m], see node_stiffness.py; None: of the polygon
+    sections: tuple[Section, ...] = ()  # [wire] where they differ
     thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
     forms: Rods | None = None  # the wires that these are copies of; None: each is its own
@@ -95,7 +97,21 @@ class Rods:
     @cached_property
     def wire_radius(self) -> np.ndarray:
         """[wire] [m] contact radius."""
-        return np.full(len(self.wire_first), 0.5 * self.section.thickness) if self.thicker is None else self.thicker
+        return 0.5 * self.of_wires("thickness") if self.thicker is None else self.thicker
+
+    def of_wires(self, constant: str) -> np.ndarray:
+        """[wire] a field of the sections."""
+        if not self.sections:
+            return np.full(len(self.wire_first), getattr(self.section, constant))
+        return np.array([getattr(section, constant) for section in self.sections])
+
+    def of_nodes(self, constant: str) -> np.ndarray:
+        """[node] a field of the sections."""
+        return self.of_wires(constant)[self.wire_of]
+
+    def touch_distance(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """[contact] [m] distance at which wires touch, by the nodes before their segments."""
+        return self.wire_radius[self.wire_of[first]] + self.wire_radius[self.wire_of[second]]
 
     @cached_property
     def rest_edge(self) -> np.ndarray:
@@ -181,8 +197,8 @@ class Rods:
         along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]  # a ring has none
         offset = self.position - (np.add.reduceat(self.position, self.wire_first) / count)[self.wire_of]
         square = np.sum(offset**2, axis=1) - np.einsum("na,na->n", offset, along[self.wire_of]) ** 2
-        compliance = BENT_SHARE * np.add.reduceat(square, self.wire_first) / self.wire_count / self.section.bending_stiffness
-        return np.asarray(1.0 / (1.0 / self.section.axial_stiffness + compliance))
+        compliance = BENT_SHARE * np.add.reduceat(square, self.wire_first) / self.wire_count / self.of_wires("bending_stiffness")
+        return np.asarray(1.0 / (1.0 / self.of_wires("axial_stiffness") + compliance))
 
     def nodes_of(self, wires: np.ndarray) -> np.ndarray:
         """[node] nodes of these wires, one wire after the other."""
@@ -211,6 +227,7 @@ class Rods:
             natural_curvature=part(self.natural_curvature, node),
             natural_twist=part(self.natural_twist, node),
             node_stiffness=part(self.node_stiffness, node),
+            sections=tuple(self.sections[wire] for wire in wires) if self.sections else (),
             thicker=part(self.thicker, wires),
             forms=self.of_rows,
         )

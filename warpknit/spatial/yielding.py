@@ -53,7 +53,7 @@ class Yielding:
         """(node, 2) excess of the trial turns over the yield surface, and [node] their distance from the back turns."""
         beyond = self._trial() - self.back
         size = np.linalg.norm(beyond, axis=1)
-        over = np.maximum(size - self.rods.section.yield_curvature * self.length, 0.0) * self.yields
+        over = np.maximum(size - self.rods.of_nodes("yield_curvature") * self.length, 0.0) * self.yields
         return beyond * np.divide(over, size, out=np.zeros_like(size), where=size > 0.0)[:, None], size
 
     @property
@@ -84,7 +84,8 @@ class Yielding:
 
     def _energy(self, square: np.ndarray) -> float:
         """EI/l times squares of turns [rad^2] over the mesh, summed."""
-        stiffness = np.divide(self.rods.section.bending_stiffness, self.length, out=np.zeros(len(square)), where=self._inside)
+        bending = self.rods.of_nodes("bending_stiffness")
+        stiffness = np.divide(bending, self.length, out=np.zeros(len(square)), where=self._inside)
         return self._sum_up(stiffness * square)
 
     def advance(self) -> None:
@@ -92,8 +93,8 @@ class Yielding:
         if not self.yields:
             return
         change = (1.0 - self._kept) * self._beyond()[0]
-        section = self.rods.section
-        self.dissipated += section.bending_stiffness * section.yield_curvature * self._sum_up(np.linalg.norm(change, axis=1))
+        moment = self.rods.of_nodes("bending_stiffness") * self.rods.of_nodes("yield_curvature")
+        self.dissipated += self._sum_up(moment * np.linalg.norm(change, axis=1))
         store(self.state.plastic_turn, self.plastic + change)
 
     def state_dict(self) -> dict[str, np.ndarray]:
