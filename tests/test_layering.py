@@ -29,8 +29,8 @@ LAYERS = (
     {"errors", "files", "text", "processes", "hermite", "kernels", "launch", "row_sums", "host", "pinned"},
     # ranks that share a mesh; the pattern; the form in which results leave
     {"ranks", "knit", "frame"},
-    {"scene"},
-    {"wires", "memory", "device", "device_choice", "numerics", "precision", "team"},
+    {"scene", "wires"},
+    {"memory", "device", "device_choice", "numerics", "precision", "team"},
     {"mesh"},
     {"measure"},
     {"mechanics", "estimate", "trial"},

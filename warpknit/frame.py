@@ -40,7 +40,8 @@ class WireLayout:
         wire_closing      [wire, 2] [m]       that shift
         period            [2] [m]             width and height of the tile at rest
         repeats           [2]                 of the knit in weft and warp; 0 where unknown
-        diameter          [m]                 of the yarn, with plating and parallel ends: wires are drawn as thick as this
+        diameter          [m]                 of the yarn, with plating and parallel ends; where wires differ, of the thickest
+        wire_diameter     [wire] [m]          of each wire
         body_radius       [m]                 of a contact body
         body_wires        [body, 2]           the wires of pairs 2b and 2b + 1, which belong to body b
         body_class        [body]              class of the contact: 0 = A, 1 = B, ...; empty where unknown
@@ -62,6 +63,7 @@ class WireLayout:
     rhombus_bodies: Integers  # [k]  bodies around the central opening; may be empty
     repeats: Integers = field(default_factory=lambda: np.zeros(2, dtype=np.int64))  # [2]  of the knit; 0 where unknown
     wire_closing: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [wire, 2] [m]  left out: one period up the warp
+    wire_diameter: Floats = field(default_factory=lambda: np.zeros(0))  # [wire] [m]  left out: `diameter`
     curve_parts: int = field(default_factory=lambda: 1)  # straight pieces of the drawn curve between two nodes
     body_class: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # [body]  class of contact; empty: unknown
 
@@ -74,6 +76,7 @@ class WireLayout:
             ("rhombus_bodies", np.int64, (-1,)),
             ("repeats", np.int64, (2,)),
             ("wire_closing", np.float64, (-1, 2)),
+            ("wire_diameter", np.float64, (-1,)),
             ("body_class", np.int64, (-1,)),
         ):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
@@ -84,6 +87,10 @@ class WireLayout:
             raise ValueError("wire_start: must begin with 0 and increase")
         if not self.wire_closing.size:
             object.__setattr__(self, "wire_closing", np.outer(self.wire_closed, (0.0, self.period[1])))
+        if not self.wire_diameter.size:
+            object.__setattr__(self, "wire_diameter", np.full(self.wire_count, self.diameter))
+        if self.wire_diameter.size != self.wire_count:
+            raise ValueError(f"wire_diameter: {self.wire_diameter.size} values for {self.wire_count} wires")
         if len(self.wire_closing) != self.wire_count:
             raise ValueError(f"wire_closing: {len(self.wire_closing)} values for {self.wire_count} wires")
         if self.wire_closed.size != self.wire_count:

@@ -133,7 +133,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     """
     if device is not None:
         find_device(device)
-    file = None if scene.wires is None else wire_report(scene, scene.wire.thickness)
+    file = None if scene.wires is None else wire_report(scene)
     cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
     estimates = estimates_of(scene)
     size, counted = estimates.size_of(scene, cloth)
@@ -177,7 +177,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         loads=_loads(scene),
         file=file,
         warnings=(
-            *size.notes,
+            *(note for note in size.notes if file is None or note not in file.warnings),
             *scene_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),
             *(() if cloth is None else estimates.overlaps_as_knitted(scene, _one_repeat(scene))),
@@ -192,8 +192,8 @@ def _one_repeat(scene: Scene) -> Cloth:
 
 def _refuse_intersecting_wires(scene: Scene, file: WireReport | None) -> None:
     """Raise `ModelError` where wires of a file pass through each other, as a run does."""
-    closest = None if file is None else file.overlaps.closest
-    if closest is not None and closest < CLOSE_WIRES * scene.wire.thickness:
+    overlaps = None if file is None else file.overlaps
+    if overlaps is not None and overlaps.closest is not None and overlaps.closest < CLOSE_WIRES * overlaps.thickness:
         Simulation(build_model(scene)).compile()
 
 

@@ -184,8 +184,8 @@ def test_arrays(tmp_path, arrays, reason):
         ("[-1]; points = []", "/A with 0 points and counts of -1"),
         ("[2000000000, 2000000000]; points = []", "4,000,000,000 points, more than"),
         ("[4]; points = [(0,0,0), (nan,0,0), (1,0,0), (2,0,0)]", "point 2 at nan"),
-        ("[5]; points = [(0,0,0), (1,0,0), (2,0,0), (3,0,0), (4,0,0)]", "curve 1: a nonperiodic bezier curve of 5 points"),
-        ('[4]; points = [(0,0,0), (1,0,0), (2,0,0), (3,0,0)]; basis = "power"', "curve 1 with basis 'power'"),
+        ("[5]; points = [(0,0,0), (1,0,0), (2,0,0), (3,0,0), (4,0,0)]", "curve 1 of /A: a nonperiodic bezier curve of 5 points"),
+        ('[4]; points = [(0,0,0), (1,0,0), (2,0,0), (3,0,0)]; basis = "power"', "curve 1 of /A: basis 'power'"),
     ],
 )
 def test_stages(body, reason):

@@ -27,7 +27,7 @@ def line(shift, count=12) -> Wires:
         kinds=("periodic", "closed"),
         shifts=np.array([shift, (0, 0)]),
         period=np.array([1.0, 2.0]),
-        radius=0.01,
+        radius=np.array([0.01, 0.02]),
         rest_lengths=(np.full(count, 0.3), np.full(count, 0.2)),
     )
 

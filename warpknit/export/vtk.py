@@ -50,7 +50,7 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
             [("line", lines)],
             point_data={
                 "stress": np.asarray(frame.node_stress, dtype=float)[layout.curve_node],
-                "radius": np.full(layout.curve_node.size, 0.5 * layout.diameter),
+                "radius": 0.5 * np.repeat(layout.wire_diameter, np.diff(layout.curve_start)),
             },
             cell_data={"wire": [line_wire]},
         )

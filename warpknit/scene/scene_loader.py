@@ -33,7 +33,7 @@ from warpknit.scene.stages import hook_stages, mesh_stages
 from warpknit.scene.units import has_unit, is_quantity, shown
 from warpknit.scene.values import Links
 from warpknit.scene.wire import Wire
-from warpknit.scene.wire_file_defaults import wire_file
+from warpknit.scene.wire_file_defaults import file_diameter, wire_file
 from warpknit.text import at_least, at_most, exact
 
 if sys.version_info >= (3, 11):
@@ -144,14 +144,15 @@ def make_scene(
         raise first_error(path, error) from error
     source = Source(path, table)
     refuse(file, source=source)
-    wire = _wire(source, file.wire)
+    diameter = file_diameter(source, file)
+    wire = _wire(source, file.wire if diameter is None else replace(file.wire, diameter=diameter))
     panel = _panel(source, file)
     knit = _knit(source, file, wire, panel) if file.hook is None and file.wires is None else None
     choice = choose_model(file, wire, knit, command=command, ranks=ranks)
     file = replace(file, model=replace(file.model, kind=choice.kind))
     refuse(file, source=source)  # with the kind of model
     hook = None if file.hook is None else hook_of(source, file, wire)
-    wires = wire_file(source, file, wire)
+    wires = wire_file(source, file, wire, has_widths=diameter is not None)
     if hook is not None:
         knit = _nothing_knitted(file, hook.radius)
     elif wires is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from warpknit.scene.keys import Table, key
 from warpknit.scene.materials import MATERIALS
@@ -104,6 +104,11 @@ class Wire(Table):
         count as a round bundle of the same section."""
         plating = 0.0 if self.plating is None else self.plating.thickness
         return (self.diameter + 2 * plating) * math.sqrt(self.ends)
+
+    def with_thickness(self, thickness: float) -> Wire:
+        """The same with the diameter of a yarn of this thickness [m]; 0 or less where its plating alone is thicker."""
+        plating = 0.0 if self.plating is None else self.plating.thickness
+        return replace(self, diameter=thickness / math.sqrt(self.ends) - 2 * plating)
 
     @property
     def axial_stiffness(self) -> float:

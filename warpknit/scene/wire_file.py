@@ -13,6 +13,8 @@ USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
 SUFFIXES = (*USD, ".bcc", ".pyp", *POLYLINES)
 WITHOUT_UNIT = (".bcc", ".npz")
+WITH_WIDTHS = (*USD, ".pyp")
+MOST_THICKNESS = 0.01  # [m]
 LOOP_SIZE = 20.0  # diameters of the wire, where the scene does not say
 LOOP_LENGTH = 3.3  # of wire in a loop, over its size, as in the double atlas net
 MOST_BYTES = 256 << 20  # of a file
@@ -69,6 +71,12 @@ class WiresTable(Table):
         left_out="the file's",
     )
     repeats: WireRepeats = key("Repeats of the file along weft and warp in one tile.", (1, 1))
+    widths: Flag | None = key(
+        "The thickness of each wire (plating and ends included) is that of the file: `widths` of USD, radius of a `.pyp`. Sets"
+        " contact, stiffness and mass of each wire, and `wire.diameter` to the thickest.",
+        None,
+        left_out="true if the file has widths and `wire.diameter` is left out",
+    )
     time: Number | None = key(
         "Time code of an animated USD stage, such as the `scene.usda` of a run.", None, left_out="the first"
     )

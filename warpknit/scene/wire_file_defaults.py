@@ -3,16 +3,66 @@
 from __future__ import annotations
 
 import hashlib
+from pathlib import Path
+
+import numpy as np
 
 from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import as_object
+from warpknit.scene.messages import scene_error
 from warpknit.scene.source import Source
 from warpknit.scene.wire import Wire
-from warpknit.scene.wire_file import LOOP_SIZE, POLYLINES, USD, WITHOUT_UNIT, WireFile, WireFileError, checked_bytes
+from warpknit.scene.wire_file import (
+    LOOP_SIZE,
+    MOST_THICKNESS,
+    POLYLINES,
+    USD,
+    WITH_WIDTHS,
+    WITHOUT_UNIT,
+    WireFile,
+    WireFileError,
+    WiresTable,
+    checked_bytes,
+)
+from warpknit.text import exact
 
 
-def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
-    """The file of wires with its defaults, relative to the scene, or None. Raises `SceneError`."""
+def file_diameter(source: Source, file: SceneFile) -> float | None:
+    """[m] Diameter of the thickest wire in a file whose widths count; None: they do not. Raises `SceneError`."""
+    table = file.wires
+    is_given = "diameter" in source.table.get("wire", {})
+    if table is None or table.widths is False or (is_given and table.widths is None):
+        return None
+    path = source.path.parent / table.file
+    radius, fault = _file_radius(source, path, table) if path.suffix.lower() in WITH_WIDTHS else (None, "")
+    if fault and not table.widths:
+        raise scene_error(source.path, "wire.diameter", "nothing", f"a diameter, as {path.name!r} has {fault}")
+    if radius is None:
+        if table.widths:
+            raise source.refusal(("wires", "widths"), True, f"left out with {path.name!r}, which has {fault or 'no widths'}")
+        return None
+    thickest, thinnest = (2.0 * float(limit) for limit in (radius.max(), radius.min()))
+    if thickest > MOST_THICKNESS or file.wire.with_thickness(thinnest).diameter <= 0.0:
+        given = f"{path.name!r}, with wires {exact(thinnest, 'm')} to {exact(thickest, 'm')} thick"
+        raise scene_error(source.path, "wires.file", given, f"at most {exact(MOST_THICKNESS, 'm')}, and thicker than the plating")
+    return file.wire.with_thickness(thickest).diameter
+
+
+def _file_radius(source: Source, path: Path, table: WiresTable) -> tuple[np.ndarray | None, str]:
+    """(wire,) [m] radius of the wires in a file, and why it has none. Raises `SceneError`."""
+    from warpknit.wires.file_curves import stated_radius
+
+    try:
+        return stated_radius(path, time=table.time)
+    except WireFileError as error:
+        raise scene_error(source.path, "wires.file", f"{table.file!r}, {error.given}", error.allowed) from error
+
+
+def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> WireFile | None:
+    """The file of wires with its defaults, relative to the scene, or None; has_widths: whether its widths count.
+
+    Raises `SceneError`.
+    """
     table = file.wires
     if table is None:
         return None
@@ -36,6 +86,7 @@ def wire_file(source: Source, file: SceneFile, wire: Wire) -> WireFile | None:
         WireFile,
         table,
         file=str(path.resolve()),
+        widths=has_widths,
         digest=hashlib.sha256(data).hexdigest(),
         node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
         loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,

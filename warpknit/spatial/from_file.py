@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,8 +13,10 @@ from ..kernels.clamp import CLAMP_NUMBERS
 from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
 from ..wires.centre_lines import Wires
+from ..wires.directors import dot
 from ..wires.overlaps import close_places
 from ..wires.places import Places, find_places
+from .node_stiffness import node_stiffness
 from .placed_wires import SpatialWires
 from .rods import Rods, Section, rods_of
 from .sites import NOWHERE, Sites
@@ -27,13 +30,13 @@ EMPTY_INDEX_FIELDS = (
 EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 
 
-def panel_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
-    """The wires as a panel with a body for each place where they may touch, their clamps, and the stress-free rods.
+def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
+    """The wires as a panel with a body for each place where they may touch, their clamps, and the rods.
 
     Places are hooks and other crossings (wires/places.py), and where else wires come near each other.
 
-    Natural lengths are those of the file where it has them. loop_length [m]: approximate length of wire in a loop. Raises
-    `ModelError`.
+    Natural lengths, curvature and twist are those of the file where it has them. sections [wire]: of each wire. loop_length [m]:
+    approximate length of wire in a loop. Raises `ModelError`.
     """
     count = np.array([len(points) for points in wires.points], dtype=np.int32)
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int32)
@@ -46,14 +49,33 @@ def panel_of_wires(section: Section, wires: Wires, loop_length: float) -> tuple[
         raise ModelError("wires: given closed rings only, allowed: at least one open wire, or periodic wires (wires.period)")
     places, slack = find_places(wires, loop_length), SLIDE_ALLOWANCE * loop_length
     placed = _place_wires(wires, places, slack, first[is_open], count[is_open])
-    rods = rods_of(section, wires.points, [None if end else wires.closing(w) for w, end in enumerate(is_open)], tile=placed.tile)
+    thinnest = min(sections, key=lambda section: section.thickness)
+    rods = rods_of(thinnest, wires.points, [None if end else wires.closing(w) for w, end in enumerate(is_open)], tile=placed.tile)
+    if any(section != thinnest for section in sections):
+        rods = replace(rods, sections=tuple(sections))
     if wires.rest_lengths is not None:
         own = rods.natural_length.copy()
         own[rods.following >= 0] = np.concatenate(wires.rest_lengths)
         rods = replace(rods, natural_length=own, natural_arc=own * rods.natural_arc / rods.natural_length)
+    rods = _with_natural_shape(rods, wires)
     rods = rods.holding(placed.held_node.tolist(), placed.held_section.tolist())
     placed = _with_close_places(wires, placed, rods, slack)
     return _panel(wires, placed, rods, places), placed, rods
+
+
+def _with_natural_shape(rods: Rods, wires: Wires) -> Rods:
+    """The rods with the natural curvature and twist of the file, if it has them: components along the directors at rest."""
+    if wires.natural_turns is None and wires.twist_strains is None:
+        return rods
+    rods = replace(rods, node_stiffness=node_stiffness(rods))
+    if wires.natural_turns is not None:
+        turn, d1, before = np.concatenate(wires.natural_turns), rods.director, rods.previous
+        d2 = np.cross(rods.rest_edge, d1) / np.linalg.norm(rods.rest_edge, axis=1)[:, None]
+        along = [0.5 * dot(d2[before] + d2, turn), -0.5 * dot(d1[before] + d1, turn)]
+        rods = replace(rods, natural_curvature=np.stack(along, axis=1))
+    if wires.twist_strains is not None:
+        rods = replace(rods, natural_twist=rods.rest_twist - np.concatenate(wires.twist_strains))
+    return rods
 
 
 def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
@@ -81,7 +103,7 @@ def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, 
 
 def _with_close_places(wires: Wires, placed: SpatialWires, rods: Rods, slack: float) -> SpatialWires:
     """Sites also where wires come near each other and no site reaches, as where they run side by side."""
-    near = close_places(wires, rods.section.thickness)
+    near = close_places(wires, 2.0 * rods.wire_radius)
     if near is None or not len(near.wire):
         return placed
     nodes, shift = rods.wire_first[near.wire] + near.segment, np.zeros((len(near.wire), 3))
@@ -142,5 +164,6 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places) -> Pa
         body_rest=np.concatenate([places.position, points[nearest]]),
         body_origin=np.zeros((len(placed.site_wire), 2)),
         pair_wire=placed.site_wire.ravel().astype(np.int32),
+        notes=wires.notes,
         **none,
     )

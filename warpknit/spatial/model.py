@@ -24,7 +24,8 @@ from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
 from ..text import at_least, exact, short_repr
-from ..wires.read import rest_wires
+from ..wires.centre_lines import Wires
+from ..wires.read import rest_wires, thickness_of
 from .from_file import panel_of_wires
 from .hook_wires import hook_wires
 from .placed_wires import SpatialWires, place_wires
@@ -35,6 +36,7 @@ from .rods import Rods, Section, rods_of
 from .search_cells import search_cells
 from .strip import RodStrip, cut_rods
 
+ROUND_OFF = 1e-9  # relative, of lengths
 LEAST_SPACING = 0.5  # smallest node spacing of wires from a file, in thicknesses of the wire
 # dynamics of a relaxation, whose multipliers correct them: about as stiff as the loops, of length L
 SOFT_STRETCH = 430.0  # axial stiffness over EI/L^2
@@ -152,6 +154,7 @@ class SpatialModel:
             wire_closed=rods.wire_closed,
             period=np.array(p.size),
             diameter=self.scene.wire.thickness,
+            wire_diameter=2.0 * rods.wire_radius,
             body_radius=0.0,
             body_wires=p.pair_wire.reshape(-1, 2),
             rhombus_bodies=p.rhombus_bodies,
@@ -231,7 +234,7 @@ def _whole_model(scene: Scene, device: str) -> SpatialModel:
         found = rest_wires(scene)
         size = f"wires.node_spacing = {exact(scene.wires.node_spacing, 'm')}"
         refuse_beyond_memory(size, scene, found.node_count, device)
-        panel, wires, rods = panel_of_wires(section, found, scene.wires.loop_length)
+        panel, wires, rods = panel_of_wires(_sections(scene, found), found, scene.wires.loop_length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
         return _assemble(scene, None, None, panel, wires, rods, catmull_rom(rods), spacing, scene.wires.loop_length, device)
     if scene.hook is not None:
@@ -249,10 +252,20 @@ def _whole_model(scene: Scene, device: str) -> SpatialModel:
     return _assemble(scene, cloth, table, panel, wires, rods, curve, float(table.spacing.min()), loop_length, device)
 
 
+def _sections(scene: Scene, wires: Wires) -> list[Section]:
+    """[wire] the section of each wire of a file."""
+    thickness = thickness_of(scene, wires)
+    by_thickness = {
+        each: wire_section(scene.wire if each == scene.wire.thickness else scene.wire.with_thickness(each))
+        for each in np.unique(thickness).tolist()
+    }
+    return [by_thickness[each] for each in thickness.tolist()]
+
+
 def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
     """Refuse a node spacing below LEAST_SPACING: the fictitious masses allow for few contacts at a node."""
     least = LEAST_SPACING * thickness
-    if scene.wires is not None and scene.wires.node_spacing < least:
+    if scene.wires is not None and scene.wires.node_spacing < least * (1.0 - ROUND_OFF):
         allowed = f"half the thickness of the wire or more, {at_least(least, 'm')}, to run"
         raise scene_error(scene.path, "wires.node_spacing", exact(scene.wires.node_spacing, "m"), allowed)
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..text import short_repr
+from ..wires.directors import even_directors, twist
 
 BENT_SHARE = 1.0 / 3.0  # of the compliance of a wire in bending, which its neighbours hinder
 
@@ -130,6 +131,13 @@ class Rods:
         before = edge[self.previous]
         angle = np.arctan2(np.linalg.norm(np.cross(before, edge), axis=1), np.sum(before * edge, axis=1))
         return np.where((self.following >= 0) & (self.previous >= 0), angle, 0.0)
+
+    @cached_property
+    def rest_twist(self) -> np.ndarray:
+        """[node] [rad] twist of the directors at rest; 0 at the ends of wires."""
+        before, tangent = self.previous, self.rest_edge / np.linalg.norm(self.rest_edge, axis=1)[:, None]
+        angle = twist(self.director[before], self.director, tangent[before], tangent)
+        return np.where((self.following >= 0) & (before >= 0), angle, 0.0)
 
     @cached_property
     def bow_weights(self) -> tuple[np.ndarray, np.ndarray]:
@@ -273,50 +281,14 @@ def rods_of(
     length = np.linalg.norm(edge, axis=1)
     square = rods.rest_turning**2
     arc = length * (1.0 + float(BOW) * (square + square[rods.following]))
-    return replace(rods, natural_length=length, natural_arc=arc, director=_directors(rods, edge / length[:, None]))
+    return replace(
+        rods,
+        natural_length=length,
+        natural_arc=arc,
+        director=even_directors(edge / length[:, None], first, count, rods.wire_closed),
+    )
 
 
 def straight(rods: Rods) -> Rods:
     """The same wires, naturally straight and without twist."""
     return replace(rods, natural_curvature=np.zeros((rods.node_count, 2)), natural_twist=np.zeros(rods.node_count))
-
-
-def _directors(rods: Rods, tangent: np.ndarray) -> np.ndarray:
-    """Directors (node, 3) normal to unit tangents (node, 3): without twist, or with the closing angle distributed evenly.
-
-    Any unit vectors across the tangents are references. Parallel transport along the wire turns them against each other, so the
-    directors are the references turned back by the sum of these angles, as a product of complex numbers.
-    """
-    begin, count = rods.wire_first, rods.wire_count
-    across = np.zeros_like(tangent)
-    across[np.arange(len(tangent)), np.argmin(np.abs(tangent), axis=1)] = 1.0
-    reference = _across(across, tangent)
-    before = rods.previous.copy()
-    before[begin] = np.where(rods.wire_closed, before[begin], begin)
-    back = _transported(reference[before], tangent[before], tangent)
-    jump = _dot(back, reference) + 1j * _dot(np.cross(back, reference), tangent)
-    closing = np.where(rods.wire_closed, jump[begin], 1.0)
-    jump[begin] = 1.0
-    total = np.cumprod(jump / np.abs(jump))
-    turn = np.repeat(total[begin], count) / total
-    share = np.where(rods.wire_closed, np.angle(closing / turn[begin + count - 1]) / count, 0.0)
-    turn *= np.exp(1j * np.repeat(share, count) * (np.arange(len(tangent)) - np.repeat(begin, count)))
-    turn /= np.abs(turn)
-    return turn.real[:, None] * reference + turn.imag[:, None] * np.cross(tangent, reference)
-
-
-def _transported(vector: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """Parallel transport of vectors (n, 3), normal to tangents `before` (n, 3), to the tangents `now` (n, 3)."""
-    axis, cosine = np.cross(before, now), _dot(before, now)[:, None]
-    return _across(cosine * vector + np.cross(axis, vector) + axis * _dot(axis, vector)[:, None] / (1.0 + cosine), now)
-
-
-def _across(vector: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-    """Unit vectors (n, 3) along the parts of vectors (n, 3) normal to unit tangents (n, 3)."""
-    across = vector - _dot(vector, tangent)[:, None] * tangent
-    return across / np.linalg.norm(across, axis=1, keepdims=True)
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """[n] scalar products of vectors (n, 3)."""
-    return np.einsum("nc,nc->n", a, b)

@@ -20,8 +20,11 @@ class Wires:
     kinds: tuple[str, ...]  # open | closed | periodic
     shifts: np.ndarray  # (wire, 2) repeats along x and y by which a wire goes on; 0 but for periodic ones
     period: np.ndarray | None  # (2,) [m] width and height of a repeat; None: the wires do not repeat
-    radius: float | None  # [m] of the wire, where the file says it
+    radius: np.ndarray | None  # (wire,) [m] where the file says it
     rest_lengths: tuple[np.ndarray, ...] | None  # of each wire (segment,) [m] straight, free of stress, where the file says it
+    natural_turns: tuple[np.ndarray, ...] | None = None  # of each wire (node, 3) [rad], see natural_shape.py; None: as at rest
+    twist_strains: tuple[np.ndarray, ...] | None = None  # of each wire (node,) [rad], see natural_shape.py; None: 0
+    notes: tuple[str, ...] = ()  # what the file states and is not used
 
     @property
     def node_count(self) -> int:

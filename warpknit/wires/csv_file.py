@@ -18,6 +18,7 @@ from warpknit.wires.bases import polyline
 from warpknit.wires.curve import BadFile, CurveFile, check_count, check_points
 
 AXES = ("x", "y", "z")
+_COMMA = re.compile(r"[+-]?[\d.]*\d,[\d,.]*(e[+-]?\d+)?", re.IGNORECASE)  # a number with commas
 _HEADING = re.compile(r"\s*(x|y|z|wire)\s*(?:\[(.{1,40})\])?\s*", re.IGNORECASE)
 
 
@@ -27,7 +28,8 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
         with path.open(encoding="utf-8-sig", newline="") as file:
             first = file.readline()
             file.seek(0)
-            rows = list(csv.reader(file, delimiter=next((mark for mark in "\t;" if mark in first), ",")))
+            delimiter = next((mark for mark in "\t;" if mark in first), ",")
+            rows = list(csv.reader(file, delimiter=delimiter))
     except (UnicodeDecodeError, csv.Error) as error:
         raise BadFile(f"a file that is no table of text ({error})") from error
     rows = [[cell.strip() for cell in row] for row in rows]
@@ -45,7 +47,8 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
         if not columns:
             columns, width = _plain_columns(row, number)
         if len(row) != width:
-            raise BadFile(f"{len(row)} columns in line {number}, {width} before")
+            hint = "; a comma parts columns: write decimal points" if delimiter == "," and len(row) > width else ""
+            raise BadFile(f"{len(row)} columns in line {number}, {width} before{hint}")
         wire = row[columns["wire"]] if "wire" in columns else ""
         if name is None or wire != name:
             wires.append([])
@@ -53,6 +56,9 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
         try:
             wires[-1].append([float(row[columns[axis]]) for axis in AXES])
         except ValueError as error:
+            if comma := next((cell for cell in row if _COMMA.fullmatch(cell)), None):
+                written = f"{comma[:40]!r} in line {number}, with a comma where a decimal point is meant"
+                raise BadFile(f"{written}: write numbers as 1234.5") from error
             raise BadFile(f"{', '.join(row)[:40]!r} in line {number}, not numbers") from error
     curves = []
     for count, points in enumerate(wires, start=1):
@@ -66,8 +72,10 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
 def _headings(row: list[str]) -> tuple[dict[str, int], float | None]:
     """The place of each column and the metres of the unit in brackets, or nothing where the row is no headings."""
     found = [_HEADING.fullmatch(cell) for cell in row]
-    if not all(found):
+    if not any(found):
         return {}, None
+    if not all(found):
+        raise BadFile(f"the headings {', '.join(row)[:60]!r}, not x, y, z and at most wire")
     names = [match[1].lower() for match in found if match]
     units = {match[2] for match in found if match and match[1].lower() in AXES}
     if sorted(set(names) - {"wire"}) != list(AXES) or len(set(names)) != len(names):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MOST_POINTS = 2_000_000  # of a file
+NAMED = 3  # of what is not used in a file, in a note
 MOST = 1e9  # of a coordinate, in the file's unit
 LEAST = 1e-15  # of a distance between points that differ, in the file's unit
 
@@ -26,6 +27,10 @@ class Curve:
     kind: str  # open | closed | periodic
     shift: tuple[int, int] = (0, 0)
     slack: np.ndarray | None = None  # (piece,) length free of stress over length
+    # of a wire that goes on, at the beginnings of its pieces: natural turn as a vector on the section at rest (piece, 3) [rad];
+    # twist at rest less natural twist (piece,) [rad]
+    natural_turn: np.ndarray | None = None
+    twist: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +39,16 @@ class CurveFile:
 
     curves: tuple[Curve, ...]
     metres: float | None = None  # in a unit of the file, where it says so
-    radius: float | None = None
+    radius: np.ndarray | None = None  # (curve,) where the file says it
+    no_radius: str = ""  # why widths of the file are no radius of each curve
     period: np.ndarray | None = None  # (2,)
+    notes: tuple[str, ...] = ()  # what the file states and is not used
+
+
+def some_of(names: list[str]) -> str:
+    """The first of these names, and how many more there are."""
+    more = f"; {len(names) - NAMED:,} more" if len(names) > NAMED else ""
+    return "; ".join(names[:NAMED]) + more
 
 
 def check_points(points: np.ndarray) -> np.ndarray:

@@ -12,9 +12,7 @@ from warpknit.text import percent
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import Overlaps, find_overlaps
 from warpknit.wires.places import Places, find_places
-from warpknit.wires.read import rest_wires
-
-SAME_THICKNESS = 0.01  # over the thickness: files keep seven digits, people three
+from warpknit.wires.read import rest_wires, thickness_of
 
 
 @dataclass(frozen=True)
@@ -25,16 +23,12 @@ class WireReport:
     wires: Wires
     overlaps: Overlaps
     places: Places
+    thickness: np.ndarray  # (wire,) [m] in the run
 
     @property
     def warnings(self) -> list[str]:
         """What to look at before a run."""
-        found = []
-        radius = self.wires.radius
-        if radius is not None and abs(2.0 * radius / self.overlaps.thickness - 1.0) > SAME_THICKNESS:
-            found.append(
-                f"wires are {_millimetres(2.0 * radius)} thick in the file, {_millimetres(self.overlaps.thickness)} in the scene"
-            )
+        found = list(self.wires.notes)
         if self.overlaps.crowded or self.overlaps.places:
             closest = self.overlaps.closest
             depth = (
@@ -56,8 +50,8 @@ class WireReport:
             "wire_length_m": float(wires.lengths.sum()),
             "repeat_m": None if wires.period is None else wires.period.tolist(),
             "extent_m": self._extent().tolist(),
-            "file_thickness_m": None if wires.radius is None else 2.0 * wires.radius,
-            "thickness_m": overlaps.thickness,
+            "file_thickness_m": None if wires.radius is None else _one_or_each(2.0 * wires.radius),
+            "thickness_m": _one_or_each(self.thickness),
             "closest_m": overlaps.closest,
             "hooks": None if self.places.crowded else self.places.hooks,
             "crossings": None if self.places.crowded else len(self.places) - self.places.hooks,
@@ -78,6 +72,12 @@ class WireReport:
         ]
         if wires.period is not None:
             rows.append(("repeat", " x ".join(map(_millimetres, wires.period))))
+        if wires.natural_turns is not None or wires.twist_strains is not None:
+            blocks = [name for name, used in (("*RK", wires.natural_turns), ("*RT", wires.twist_strains)) if used is not None]
+            rows.append(("natural", f"curvature and twist of the wires free of stress, by {' and '.join(blocks)} of the file"))
+        if np.ptp(self.thickness) > 0.0:
+            low, high = _millimetres(self.thickness.min()), _millimetres(self.thickness.max())
+            rows.append(("thickness", f"{low} to {high}, that of the file"))
         rows.append(("hooks", self.places.line()))
         rows.append(("contact", self.overlaps.line()))
         return rows + [("warning", text) for text in self.warnings]
@@ -87,12 +87,17 @@ class WireReport:
         return np.ptp(np.concatenate(self.wires.points), axis=0)
 
 
-def wire_report(scene: Scene, thickness: float) -> WireReport:
-    """Reads the wires of a scene and looks where they, of `thickness` [m], overlap. Raises `SceneError`."""
+def wire_report(scene: Scene) -> WireReport:
+    """Read the wires of a scene and find where they overlap. Raises `SceneError`."""
     wires = rest_wires(scene)
     assert scene.wires is not None
-    places = find_places(wires, scene.wires.loop_length)
-    return WireReport(scene.wires.path.name, wires, find_overlaps(wires, thickness), places)
+    places, thickness = find_places(wires, scene.wires.loop_length), thickness_of(scene, wires)
+    return WireReport(scene.wires.path.name, wires, find_overlaps(wires, thickness), places, thickness)
+
+
+def _one_or_each(values: np.ndarray) -> float | list[float]:
+    """One value where all are the same, else each."""
+    return float(values[0]) if np.ptp(values) == 0.0 else values.tolist()
 
 
 def _millimetres(length: float) -> str:

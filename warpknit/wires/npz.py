@@ -33,13 +33,15 @@ def read_npz(path: Path, interpolation: str, *, closed: bool = False) -> CurveFi
     except FAULTS as error:
         raise BadFile(f"a file that is no archive of arrays ({type(error).__name__}: {str(error)[:60]})") from error
     wires, rings = _wires(arrays)
+    unread = sorted(arrays.keys() - {"points", "counts", "closed"}) if {"points", "counts"} <= arrays.keys() else []
+    notes = (f"arrays that are not read: {', '.join(unread)}",) if unread else ()
     curves = []
     for number, (points, ring) in enumerate(zip(wires, rings, strict=True), start=1):
         try:
             curves.append(polyline(check_points(points), interpolation, closed=closed or bool(ring)))
         except BadFile as error:
             raise BadFile(f"wire {number}: {error}") from error
-    return CurveFile(tuple(curves))
+    return CurveFile(tuple(curves), notes=notes)
 
 
 def _arrays(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:

@@ -30,11 +30,11 @@ SAME_PLACE = 2  # segments: overlaps no farther apart on both wires are one
 class Overlaps:
     """What is found among segments that are no neighbours."""
 
-    thickness: float  # [m]
-    closest: float | None  # [m] least distance of centre lines; None: farther than REACH thicknesses everywhere
+    thickness: float  # [m] distance of centre lines at which the closest wires touch
+    closest: float | None  # [m] distance of the closest centre lines; None: farther than REACH thicknesses everywhere
     wires: tuple[int, int] | None  # that are closest, counted from 0
     arcs: tuple[float, float] | None  # [m] where, along them
-    places: int  # where centre lines are nearer than the thickness
+    places: int  # where wires overlap
     crowded: bool = False  # too much overlaps to look at it pair by pair: the unit or the thickness is wrong
 
     def line(self) -> str:
@@ -75,32 +75,38 @@ class NearPairs:
 
     segment: np.ndarray  # (pair, 2)
     repeat: np.ndarray  # (pair, 2) that the second lies in
-    distance: np.ndarray  # (pair,) [m]
+    distance: np.ndarray  # (pair,) [m] of their centre lines
+    touch: np.ndarray  # (pair,) [m] the same where they touch
     place: np.ndarray  # (pair, 2) of the least distance, from 0 to 1 along either segment
 
     def taken(self, kept: np.ndarray) -> NearPairs:
         """The pairs with these numbers, or of this mask."""
-        return NearPairs(self.segment[kept], self.repeat[kept], self.distance[kept], self.place[kept])
+        return NearPairs(*(getattr(self, one.name)[kept] for one in fields(NearPairs)))
+
+    @property
+    def share(self) -> np.ndarray:
+        """(pair,) distance over that at which they touch."""
+        return self.distance / self.touch
 
 
-def find_overlaps(wires: Wires, thickness: float) -> Overlaps:
-    """The overlaps of wires of `thickness` [m]."""
-    segments = segments_of(wires)
+def find_overlaps(wires: Wires, thickness: float | np.ndarray) -> Overlaps:
+    """The overlaps of wires of `thickness` [m], one or (wire,). The closest wires are so by the distance over that of a touch."""
+    segments, thickest = segments_of(wires), float(np.max(thickness))
     closest, touching, count = None, [], 0
     for near in _near_pairs(segments, wires, thickness):
         if near is None or count > MOST_TOUCHING:
-            return Overlaps(thickness, None, None, None, 0, crowded=True)
-        touching.append(near.taken(near.distance < thickness))
+            return Overlaps(thickest, None, None, None, 0, crowded=True)
+        touching.append(near.taken(near.share < 1.0))
         count += len(touching[-1].distance)
         if len(near.distance):
-            least = near.taken(np.argmin(near.distance, keepdims=True))
-            closest = least if closest is None or least.distance < closest.distance else closest
-    if closest is None or not closest.distance <= REACH * thickness:
-        return Overlaps(thickness, None, None, None, 0)
+            least = near.taken(np.argmin(near.share, keepdims=True))
+            closest = least if closest is None or least.share < closest.share else closest
+    if closest is None or not closest.share <= REACH:
+        return Overlaps(thickest, None, None, None, 0)
     first, second = closest.segment[0].tolist()
     arcs = segments.arc[closest.segment[0]] + closest.place[0] * segments.length[closest.segment[0]]
     return Overlaps(
-        thickness,
+        float(closest.touch[0]),
         float(closest.distance[0]),
         (int(segments.wire[first]), int(segments.wire[second])),
         (float(arcs[0]), float(arcs[1])),
@@ -119,18 +125,18 @@ class ClosePlaces:
     segments: np.ndarray  # (place, 2) segments of either wire that are so near
 
 
-def close_places(wires: Wires, thickness: float) -> ClosePlaces | None:
-    """The places where wires of `thickness` [m] are near each other; None where there are too many to look at."""
+def close_places(wires: Wires, thickness: float | np.ndarray) -> ClosePlaces | None:
+    """The places where wires of `thickness` [m], one or (wire,), are near each other; None where there are too many to look at."""
     segments = segments_of(wires)
     found, count = [], 0
     for near in _near_pairs(segments, wires, thickness):
         if near is None or count > MOST_TOUCHING:
             return None
-        found.append(near.taken(near.distance < REACH * thickness))
+        found.append(near.taken(near.share < REACH))
         count += len(found[-1].distance)
     pairs = _joined(found)
     place = _place_numbers(segments, wires, pairs)
-    order = np.lexsort((pairs.distance, place))
+    order = np.lexsort((pairs.share, place))
     closest = pairs.taken(order[np.unique(place[order], return_index=True)[1]])
     first = np.searchsorted(segments.wire, np.arange(len(wires.points)))
     wire = segments.wire[closest.segment]
@@ -147,13 +153,15 @@ def close_places(wires: Wires, thickness: float) -> ClosePlaces | None:
 def _joined(parts: list[NearPairs]) -> NearPairs:
     """Pairs of all parts."""
     if not parts:
-        return NearPairs(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros((0, 2)))
+        two, one = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
+        return NearPairs(two, two, one, one, np.zeros((0, 2)))
     return NearPairs(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(NearPairs)))
 
 
-def _near_pairs(segments: Segments, wires: Wires, thickness: float) -> Iterator[NearPairs | None]:
+def _near_pairs(segments: Segments, wires: Wires, thickness: float | np.ndarray) -> Iterator[NearPairs | None]:
     """Pairs nearer than REACH thicknesses and some farther ones, in blocks; None where there are too many."""
-    radius = REACH * thickness + float(segments.length.max())
+    of_wires = np.broadcast_to(thickness, len(wires.points))
+    radius = REACH * float(of_wires.max()) + float(segments.length.max())
     if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
         yield None
         return
@@ -173,8 +181,9 @@ def _near_pairs(segments: Segments, wires: Wires, thickness: float) -> Iterator[
         distance, *place = segment_distances(
             segments.begin[a], segments.end[a], segments.begin[b] + shift, segments.end[b] + shift
         )
-        near = NearPairs(pairs[:, :2], pairs[:, 2:], distance, np.stack(place, axis=1))
-        yield near.taken(between > 0.5 * np.pi * np.maximum(distance, thickness))
+        touch = 0.5 * (of_wires[segments.wire[a]] + of_wires[segments.wire[b]])
+        near = NearPairs(pairs[:, :2], pairs[:, 2:], distance, touch, np.stack(place, axis=1))
+        yield near.taken(between > 0.5 * np.pi * np.maximum(distance, touch))
 
 
 def _pairs(

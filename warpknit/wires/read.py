@@ -11,17 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpknit.scene.messages import scene_error
-from warpknit.scene.wire_file import USD, WireFileError, checked_bytes
+from warpknit.scene.wire_file import WireFileError
 from warpknit.text import engineering, exact
 from warpknit.wires.arc_length import ArcLength, resample, segment_count
-from warpknit.wires.bcc import read_bcc
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.csv_file import read_table
 from warpknit.wires.curve import BadFile, Curve, CurveFile
-from warpknit.wires.npz import read_npz
-from warpknit.wires.pyp import read_pyp
+from warpknit.wires.file_curves import allowed_in, curves_in
+from warpknit.wires.natural_shape import natural_turns, twist_strains
 from warpknit.wires.repeat import repeated
-from warpknit.wires.usd import read_usd
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene
@@ -29,6 +26,7 @@ if TYPE_CHECKING:
 MOST_NODES = 4_000_000
 LARGEST = 1e3  # [m] of a coordinate
 MOST_REPEATS = 1e4  # that a wire reaches over
+SAME_THICKNESS = 0.01  # over the thickness: files keep seven digits, people three
 MEETS = 1e-3  # of a period: how near the ends of a wire must be to a whole number of them
 
 
@@ -80,7 +78,30 @@ def rest_wires(scene: Scene) -> Wires:
     if wires.node_count * math.prod(options.repeats) > MOST_NODES:
         given = f"{list(options.repeats)}, which make {wires.node_count * math.prod(options.repeats):,} nodes"
         raise scene_error(scene.path, "wires.repeats", given, f"what makes at most {MOST_NODES:,}")
-    return repeated(wires, options.repeats)
+    return repeated(_as_used(scene, wires), options.repeats)
+
+
+def thickness_of(scene: Scene, wires: Wires) -> np.ndarray:
+    """(wire,) [m] thickness of each wire of a scene: that of the file where its widths count."""
+    if scene.wires is not None and scene.wires.widths and wires.radius is not None:
+        return 2.0 * wires.radius
+    return np.full(len(wires.points), scene.wire.thickness)
+
+
+def _as_used(scene: Scene, wires: Wires) -> Wires:
+    """The wires with what the scene uses of their file, and notes on what it does not."""
+    assert scene.wires is not None
+    notes, fraction, file = list(wires.notes), scene.wire.set_fraction, scene.wires.path.name
+    if wires.radius is not None and not scene.wires.widths:
+        low, high = 2e3 * wires.radius.min(), 2e3 * wires.radius.max()
+        here = 1e3 * scene.wire.thickness
+        if max(high - here, here - low) > SAME_THICKNESS * here:
+            widths = f"{high:.4g} mm" if high - low <= SAME_THICKNESS * high else f"{low:.4g} to {high:.4g} mm"
+            notes.append(f"wires are {widths} thick in the file, {here:.4g} mm in the scene")
+    if fraction != 1.0 and not (wires.natural_turns is None and wires.twist_strains is None):
+        notes.append(f"natural curvature and twist of {file} (*RK, *RT) are not used: wire.set_fraction = {fraction:g} sets them")
+        wires = replace(wires, natural_turns=None, twist_strains=None)
+    return replace(wires, notes=tuple(notes))
 
 
 def _read(
@@ -95,50 +116,13 @@ def _read(
     for key, value in (("node_spacing", (node_spacing,)), ("unit", (unit,)), ("period", period or ())):
         if not all(length is None or 0.0 < length < math.inf for length in value):
             raise WireFileError(repr(value), "lengths above 0 m", key)
-    checked_bytes(path)
-    suffix = path.suffix.lower()
+    found, metres = curves_in(path, interpolation, closed, unit, time)
+    if period is not None:
+        found = _repeating(found, np.array(period) / metres)
     try:
-        found = _reader(path, suffix, interpolation, closed, time)
-        if not found.curves:
-            raise BadFile("a file without wires")
-        metres = _metres(found, suffix, unit)
-        if period is not None:
-            found = _repeating(found, np.array(period) / metres)
         return _wires(found, metres, node_spacing)
     except BadFile as error:
-        raise WireFileError(str(error), _allowed(suffix)) from error
-    except OSError as error:
-        raise WireFileError((error.strerror or "unreadable").lower(), _allowed(suffix)) from error
-
-
-def _reader(path: Path, suffix: str, interpolation: str, closed: bool, time: float | None) -> CurveFile:
-    if suffix in USD:
-        return read_usd(path, interpolation, time=time)
-    if suffix == ".bcc":
-        return read_bcc(path, interpolation)
-    if suffix == ".pyp":
-        return read_pyp(path, interpolation)
-    return (read_table if suffix == ".csv" else read_npz)(path, interpolation, closed=closed)
-
-
-def _allowed(suffix: str) -> str:
-    names = dict.fromkeys(USD, "a USD stage with BasisCurves") | {
-        ".bcc": "a BCC file of curves",
-        ".pyp": "a periodic yarn pattern",
-        ".csv": "a table with columns x, y, z, and wire where there are several",
-        ".npz": "arrays of points",
-    }
-    return names[suffix]
-
-
-def _metres(found: CurveFile, suffix: str, unit: float | None) -> float:
-    """[m] of a unit of the file."""
-    if found.metres is not None and unit is not None:
-        raise WireFileError(exact(unit, "m"), f"nothing: the file says {exact(found.metres, 'm')}", "unit")
-    if found.metres is None and unit is None and suffix != ".pyp":
-        raise WireFileError("nothing", "a length, such as 'mm', with a file that has no unit", "unit")
-    metres = unit if found.metres is None else found.metres
-    return 1.0 if metres is None else metres
+        raise WireFileError(str(error), allowed_in(path.suffix.lower())) from error
 
 
 def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
@@ -192,17 +176,27 @@ def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
     if not total <= MOST_NODES:
         allowed = f"what makes at most {MOST_NODES:,}"
         raise WireFileError(f"{exact(node_spacing, 'm')}, which makes {total:.3g} nodes", allowed, "node_spacing")
-    points, rest = [], []
+    points, rest, turns, twists = [], [], [], []
     for curve, arc in zip(found.curves, arcs, strict=True):
         places, free = resample(curve, arc, segment_count(arc.length * metres, curve.kind, node_spacing))
         points.append(places * metres)
         rest.append(None if free is None else free * metres)
-    is_free = all(free is not None for free in rest)
+        turns.append(natural_turns(curve, arc, places))
+        twists.append(twist_strains(curve, arc, len(places)))
     return Wires(
         points=tuple(points),
         kinds=tuple(curve.kind for curve in found.curves),
         shifts=np.array([curve.shift for curve in found.curves], dtype=np.int64),
         period=None if found.period is None else found.period * metres,
         radius=None if found.radius is None else found.radius * metres,
-        rest_lengths=tuple(free for free in rest if free is not None) if is_free else None,
+        rest_lengths=_of_all(rest),
+        natural_turns=_of_all(turns),
+        twist_strains=_of_all(twists),
+        notes=found.notes + ((f"widths that are not used: {found.no_radius}",) if found.no_radius else ()),
     )
+
+
+def _of_all(values: list[np.ndarray | None]) -> tuple[np.ndarray, ...] | None:
+    """Values that every wire has, else None."""
+    kept = tuple(value for value in values if value is not None)
+    return kept if len(kept) == len(values) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:
     """
     if wires.period is None or repeats == (1, 1):
         return wires
-    points, kinds, shifts, rest = [], [], [], []
+    points, kinds, shifts, origin, counts = [], [], [], [], []
     for number, (piece, kind) in enumerate(zip(wires.points, wires.kinds, strict=True)):
         shift = wires.shifts[number]
         count = math.lcm(*(side // math.gcd(side, int(step)) for side, step in zip(repeats, shift, strict=True)))
@@ -31,13 +32,23 @@ def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:
             points.append((piece + places[:, None]).reshape(-1, 3))
             kinds.append(kind)
             shifts.append(count * shift // repeats)
-            if wires.rest_lengths is not None:
-                rest.append(np.tile(wires.rest_lengths[number], count))
-    return Wires(
+            origin.append(number)
+            counts.append(count)
+
+    def of_copies(values: tuple[np.ndarray, ...] | None) -> tuple[np.ndarray, ...] | None:
+        if values is None:
+            return None
+        pieces = zip(origin, counts, strict=True)
+        return tuple(np.concatenate([values[number]] * count) for number, count in pieces)
+
+    return replace(
+        wires,
         points=tuple(points),
         kinds=tuple(kinds),
         shifts=np.array(shifts, dtype=np.int64),
         period=wires.period * repeats,
-        radius=wires.radius,
-        rest_lengths=None if wires.rest_lengths is None else tuple(rest),
+        radius=None if wires.radius is None else wires.radius[origin],
+        rest_lengths=of_copies(wires.rest_lengths),
+        natural_turns=of_copies(wires.natural_turns),
+        twist_strains=of_copies(wires.twist_strains),
     )

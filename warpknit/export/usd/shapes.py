@@ -179,13 +179,17 @@ def declare(layer: Sdf.Layer, prim: Sdf.Path, names: Container[str]) -> None:
 
 
 def define_wires(
-    stage: Usd.Stage, path: Sdf.Path, wires: NDArray[Any], counts: NDArray[Any], width: float, *, shows_stress: bool
+    stage: Usd.Stage, path: Sdf.Path, wires: NDArray[Any], counts: NDArray[Any], width: NDArray[Any], *, shows_stress: bool
 ) -> UsdGeom.Gprim:
+    """width [wire] [mm]"""
     curves = UsdGeom.BasisCurves.Define(stage, path)
     curves.CreateTypeAttr(UsdGeom.Tokens.linear)
     curves.CreateWrapAttr(UsdGeom.Tokens.nonperiodic)
     curves.CreateCurveVertexCountsAttr(_ints(counts))
-    _set_width(curves, width)
+    _set_width(curves, float(width.max()))
+    if np.ptp(width) > 0.0:
+        curves.GetWidthsAttr().Set(Vt.FloatArray.FromNumpy(width.astype(np.float32)))
+        curves.SetWidthsInterpolation(UsdGeom.Tokens.uniform)
     _set_primvar(curves, "warpknit:wireId", UsdGeom.Tokens.uniform, _ints(wires))
     _set_stress_colours(curves, UsdGeom.Tokens.vertex if shows_stress else None)
     return curves

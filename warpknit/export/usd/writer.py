@@ -337,7 +337,8 @@ class StageWriter:
                 xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*tile.origin.tolist()))
                 shapes = []
                 if counts is not None:
-                    shapes.append(define_wires(stage, prim, tile.wires, counts, width, shows_stress=shows_stress))
+                    own = self.layout.wire_diameter[tile.wires] * MILLIMETRES
+                    shapes.append(define_wires(stage, prim, tile.wires, counts, own, shows_stress=shows_stress))
                 elif tile.bodies.size:
                     wires = self.layout.body_wires[tile.bodies]
                     shapes.append(define_contacts(stage, prim, tile.bodies, wires, MARKER_WIDTH * width))
