@@ -130,10 +130,10 @@ class Mechanics(Protocol):
 
     @property
     def release_parts(self) -> int:
-        """Equilibria before the first record in which `wire.set_fraction` is applied."""
+        """Equilibria before the first record in which the natural shape is applied (`wire.set_fraction`, or that of a file)."""
 
     def release(self, begin: float, end: float) -> None:
-        """Apply it from one share to another: the natural curvature goes from that as knitted to its fraction."""
+        """Apply it from one share to another: natural curvature and twist go from those as knitted to those of the scene."""
 
     def predict(self, ratio: float) -> None:
         """Extrapolate the state by `ratio` times its last increment, and store it; set velocities to zero."""

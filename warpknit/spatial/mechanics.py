@@ -91,12 +91,11 @@ class SpatialMechanics:
         self.stability = Stability(model, self.relaxation, self.contact, self.notes)
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
-        self._release: tuple[float, float] | None = None  # natural over rest curvature before and after the part in progress
+        self._release: tuple[float, float] | None = None  # shares of the release before and after the part in progress
         self._untested = 0.0  # strain since the last test whether an equilibrium is stable
         self._overlap = 0.0  # over the thickness, deepest up to the last convergence check
-        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = (
-            None  # gradient, displacement, tension offsets of the previous level
-        )
+        # gradient, displacement and tension offsets of the previous level
+        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
 
@@ -179,15 +178,16 @@ class SpatialMechanics:
 
     @property
     def release_parts(self) -> int:
+        rods = self.model.rods
+        if rods.natural_curvature is not None or rods.natural_twist is not None:
+            return math.ceil(1.0 / RELEASE)
         if self.model.cloth is None:  # wires from a file, whose shape may be that of a drawing, and hooks
             return 1
         return max(1, math.ceil((1.0 - self.model.scene.wire.set_fraction) / RELEASE - 1e-9))
 
     def release(self, begin: float, end: float) -> None:
         if self.release_parts > 1:
-            fraction = self.model.scene.wire.set_fraction
-            before, after = (1.0 + part * (fraction - 1.0) for part in (begin, end))
-            self._release = before, after
+            self._release = begin, end
             self._apply_release()
 
     def _apply_release(self) -> None:
@@ -200,9 +200,8 @@ class SpatialMechanics:
         control, (before, after) = self.state.read_control(), self._release
         ahead = CHECK_STEPS * (1.0 - control[int(c.RAMP_LAG)])
         share = min(1.0, float((control[int(c.RAMP_STEP)] + ahead) / max(control[int(c.RAMP_STEPS)], ahead)))
-        set_natural_shape(
-            self.stepper.arrays, self.model.rods, self.model.device, before + share * (after - before), self.model.precision
-        )
+        released = before + share * (after - before)
+        set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, released, self.model.precision)
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         (small, large), strain = LOAD_STRAINS, self._strain_to(load)

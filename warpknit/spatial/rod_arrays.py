@@ -179,7 +179,7 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodAr
         forms=forms,
     )
     if forms is None:
-        twist = set_natural_shape(arrays, rods, device, rods.set_fraction, precision)
+        twist = set_natural_shape(arrays, rods, device, precision=precision)
         between = 0.5 * (twist + twist[rods.following])
         store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
     return arrays
@@ -199,18 +199,26 @@ def _row_arrays(rods: Rods, device: str) -> dict[str, wp.array]:
     }
 
 
-def set_natural_shape(arrays: RodArrays, rods: Rods, device: str, fraction: float, precision: Precision = DOUBLE) -> np.ndarray:
-    """Make natural curvature and twist this fraction of those at rest, unless the rods have their own; return [row] the twist
-    at rest."""
+def set_natural_shape(
+    arrays: RodArrays, rods: Rods, device: str, released: float = 1.0, precision: Precision = DOUBLE
+) -> np.ndarray:
+    """Set natural curvature and twist; return [row] the twist at rest.
+
+    released: share of the way from those at rest, 0, to those of the rods, 1.
+    """
     if rods.forms is not None and arrays.forms is not None:
-        return set_natural_shape(arrays.forms, rods.forms, device, fraction, precision)
+        forms = replace(rods.forms, set_fraction=rods.set_fraction)
+        return set_natural_shape(arrays.forms, forms, device, released, precision)
     at_rest = rest_state(rods, device, precision)
     at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device, precision)).run(device)
     curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
-    store(arrays.natural_curvature, fraction * curvature if rods.natural_curvature is None else rods.natural_curvature)
-    store(arrays.natural_twist, fraction * twist if rods.natural_twist is None else rods.natural_twist)
+    for array, knitted, own in (
+        (arrays.natural_curvature, curvature, rods.natural_curvature),
+        (arrays.natural_twist, twist, rods.natural_twist),
+    ):
+        store(array, (1.0 - released) * knitted + released * (rods.set_fraction * knitted if own is None else own))
     return np.array(twist)
 
 

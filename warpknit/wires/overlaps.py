@@ -126,7 +126,7 @@ class ClosePlaces:
 
 
 def close_places(wires: Wires, thickness: float | np.ndarray) -> ClosePlaces | None:
-    """The places where wires of `thickness` [m], one or (wire,), are near each other; None where there are too many to look at."""
+    """The places where wires of `thickness` [m], one or (wire,), are near each other; None where they are too many."""
     segments = segments_of(wires)
     found, count = [], 0
     for near in _near_pairs(segments, wires, thickness):
