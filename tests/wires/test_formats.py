@@ -186,6 +186,7 @@ def test_only_what_is_drawn_is_read(tmp_path):
         "0,0,0\n1,0,0\n\n0,1,0\n1,1,0\n",
         "a,0,0,0\na,1,0,0\nb,0,1,0\nb,1,1,0\n",
         "x;y;z\n0;0;0\n1;0;0\n\n\n0;1;0\n1;1;0",
+        "x,y,z\n0,0,0\n1,0,0\n\n,,\n0,1,0\n1,1,0\n\n\n,,\n",
         "z [mm]\ty [mm]\tWire\tx [mm]\n0\t0\t1\t0\n0\t0\t1\t1\n0\t1\t2\t0\n0\t1\t2\t1\n",
     ],
 )
