@@ -68,7 +68,11 @@ class Wire(Table):
         None,
         left_out="that of the metal at the surface",
     )
-    diameter: ThinLength = key("Diameter of one wire, without plating.", 15e-6)
+    diameter: ThinLength = key(
+        "Diameter of one wire, without plating. With a file of wires that has widths: that of its thickest wire, if left out"
+        " (`wires.widths`).",
+        15e-6,
+    )
     ends: Ends = key(
         "Number of parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is a round bundle of the"
         " same cross-section.",
