@@ -53,6 +53,9 @@ def test_a_level_that_fails_is_reached_in_smaller_increments(kind: str, monkeypa
     assert measure.mesh_tension(of_cut) == pytest.approx(measure.mesh_tension(of_whole), rel=1e-3)
     assert [note for note in cut.notes if "in 4 increments, as larger ones failed" in note]
     assert records[-1].steps > whole.progress.steps  # those of the levels that failed count
+    resumed = simulation_of(kind, 1)
+    resumed.load_state_dict(cut.state_dict())
+    assert resumed.notes == cut.notes
 
 
 def test_what_fails_in_the_smallest_increment_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:

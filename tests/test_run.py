@@ -16,8 +16,10 @@ import pytest
 import warp as wp
 
 from warpknit.device import compile_times
-from warpknit.errors import RunDirectoryError
-from warpknit.runner import watch
+from warpknit.errors import Diverged, OutOfResources, RunDirectoryError
+from warpknit.measure.table import MEASURES
+from warpknit.runner import recorder, watch
+from warpknit.runner.history import read_history
 from warpknit.runner.progress_display import Progress
 from warpknit.runner.run import run_scene
 from warpknit.runner.watch import Watch
@@ -221,3 +223,58 @@ def test_divergence_ends_with_3_and_no_nan(tmp_path: Path) -> None:
     assert "NaN" not in (tmp_path / "r" / "summary.json").read_text()
     for state in states(tmp_path / "r"):
         assert all(np.isfinite(value).all() for value in state.values() if value.dtype.kind == "f")
+
+
+ENDINGS = ("interrupted", "interrupted again", "diverged", "resumed, then diverged", "out of memory")
+
+
+@pytest.mark.parametrize("records", [2, 4])
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_summary_has_the_last_record_however_a_run_ends(
+    tmp_path: Path, ending: str, records: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Right after the second record, in the first load step, and after the first one of the second load step: the summary has
+    the values of the last row of history.csv, and is the same for each ending."""
+    path = "path=[{name='more', strain_weft=0.12, strain_warp=0.1}]"
+    scene, original = cell(path, "output.frames=2"), Watch._check
+
+    def interrupt(self: Watch, progress: object) -> None:
+        if self.simulation.progress.records == records:
+            self.interrupts.request()
+        original(self, progress)
+
+    def fail(self: Watch, progress: object) -> None:
+        if self.simulation.progress.records == records:
+            raise Diverged("it failed")
+        original(self, progress)
+
+    def end(check: object, *, resume: bool = False) -> int:
+        monkeypatch.setattr(Watch, "_check", check)
+        return run_scene(scene, out=tmp_path / "r", device="cpu", resume=resume).exit_code
+
+    def summary() -> dict[str, object]:
+        return json.loads((tmp_path / "r" / "summary.json").read_text())
+
+    assert end(interrupt) == 130
+    first = summary()
+    if ending == "interrupted again":
+        assert end(interrupt, resume=True) == 130
+    elif ending == "resumed, then diverged":
+        assert end(fail, resume=True) == 3
+    elif ending == "diverged":
+        (tmp_path / "r").rename(tmp_path / "interrupted")
+        assert end(fail) == 3
+    elif ending == "out of memory":
+        monkeypatch.setattr(recorder, "available_memory", lambda: 0)
+        with pytest.raises(OutOfResources):
+            end(original, resume=True)
+    found, rows = summary(), read_history(tmp_path / "r" / "history.csv")
+    assert len(rows) == records and found["stop_reason"] == ("diverged" if "diverged" in ending else "interrupted")
+    assert [stage["name"] for stage in found["stages"]] == ["load", "more"][: 1 + (records > 3)]
+    measured = [line for line in MEASURES if line.summary and line.history and line.name in vars(rows[-1])]
+    assert {line.summary for line in measured} == {"mesh", "contacts", "wire", "quality"}
+    for line in measured:
+        assert found[line.summary][line.name] == vars(rows[-1])[line.name], line.name
+    assert found["stages"][-1]["mesh"] == found["mesh"] and found["mesh"]["strain_weft"] > 0.0
+    for group in ("mesh", "contacts", "wire", "quality", "stages", "answers", "jumps", "warnings"):
+        assert found[group] == first[group], group

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,15 @@ FILE = Path("checkpoint") / "checkpoint.npz"
 UNUSABLE = (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 
 
-def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, wall: float) -> None:
-    """Save state, solver variables and progress; `wall` [s] is the wall time so far."""
+def write_checkpoint(
+    directory: Path, simulation: Simulation, scene_hash: str, wall: float, stages: Sequence[dict[str, Any]] = ()
+) -> None:
+    """Save state, solver variables, progress and the summaries of the `stages` so far; `wall` [s] is the wall time so far."""
     ranks = simulation.model.ranks
     turn = ranks.from_first(lambda: 1 - _valid_turn(directory))
     header = {
-        "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn
+        "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn,
+        "stages": list(stages),
     }  # fmt: skip
     kept = {f"state_{name}": value for name, value in simulation.state.arrays(copied=False).items()}
     kept |= {f"solver_{name}": value for name, value in simulation.state_dict().items()}
@@ -75,6 +79,7 @@ class Checkpoint:
             header = _header(path)
             count, scene = header["ranks"], header["scene"]
             self.progress = Progress.from_dict(header["progress"])
+            self.stages: list[dict[str, Any]] = header["stages"]
             if count == ranks.count and not ranks.is_first:
                 path = _strip_file(directory, header["turn"], ranks.rank)
             with np.load(path, allow_pickle=False) as file:

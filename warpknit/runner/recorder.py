@@ -93,9 +93,8 @@ class Recorder:
         self.error_estimator = error_estimator
         self.probes = probes or Probes()
         self.rows: list[Row] = []
-        self.stages: list[dict[str, Any]] = []
+        self.stages: list[dict[str, Any]] = []  # summaries at the last record of each stage
         self._last: Record | None = None
-        self._stage: dict[str, Any] | None = None  # summary of the stage so far
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
         self.watch = Watch(
@@ -103,10 +102,11 @@ class Recorder:
             out,
             wall_before=checkpoint.wall if checkpoint else 0.0,
             show=self._show,
-            before_checkpoint=lambda: self.frames.flush(),  # the frames that a checkpoint counts are on the disk
+            recorded=self._recorded,
         )
         if checkpoint is not None:
             self._load_rows()
+            self.stages = checkpoint.stages
         else:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
@@ -146,24 +146,26 @@ class Recorder:
     # --- records ---
 
     def _write_record(self, record: Record) -> None:
-        """Write the state, the USD frame and the row of a record; at the end of a stage also its summary."""
+        """Write the state, the USD frame, the maps and last the row of a record, which counts from then on."""
         self._reserve_memory()
         row = row_of(record)
         vars(row).update(self.probes.values(record))
         self.frames.add_frame(frame_of(record))
-        self.rows.append(row)
-        add_work(self.rows, self.simulation.model)
-        add_sliding(self.rows)
-        write_history(self.out / "history.csv", self.rows)
-        at_end = record.load_factor == 1.0
-        edge = self._write_panel(record) if at_end else cord_summary(record)
-        self._stage = stage_summary(record, self.rows, edge, self.probes.names)
-        if at_end:
-            self.stages.append(self._stage)
-            with write_aside(self.out / "stages.json") as file:
-                json.dump(self.stages, file, allow_nan=False)
+        rows = [*self.rows, row]
+        add_work(rows, self.simulation.model)
+        add_sliding(rows)
+        edge = self._write_panel(record) if record.load_factor == 1.0 else cord_summary(record)
+        stage = stage_summary(record, rows, edge, self.probes.names)
+        write_history(self.out / "history.csv", rows)
+        self.rows = rows
+        self.stages = [one for one in self.stages if one["name"] != record.stage] + [stage]
         if self.error_estimator is not None:
             self._last = record  # else its fields are not kept while the next one is solved
+
+    def _recorded(self) -> list[dict[str, Any]]:
+        """Summaries of the stages so far, for a checkpoint, whose frames are on the disk then."""
+        self.frames.flush()
+        return self.stages
 
     def _write_panel(self, record: Record) -> dict[str, Any] | None:
         """Write the maps of a panel at the end of a stage; return its part of the summary."""
@@ -186,13 +188,10 @@ class Recorder:
             )
 
     def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> dict[str, Any]:
-        stages = self.stages
-        if reason in ("diverged", "interrupted") and self._stage is not None:
-            stages = [s for s in stages if s["name"] != self._stage["name"]] + [self._stage]
         summary = run_summary(
             self.model,
             self.rows,
-            stages,
+            self.stages,
             stop_reason=reason,
             wall=self.watch.wall,
             compile_time=self.compile_time,
@@ -206,7 +205,7 @@ class Recorder:
         return summary
 
     def _load_rows(self) -> None:
-        """Load the rows and stage summaries in the directory, up to the checkpoint."""
+        """Load the rows in the directory, up to the checkpoint."""
         count = self.simulation.progress.records
         self.rows = read_history(self.out / "history.csv")[:count] if count else []
         if len(self.rows) < count:
@@ -216,10 +215,6 @@ class Recorder:
             raise RunDirectoryError(
                 f"{self.out}: given the probes {self.probes.names}, allowed: those that it began with, {probed}; or --force"
             )
-        path = self.out / "stages.json"
-        if path.exists():
-            done = self.simulation.progress.stage_index
-            self.stages = json.loads(path.read_text(encoding="utf-8"))[:done]
 
     # --- while it runs ---
 

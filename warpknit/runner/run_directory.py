@@ -15,7 +15,7 @@ from ..scene.resolved import RESOLVED
 from ..scene.units import shown
 
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
-        "wires.manifest.usda", "stages.json", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
+        "wires.manifest.usda", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
         "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "answers.json", "fit.json", "material_card.csv", "material_card.json", "tension_strain.csv",

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..errors import Diverged
 from ..measure.table import Record
@@ -40,13 +41,14 @@ class Watch:
         *,
         wall_before: float = 0.0,
         show: Callable[[Progress], None] = lambda _progress: None,
-        before_checkpoint: Callable[[], None] = lambda: None,
+        recorded: Callable[[], list[dict[str, Any]]] = list,
     ) -> None:
+        """recorded: the summaries of the stages so far, for a checkpoint."""
         self.simulation = simulation
         self.out = out
         self._scene = simulation.model.scene
         self._ranks = simulation.model.ranks
-        self._show, self._before_checkpoint = show, before_checkpoint
+        self._show, self._recorded = show, recorded
         self._wall_before = wall_before
         self._begin = self._saved = self._shown = time.perf_counter()
         self._interval = self._scene.output.checkpoint_interval
@@ -85,8 +87,7 @@ class Watch:
 
     def _checkpoint(self) -> None:
         begin = time.perf_counter()
-        self._before_checkpoint()
-        write_checkpoint(self.out, self.simulation, self._scene.hash, self.wall)
+        write_checkpoint(self.out, self.simulation, self._scene.hash, self.wall, self._recorded())
         self._saved = time.perf_counter()
         if (took := self._saved - begin) > LONG_CHECKPOINT:
             self._interval = max(self._scene.output.checkpoint_interval, took / LONG_SHARE)

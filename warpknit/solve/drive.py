@@ -92,12 +92,14 @@ class Drive(ABC):
     def state_dict(self) -> dict[str, np.ndarray]:
         """Solver variables for a checkpoint."""
         kept = self.mechanics.state_dict() | {"membrane_residual": np.array(self.membrane_residual)}
+        kept["notes"] = np.array(json.dumps(self.mechanics.notes))
         return kept | (self.edge_work.state_dict() if self.edge_work is not None else {})
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         """Restore a `state_dict`."""
         self.mechanics.load_state_dict(kept)
         self.membrane_residual = float(kept["membrane_residual"])
+        self.mechanics.notes[:] = json.loads(str(kept["notes"]))
         if self.edge_work is not None:
             self.edge_work.load_state_dict(kept)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from functools import cached_property
 from typing import Any
@@ -422,8 +421,7 @@ class SpatialMechanics:
         return terms
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        kept: dict[str, Any] = {"notes": np.array(json.dumps(self.notes))}
-        kept |= self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
+        kept: dict[str, Any] = self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
         kept |= self.stability.state_dict() | {"untested": np.array(self._untested)}
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
@@ -432,7 +430,6 @@ class SpatialMechanics:
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self.notes[:] = json.loads(str(kept["notes"]))
         self.contact.load_state_dict(kept)
         self.relaxation.load_state_dict(kept)
         self.stepper.yielding.load_state_dict(kept)
