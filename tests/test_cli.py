@@ -61,11 +61,11 @@ def behind(monkeypatch):
         (["run", CELL, "--set"], "requires an argument"),
         (["run", CELL, "extra"], "unexpected extra argument"),
         (["walk"], "No such command 'walk'"),
-        (["plan", "no/such.toml"], "no/such.toml: the file: given no such file or directory, allowed: a scene file"),
-        (["plan", str(ROOT)], "allowed: a scene file in TOML"),
-        (["run", CELL, "--set", "wire.diameter=15 kg"], "wire.diameter: given '15 kg', allowed: a length"),
-        (["plan", CELL, "--set", "wire.diamter=1"], "wire.diamter: unknown key, the nearest is wire.diameter"),
-        (["run", CELL, "--preset", "fast"], "solver.preset: given 'fast', allowed: 'draft', 'standard', 'reference'"),
+        (["plan", "no/such.toml"], "no/such.toml: no such file or directory; "),
+        (["plan", str(ROOT)], f"{ROOT}: a directory; "),
+        (["run", CELL, "--set", "wire.diameter=15 kg"], "wire.diameter: '15 kg'"),
+        (["plan", CELL, "--set", "wire.diamter=1"], "wire.diamter: unknown key; the nearest is wire.diameter"),
+        (["run", CELL, "--preset", "fast"], "solver.preset: 'fast'"),
         (["export"], "Missing argument 'RUN_DIR'"),
         (["export", "runs/x"], "Missing option '--to'"),
         (["export", "runs/x", "--to", "pdf"], "'pdf' is not one of 'usd', 'vtk', 'csv', 'png'"),
@@ -95,11 +95,11 @@ def test_help_is_status_0(arguments):
         (errors.DeviceError("no cuda:7"), 2, "no cuda:7"),
         (errors.RunDirectoryError("a finished run"), 2, "a finished run"),
         (
-            KnitError("knit.bars[0].chain", "1-0//", "a link at place 2"),
+            KnitError("knit.bars[0].chain", "no link", "write one"),
             2,
-            f"{CELL}: knit.bars[0].chain: given '1-0//', allowed: a link at place 2",
+            f"{CELL}: knit.bars[0].chain: no link; write one",
         ),
-        (PermissionError(errno.EACCES, "Permission denied", "/root/x"), 2, "/root/x: given permission denied"),
+        (PermissionError(errno.EACCES, "Permission denied", "/root/x"), 2, "/root/x: permission denied; "),
         (errors.Diverged("wire 3, node 7"), 3, "wire 3, node 7"),
         (errors.OutOfResources("8 GiB of 4"), 4, "8 GiB of 4"),
         (MemoryError("8 GiB"), 4, "memory ran out: 8 GiB"),
@@ -196,7 +196,7 @@ def test_python_m_is_the_same_program():
     command = [sys.executable, "-m", "warpknit", "plan", "missing.toml"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("warpknit: missing.toml: the file: given ")
+    assert done.stderr.startswith("warpknit: missing.toml: no such file")
     assert done.stderr.count("\n") == 1
 
 
@@ -229,7 +229,7 @@ def test_the_bar_goes_through_stages(capsys):
 def test_resume_and_force_are_not_both_possible(command):
     result = invoke(command, CELL, "--resume", "--force")
     assert result.exit_code == 2
-    assert "allowed: one of them" in result.stderr
+    assert "--resume" in result.stderr and "--force" in result.stderr
 
 
 def test_a_notebook_shows_a_bar_that_goes(monkeypatch):

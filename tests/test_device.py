@@ -112,7 +112,7 @@ def test_a_mesh_that_the_gpu_has_no_room_for_is_refused(graphics: None, monkeypa
     """It is laid out in main memory first, so that it needs room there, too."""
     small_gpu(monkeypatch, 2**20)
     for ask in (make_plan, knit_scene):
-        with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[8, 8\]: 8.19e\+03 nodes need .* available 0.000977 GiB"):
+        with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[8, 8\]: 8.19e\+03 nodes need .* 0.000977 GiB are available"):
             ask(load_scene(CELL, PATCH), "cuda:0")
     assert make_plan(load_scene(CELL, PATCH), "cpu").device == "cpu"
     small_gpu(monkeypatch, 2**60)

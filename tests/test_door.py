@@ -91,10 +91,10 @@ def test_the_documents_name_nothing_that_the_door_has_not() -> None:
 @pytest.mark.parametrize(
     ("call", "error", "said"),
     [
-        (lambda: warpknit.build_model(warpknit.load_scene({}), device="gpu"), DeviceError, "device: given 'gpu', allowed: cpu"),
-        (lambda: warpknit.build_model(None), InputError, "build_model: given None, allowed: a scene"),
-        (lambda: warpknit.initial_state(None), InputError, "initial_state: given None, allowed: a model"),
-        (lambda: warpknit.Simulation(None), InputError, "Simulation: given None, allowed: a model"),
+        (lambda: warpknit.build_model(warpknit.load_scene({}), device="gpu"), DeviceError, "device: 'gpu'"),
+        (lambda: warpknit.build_model(None), InputError, "build_model: None"),
+        (lambda: warpknit.initial_state(None), InputError, "initial_state: None"),
+        (lambda: warpknit.Simulation(None), InputError, "Simulation: None"),
     ],
 )
 def test_a_wrong_argument_is_one_line(call: Callable, error: type[Exception], said: str) -> None:

@@ -44,34 +44,33 @@ def test_defaults_of_a_hook() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "key", "allowed"),
+    ("table", "key", "said"),
     [
-        ({"hook": {}, "knit": {}}, "hook", "one of knit, hook"),
-        ({"hook": {"wales": 1}}, "hook.wales", "radius, length, overlap"),
-        ({"hook": {"overlap": "2 mm"}}, "hook.overlap", "with room for a body in between"),
-        ({"hook": {"length": "7 mm"}}, "hook.length", "half a radius to half a circle"),
-        ({"hook": {"radius": "20 um"}}, "hook.radius", "at least four diameters of the wire"),
-        ({"hook": {}, "load": {"strain_weft": 0.1}}, "load.strain_weft", "only displacement and temperature with [hook]"),
-        ({"hook": {}, "path": [{"shear": 0.1}]}, "path[0].shear", "only displacement and temperature with [hook]"),
-        ({"hook": {}, "load": {"displacement": "3 mm"}}, "load.displacement", "at most the length of a wire"),
-        ({"hook": {}, "model": {"boundary": "periodic"}}, "model.boundary", "'gripped' with [hook]"),
-        ({"hook": {}, "solver": {"precision": "single"}}, "solver.precision", "'double' with [hook]"),
-        ({"hook": {}, "sweep": {"strain_weft": [0], "strain_warp": [0]}}, "sweep", "no [sweep] with [hook]"),
-        ({"contact": {"treatment": "ring"}}, "contact.treatment", "'free-body' for a knit"),
+        ({"hook": {}, "knit": {}}, "hook", "knit"),
+        ({"hook": {"wales": 1}}, "hook.wales", "knit.wales"),
+        ({"hook": {"overlap": "2 mm"}}, "hook.overlap", "'2 mm'"),
+        ({"hook": {"length": "7 mm"}}, "hook.length", "'7 mm'"),
+        ({"hook": {"radius": "20 um"}}, "hook.radius", "at least 60 um"),
+        ({"hook": {}, "load": {"strain_weft": 0.1}}, "load.strain_weft", "displacement and temperature"),
+        ({"hook": {}, "path": [{"shear": 0.1}]}, "path[0].shear", "displacement and temperature"),
+        ({"hook": {}, "load": {"displacement": "3 mm"}}, "load.displacement", "'3 mm'"),
+        ({"hook": {}, "model": {"boundary": "periodic"}}, "model.boundary", "'gripped'"),
+        ({"hook": {}, "solver": {"precision": "single"}}, "solver.precision", "'double'"),
+        ({"hook": {}, "sweep": {"strain_weft": [0], "strain_warp": [0]}}, "sweep", "leave it out"),
+        ({"contact": {"treatment": "ring"}}, "contact.treatment", "'free-body'"),
         ({"hook": {}, "contact": {"treatment": "rang"}}, "contact.treatment", "'spring-cylinder'"),
-        ({"hook": {}, "contact": {"plane_load": 1}}, "contact.plane_load", "only with contact.treatment = 'friction-plane'"),
-        ({"hook": {}, "contact": {"treatment": "ring", "ring_radius": "5 um"}}, "contact.ring_radius", "at least the radius"),
+        ({"hook": {}, "contact": {"plane_load": 1}}, "contact.plane_load", "contact.treatment = 'friction-plane'"),
+        ({"hook": {}, "contact": {"treatment": "ring", "ring_radius": "5 um"}}, "contact.ring_radius", "at least 7.5 um"),
         ({"hook": {}, "contact": {"treatment": "ring", "friction": 0.1}}, "contact.friction", "'free-body'"),
-        ({"hook": {}, "contact": {"body_mass": 0.1}}, "contact.body_mass", "only with solver.drive = 'ramp'"),
+        ({"hook": {}, "contact": {"body_mass": 0.1}}, "contact.body_mass", "leave it out"),
     ],
 )
-def test_what_a_hook_cannot_be_is_refused(table: dict, key: str, allowed: str) -> None:
+def test_what_a_hook_cannot_be_is_refused(table: dict, key: str, said: str) -> None:
     with pytest.raises(SceneError) as caught:
         make_scene(table)
     line = str(caught.value)
     assert line.startswith(f"scene.toml: {key}:")
-    assert allowed in line.split(", allowed: ")[1]
-    assert "\n" not in line
+    assert said in line and "\n" not in line
 
 
 def test_a_run_of_a_hook_leaves_what_was_asked_for(tmp_path: Path) -> None:
@@ -108,5 +107,5 @@ def test_a_spring_stiffer_than_the_contact_is_refused() -> None:
     from warpknit.planar.model import build_model
 
     table = {"hook": {}, "contact": {"treatment": "ring", "spring_stiffness": 1e4}}
-    with pytest.raises(ModelError, match=r"contact\.spring_stiffness: given 10 kN/m, allowed: at most 99\.\d+ N/m"):
+    with pytest.raises(ModelError, match=r"contact\.spring_stiffness: 10 kN/m .* at most 99\.\d+ N/m"):
         build_model(make_scene(table))

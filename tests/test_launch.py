@@ -57,5 +57,5 @@ def test_ambiguous_argument():
 
 def test_superfluous_argument():
     everything = SimpleNamespace(term=numbers(1.0), total=numbers(1.0), factor=wp.float64(1.0))
-    with pytest.raises(TypeError, match="kernel add_scaled has no argument facter; allowed: factor, term, total"):
+    with pytest.raises(TypeError, match="kernel add_scaled has no argument facter; .* factor, term, total"):
         bind(add_scaled, 1, everything, facter=wp.float64(1.0))

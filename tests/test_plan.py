@@ -143,7 +143,7 @@ def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
         assert said in relaxation
     swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}
     physics = make_plan(load_scene(CELL, swept), "cpu").physics
-    assert "without effect: path, in `warpknit map` alone, which runs only [load]" in physics
+    assert "without effect: path (a map runs only [load])" in physics
 
 
 def test_a_scene_with_a_report_tells_its_time() -> None:
@@ -249,9 +249,9 @@ FLAT = "wire,x [mm],y [mm],z [mm]\n1,0,0,0\n1,3,3,0\n2,0,3,0\n2,3,0,0\n"  # two 
 @pytest.mark.parametrize(
     ("name", "overrides", "line"),
     [
-        ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "half the thickness of the wire or more"),
+        ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "half the thickness of the wire"),
         ("wires/plain_knit_patch.toml", ["wires.node_spacing=0.02"], "of which its clamps hold four"),
-        (None, [], "their centre lines intersect"),
+        (None, [], "centre lines of wires 1 and 2 intersect"),
     ],
 )
 def test_a_plan_in_space_refuses_what_a_run_refuses(name, overrides, line, tmp_path):
@@ -304,12 +304,12 @@ def array_bytes(thing, seen):
 
 def test_what_cannot_fit_is_refused_and_says_how_much(monkeypatch):
     monkeypatch.setattr(memory, "available_memory", lambda device="cpu": 2**30)
-    with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB, available 1 GiB"):
+    with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB, 1 GiB are available"):
         make_plan(load_scene(CELL, ["knit.repeats=[1000000, 1000000]"]), "cpu")
 
 
 def test_a_device_that_is_not_there_is_refused():
-    with pytest.raises(DeviceError, match="--device cuda:99: not on this machine; allowed: cpu"):
+    with pytest.raises(DeviceError, match="--device: 'cuda:99' .* cpu"):
         make_plan(load_scene(CELL), "cuda:99")
 
 

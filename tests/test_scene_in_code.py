@@ -27,23 +27,23 @@ def test_values_of_numpy_and_paths_are_taken() -> None:
     given = {"load": {"strain_warp": np.float32(0.25)}, "knit": {"repeats": np.array([2, 3])}}
     scene = load_scene(given, {"knit.repeats": (np.int64(3), 3)})
     assert scene.stages[0].strain_warp == 0.25 and scene.knit.repeats == (3, 3)
-    with pytest.raises(SceneError, match="wires.file: given 'none.bcc', allowed: a file of wires"):
+    with pytest.raises(SceneError, match="wires.file: 'none.bcc'"):
         load_scene({"wires": {"file": Path("none.bcc")}})
 
 
 @pytest.mark.parametrize(
     ("source", "line"),
     [
-        ({"wire": {"diameter": "15 kg"}}, "scene: wire.diameter: given '15 kg', allowed: a length"),
-        ({"wire": {"diamter": 1}}, "scene: wire.diamter: unknown key, the nearest is wire.diameter"),
-        ({"load": 3}, "scene: load: given 3, allowed: a table"),
-        ({1: {"diameter": "17 um"}}, "scene: the dict: given the key 1, allowed: keys that are text, such as 'wire'"),
-        ({"wire": {1: "17 um"}}, "scene: wire: given the key 1, allowed: keys that are text"),
-        ({"knit": {"bars": [{"chain": "1-0/1-2"}, {1: 2}]}}, "scene: knit.bars[1]: given the key 1, allowed: keys that are text"),
-        ({"wire": {...: 1}}, "scene: wire: given the key Ellipsis, allowed: keys that are text"),
-        ("[load]\nstrain_warp = ", "scene: the text: given invalid TOML"),
-        ("none.toml", "none.toml: the file: given no such file"),
-        (3, "scene: the source: given 3, allowed: a path, TOML text, a dict or a scene"),
+        ({"wire": {"diameter": "15 kg"}}, "scene: wire.diameter: '15 kg'"),
+        ({"wire": {"diamter": 1}}, "scene: wire.diamter: unknown key; the nearest is wire.diameter"),
+        ({"load": 3}, "scene: load: 3"),
+        ({1: {"diameter": "17 um"}}, "scene: the key 1 "),
+        ({"wire": {1: "17 um"}}, "scene: wire: the key 1"),
+        ({"knit": {"bars": [{"chain": "1-0/1-2"}, {1: 2}]}}, "scene: knit.bars[1]: the key 1"),
+        ({"wire": {...: 1}}, "scene: wire: the key Ellipsis"),
+        ("[load]\nstrain_warp = ", "scene: invalid TOML"),
+        ("none.toml", "none.toml: no such file"),
+        (3, "scene: 3 "),
     ],
 )
 def test_a_wrong_source_is_refused_in_one_line(source: object, line: str) -> None:
@@ -70,7 +70,7 @@ def test_changed_is_what_overrides_give_and_defaults_follow() -> None:
     assert changed.changed({"wire.diameter": "20 um"}).stages[0].tension_warp == 1e-3
     assert scene.hash == kept
     assert scene.changed("load.shear=0.1") == scene.changed([("load.shear", 0.1)])
-    with pytest.raises(SceneError, match=r"atlas_cell.toml: wire.diameter: given '-1 um'"):
+    with pytest.raises(SceneError, match=r"atlas_cell.toml: wire.diameter: '-1 um' "):
         scene.changed({"wire.diameter": "-1 um"})
 
 
@@ -82,13 +82,13 @@ def test_an_entry_of_a_list_that_the_scene_leaves_out_is_that_of_the_default() -
     both = scene.changed(["knit.bars[2].shift=1", "knit.bars[2].chain=1-0/1-2"])  # a new one, in any order
     assert (both.knit.bars[2].shift, both.knit.bars[2].chain) == (1, "1-0/1-2")
     assert scene.changed({"knit.repeats[1]": 3}).knit.repeats == (1, 3)
-    with pytest.raises(SceneError, match=r"knit\.bars\[3\]: given 1, allowed: an entry 0 to 2 of a list"):
+    with pytest.raises(SceneError, match=r"knit\.bars\[3\]: .* 2 entries"):
         scene.changed({"knit.bars[3].shift": 1})
 
 
 @pytest.mark.parametrize("given", [{1: 2}, {"": 1}, {None: 1}, [3], [("a",)], 3])
 def test_an_override_that_is_none_is_refused_in_one_line(given: object) -> None:
-    with pytest.raises(SceneError, match="^scene: an override: given .*, allowed: (a dotted key|KEY=VALUE)"):
+    with pytest.raises(SceneError, match="^scene: override: .*; "):
         load_scene({}).changed(given)
 
 
@@ -101,7 +101,7 @@ def test_a_scene_survives_another_process() -> None:
 def test_a_scene_put_together_from_parts_keeps_its_values() -> None:
     """Its values are taken as they stand; `changed` does not bring back those that were replaced."""
     scene = replace(load_scene(CELL), name="mine")
-    with pytest.raises(SceneError, match="allowed: load_scene"):
+    with pytest.raises(SceneError, match="load_scene"):
         scene.changed({"load.shear": 0.1})
     again = load_scene(scene, {"load.shear": 0.1})
     assert again.name == "mine" and again.stages[0].shear == 0.1

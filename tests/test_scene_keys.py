@@ -32,8 +32,8 @@ assert given.output.probe_spacing == 5e-6 and given.hash != scene.hash
 written = tomllib.loads(resolved_toml(given))
 assert written["output"]["probe_spacing"] == "5e-06 m" and make_scene(written) == given
 for table, said in (
-    ({"output": {"probe_spacin": 1}}, "output.probe_spacin: unknown key, the nearest is output.probe_spacing"),
-    ({"output": {"probe_spacing": "5 kg"}}, "output.probe_spacing: given '5 kg', allowed: a length above 0 m"),
+    ({"output": {"probe_spacin": 1}}, "output.probe_spacin: unknown key; the nearest is output.probe_spacing"),
+    ({"output": {"probe_spacing": "5 kg"}}, "output.probe_spacing: '5 kg'"),
 ):
     try:
         make_scene(table)

@@ -29,8 +29,8 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ("panel.focal_length=1 m", "panel.focal_length: given "),
-        ("contact.body_mass=0.1", "contact.body_mass: given 0.1, allowed: left out"),
+        ("panel.focal_length=1 m", "panel.focal_length: "),
+        ("contact.body_mass=0.1", "contact.body_mass: 0.1"),
     ],
 )
 def test_what_only_the_planar_model_does_is_refused(override: str, line: str) -> None:
@@ -185,7 +185,7 @@ def test_an_error_is_not_promised_of_wires_from_a_file(capsys: pytest.CaptureFix
     with pytest.raises(SystemExit) as end:
         main(["run", str(SCENES / "wires" / "plain_knit_cell.toml"), "--error", "2", "--quiet"])
     assert end.value.code == 2
-    assert "wires.file: given 'plain_knit.pyp', allowed: [knit] or [hook] with --error" in capsys.readouterr().err
+    assert "wires.file: 'plain_knit.pyp'" in capsys.readouterr().err
 
 
 def test_tension_is_found_and_let_go_again() -> None:

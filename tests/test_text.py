@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from warpknit.text import alike, at_least, at_most, celsius, duration, engineering, exact
+from warpknit.text import alike, at_least, at_most, between, both, celsius, duration, engineering, exact, place_text
 
 
 @pytest.mark.parametrize(
@@ -58,3 +58,23 @@ def test_temperatures_and_times():
     assert [celsius(kelvin) for kelvin in (0.0, 83.15, 3695.0)] == ["-273.15 degC", "-190 degC", "3421.85 degC"]
     assert [duration(s) for s in (7.0714, 115.0, 9000.0, 3e7)] == ["7.1 s", "120 s", "2.5 h", "350 days"]
     assert duration(7.0714, 3) == "7.07 s"
+
+
+@pytest.mark.parametrize(
+    ("place", "shown"),
+    [
+        ((3.91e-9, 751e-6), "(0, 751) um"),
+        ((145e-6, 604e-6), "(145, 604) um"),
+        ((-1.4e-3, 45e-6), "(-1.4, 0.05) mm"),
+        ((9.996e-4, 2e-4), "(1, 0.2) mm"),
+        ((-3e-9, 2e-12), "(0, 0) nm"),
+    ],
+)
+def test_the_coordinates_of_a_place_share_a_unit(place: tuple[float, float], shown: str) -> None:
+    """To three digits of the larger one; what is within 10 nm of zero is zero."""
+    assert place_text(*place) == shown
+
+
+def test_ends_that_print_alike_are_one_value() -> None:
+    assert both("50.0 %", "50.0 %") == "50.0 %" and between("50.0 %", "50.0 %") == "at 50.0 %"
+    assert both("8 %", "34 %") in between("8 %", "34 %")

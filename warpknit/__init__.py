@@ -23,7 +23,7 @@ Scenes are changed in code, and states are computed without files:
 of a scene and `resolved_toml`.
 
 Everything is in SI units. docs/python.md has probes, forces of one's own, parameter studies and notebooks.
-Errors are in `warpknit.errors`; each is one line that says what was given and what is allowed.
+Errors are in `warpknit.errors`; each is one line that says what is wrong and what to write instead.
 """
 
 from importlib import import_module

@@ -43,7 +43,7 @@ def refuse_both(resume: bool, force: bool) -> None:
     """Refuse --resume together with --force."""
     if resume and force:
         raise click.UsageError(
-            "--resume and --force: both given, allowed: one of them (--resume continues the run in DIR, --force replaces it)."
+            "--resume: stands beside --force; give one of them: --resume continues the run in DIR, --force replaces it."
         )
 
 
@@ -60,7 +60,7 @@ def positive_quantity(option: str, given: str | None, dimension: str) -> float |
     from warpknit.scene.units import DIMENSIONS, has_unit, shown
 
     if given is not None and not has_unit(given):
-        raise click.UsageError(f"{option}: given {shown(given)}, allowed: {DIMENSIONS[dimension]}, with its unit.")
+        raise click.UsageError(f"{option}: {shown(given)} has no unit; give {DIMENSIONS[dimension]}.")
     return positive(option, given, dimension)
 
 

@@ -16,6 +16,7 @@ import warp as wp
 
 from .device_choice import device_of_mesh
 from .errors import DeviceError
+from .text import either
 
 _log = logging.getLogger(__name__)
 
@@ -34,9 +35,9 @@ def start_warp() -> None:
         try:
             wp.init()
         except OSError as error:
-            where = f"the kernel cache {wp.config.kernel_cache_dir}"
+            wrong = f"no kernels can be written there ({(error.strerror or '').lower()})"
             raise DeviceError(
-                f"{where}: given {(error.strerror or '').lower()}, allowed: a directory to write to, as WARP_CACHE_PATH"
+                f"{wp.config.kernel_cache_dir}: {wrong}; set WARP_CACHE_PATH to a directory that can be written to"
             ) from error
         finally:
             os.dup2(kept, 2)
@@ -86,5 +87,5 @@ def find_device(name: str | None, place: int = 0, nodes: Callable[[], int] | Non
         turn = graphics[place % len(graphics)]
         return turn if nodes is None else device_of_mesh(nodes(), turn)
     if name not in available:
-        raise DeviceError(f"--device {name}: not on this machine; allowed: {', '.join(available)}")
+        raise DeviceError(f"--device: {name!r} is not on this machine; use {either(available)}")
     return name

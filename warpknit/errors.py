@@ -1,6 +1,7 @@
 """Every way a command can end other than well, each with the exit status it maps to.
 
-The command line catches these in one place (`warpknit.cli`). The text of an error is one line that a person can act on.
+The command line catches these in one place (`warpknit.cli`). The text of an error is one line that a person can act on:
+`FILE: KEY: what is wrong; what to write instead`, with the value that was given in the first part.
 
     try:
         warpknit.load_scene("scenes/atlas_cell.toml", {"wire.diameter": "15 kg"})
@@ -30,7 +31,7 @@ class InputError(WarpknitError, ValueError):
 
 
 class SceneError(InputError):
-    """The scene file or an override of it: the line names the file, the key, what was given and what is allowed."""
+    """A scene file, or an override of it, that cannot be used."""
 
 
 class ModelError(InputError):
@@ -77,6 +78,14 @@ class OutOfResources(WarpknitError):
     exit_code = OUT_OF_RESOURCES
 
 
+class BadValue(Exception):
+    """A value that cannot be used, in a file that is not known here: its key, what is wrong and what to write instead."""
+
+    def __init__(self, key: str, wrong: str, instead: str) -> None:
+        super().__init__(f"{key}: {wrong}; {instead}")
+        self.key, self.wrong, self.instead = key, wrong, instead
+
+
 @contextmanager
 def naming_arguments() -> Iterator[None]:
     """Name arguments in place of options in errors."""
@@ -93,7 +102,7 @@ def needing_extra(what: str, extra: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        line = f'{what} needs the package {package}, of the extra "{extra}": pip install -e ".[{extra}]"'
+        line = f'{what} needs the package {package}, of the extra "{extra}"; pip install -e ".[{extra}]"'
         raise MissingExtra(line) from error
 
 

@@ -71,7 +71,7 @@ def bind(kernel: wp.Kernel, threads: int, /, *sources: object, **named: object) 
     names = [argument.label for argument in kernel.adj.args]
     unknown = [name for name in named if name not in names]
     if unknown:
-        raise TypeError(f"kernel {kernel.key} has no argument {', '.join(unknown)}; allowed: {', '.join(names)}")
+        raise TypeError(f"kernel {kernel.key} has no argument {', '.join(unknown)}; its arguments are {', '.join(names)}")
     return Launch(kernel, threads, [named[name] if name in named else _attribute(kernel, name, sources) for name in names])
 
 

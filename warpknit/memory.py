@@ -34,7 +34,8 @@ def refuse_beyond_memory(size: str, scene: Scene, nodes: int, device: str = "cpu
     """
     needed, available = required_memory(scene, nodes), min(available_memory(), available_memory(device))
     if needed > available or nodes > np.iinfo(np.int32).max:
-        raise MemoryNeeded(f"{size}: {nodes:.3g} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB")
+        room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
+        raise MemoryNeeded(f"{size}: {nodes:.3g} nodes need {room}; use a smaller mesh")
 
 
 def available_memory(device: str = "cpu") -> int:

@@ -15,6 +15,7 @@ from .mechanics import Group, Mechanics, Model
 from .mesh.layout import knit_scene
 from .ranks.ranks import Ranks
 from .scene import Scene
+from .text import either
 from .trial import Trials
 
 
@@ -34,9 +35,9 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
     Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `DeviceError`, `InputError` for what is no scene.
     """
     if not isinstance(scene, Scene):
-        raise InputError(f"build_model: given {scene!r}, allowed: a scene, such as load_scene('scene.toml')")
+        raise InputError(f"build_model: {scene!r} is not a scene; give one, such as load_scene('scene.toml')")
     if device not in (available := devices()):
-        raise DeviceError(f"device: given {device!r}, allowed: {', '.join(available)}")
+        raise DeviceError(f"device: {device!r} is not on this machine; use {either(available)}")
     model: Model = _kind(scene).build_model(scene, device, ranks)
     return model
 
@@ -52,7 +53,7 @@ def initial_state(model: Model) -> Any:
     The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py. Raises `InputError` for no model.
     """
     if not hasattr(model, "scene"):
-        raise InputError(f"initial_state: given {model!r}, allowed: a model, such as build_model(scene)")
+        raise InputError(f"initial_state: {model!r} is not a model; give one, such as build_model(scene)")
     return _kind(model.scene).initial_state(model)
 
 

@@ -38,7 +38,7 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
             return OUT_OF_RESOURCES, f"disk ran out: {_free(error.filename)}"
         case OSError() if error.errno in UNUSABLE_PATH and error.filename is not None:
-            return BAD_INPUT, f"{error.filename}: given {(error.strerror or '').lower()}, allowed: a path to write to"
+            return BAD_INPUT, f"{error.filename}: {(error.strerror or '').lower()}; give a path that can be written to"
         case _:
             return None
 

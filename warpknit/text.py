@@ -16,6 +16,7 @@ LARGEST = {"m": 1e3, "s": 1.0}  # prefix of these units: no Mm, no ks
 PREFIXED = {"m", "s", "N", "N/m", "Pa"}  # units of a scene that take a prefix
 ALL_DIGITS = 12  # what was typed, without the round-off of its unit
 LIMIT_DIGITS = 4
+FINEST_PLACE = 1e-8  # [m] coordinates of places below it count as zero
 FIELDS_SHOWN = 12  # of an object with arrays, on one line
 
 
@@ -52,6 +53,47 @@ def _filled(number: str, digits: int) -> str:
 def exact(value: float, unit: str) -> str:
     """`value` [SI unit] of a scene with all its digits: 0.0123456, "m" as 12.3456 mm."""
     return engineering(value, unit, ALL_DIGITS) if unit in PREFIXED else f"{value:.{ALL_DIGITS}g} {unit}".rstrip()
+
+
+def either(options: Sequence[str]) -> str:
+    """Alternatives in words.
+
+    >>> either(["a", "b", "c"])
+    'a, b or c'
+    """
+    return " or ".join(part for part in (", ".join(options[:-1]), options[-1]) if part)
+
+
+def both(one: str, other: str) -> str:
+    """Two values in words; one where they print alike.
+
+    >>> both("8 %", "34 %"), both("50.0 %", "50.0 %")
+    ('8 % and 34 %', '50.0 %')
+    """
+    return one if one == other else f"{one} and {other}"
+
+
+def between(low: str, high: str) -> str:
+    """A range by its ends; its value where they print alike.
+
+    >>> between("8 %", "34 %"), between("50.0 %", "50.0 %")
+    ('between 8 % and 34 %', 'at 50.0 %')
+    """
+    return f"at {low}" if low == high else f"between {low} and {high}"
+
+
+def place_text(x: float, y: float) -> str:
+    """A place [m] in one unit, to three digits of the larger coordinate and 10 nm at most.
+
+    >>> place_text(3.91e-9, 751e-6), place_text(-1.4e-3, 45e-6)
+    ('(0, 751) um', '(-1.4, 0.05) mm')
+    """
+    largest = max(abs(x), abs(y), FINEST_PLACE)
+    number, unit = engineering(largest, "m").split(maxsplit=1)
+    decimals = max(0, 3 - len(number.partition(".")[0]))
+    scale = next(scale for scale, prefix in PREFIXES if f"{prefix}m" == unit)
+    shown = (round(value / scale, decimals) if abs(value) >= FINEST_PLACE else 0.0 for value in (x, y))
+    return f"({', '.join(f'{value + 0.0:g}' for value in shown)}) {unit}"
 
 
 def at_most(limit: float, unit: str) -> str:

@@ -100,7 +100,7 @@ def test_loops_are_fitted_to_their_wire_length(scene):
     found = fit_loop_length(scene, 5.7e-3)
     assert knit_scene(found.scene).wire_length == pytest.approx(5.7e-3, rel=1e-3)
     assert found.scene.knit.loop.closed_radius > scene.knit.loop.closed_radius
-    with pytest.raises(InputError, match=r"--fit-loop-length: given 9 mm, allowed: 5\.\d+ mm to 6\.\d+ mm"):
+    with pytest.raises(InputError, match=r"--fit-loop-length: 9 mm .* 5\.\d+ mm to 6\.\d+ mm"):
         fit_loop_length(scene, 9e-3)
 
 
@@ -117,9 +117,9 @@ def test_loops_of_each_bar_are_fitted_to_its_run_in():
     again = load_scene(scene, fitted_overrides(fitted.scene.knit))
     assert [knit_scene(again).run_in(bar) for bar in range(2)] == found
     assert fitted.scene.knit.loop == scene.knit.loop
-    with pytest.raises(InputError, match=r"given 9 mm for bar 2, allowed: 4\.\d+ mm to 4\.\d+ mm"):
+    with pytest.raises(InputError, match=r"9 mm for bar 2 .* 4\.\d+ mm to 4\.\d+ mm"):
         fit_run_in(scene, (wanted[0], 9e-3))
-    with pytest.raises(InputError, match="given 5 mm, 4 mm, 4 mm, allowed: one length, or 2"):
+    with pytest.raises(InputError, match="5 mm, 4 mm, 4 mm are 3 lengths for 2 bars"):
         fit_run_in(scene, (5e-3, 4e-3, 4e-3))
 
 
@@ -217,8 +217,8 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
         (",".join(COLUMNS) + "\n0.1,0.1,much,1\n", "'much'"),
         (",".join(COLUMNS) + "\n0.1,0.1,nan,1\n", "finite"),
         (",".join(COLUMNS) + "\n", "no rows"),
-        (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", "other than 0"),
-        (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "cannot be fitted by one factor"),
+        (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", "all tensions are 0"),
+        (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "rms error"),
     ],
 )
 def test_a_bad_curve_is_refused(scene, tmp_path, text, said):

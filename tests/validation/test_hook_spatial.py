@@ -112,12 +112,12 @@ def test_lens_law_at_leading_order() -> None:
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ("contact.treatment=ring", "contact.treatment: given 'ring', allowed: left out with model.kind = 'spatial'"),
+        ("contact.treatment=ring", "contact.treatment: 'ring'"),
         (
             "hook.crossing_distance='10 um'",
-            "hook.crossing_distance: given '10 um', allowed: the thickness of the wire to hook.overlap",
+            "hook.crossing_distance: '10 um'",
         ),
-        ("model.kind=planar", "hook.crossing_distance: given '20 um', allowed: left out with model.kind = 'planar'"),
+        ("model.kind=planar", "hook.crossing_distance: '20 um'"),
     ],
 )
 def test_what_a_hook_in_space_cannot_be_is_refused(override: str, line: str) -> None:

@@ -72,7 +72,7 @@ def test_wires_that_nothing_holds_are_refused(tmp_path):
     angle = 2.0 * np.pi * np.arange(24) / 24
     np.savez(tmp_path / "ring.npz", 1e-3 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1))
     wires = {"file": "ring.npz", "unit": "m", "closed": True}
-    with pytest.raises(ModelError, match="wires: given closed rings only"):
+    with pytest.raises(ModelError, match="closed rings"):
         build_model(make_scene({"wires": wires, "model": {"kind": "spatial"}}, path=tmp_path / "scene.toml"))
 
 
@@ -92,7 +92,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
 def test_wires_that_pass_through_each_other_are_refused(tmp_path, height):
     """Which of them lies over the other is not for round-off to say."""
     relaxation = Simulation(build_model(crossing(tmp_path, height * DIAMETER)))
-    with pytest.raises(ModelError, match=r"wires 1 and 2 pass through each other near x = 1 mm, y = 0.5 mm"):
+    with pytest.raises(ModelError, match=r"wires 1 and 2 intersect near \(1, 0.5\) mm"):
         relaxation.compile()
 
 
@@ -108,5 +108,5 @@ def test_a_knit_from_a_file_stores_the_work_done_on_it():
 
 
 def test_nodes_finer_than_half_a_diameter_are_refused():
-    with pytest.raises(SceneError, match="wires.node_spacing: given 40 um, allowed: half the thickness"):
+    with pytest.raises(SceneError, match="wires.node_spacing: 40 um .* half the thickness"):
         build_model(load_scene(KNIT, ["wires.node_spacing=40 um"]))

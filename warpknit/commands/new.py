@@ -20,7 +20,7 @@ from ..plan import Plan, make_plan
 from ..scene import Scene, make_scene
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
 from ..scene.wire import Wire
-from ..text import exact
+from ..text import either, exact
 from .carried_out import naming_the_file
 
 if sys.version_info >= (3, 11):
@@ -56,11 +56,11 @@ def file_of(name: str, *, force: bool) -> Path:
 def _refuse_existing(path: Path, force: bool) -> None:
     """Refuse to overwrite a file without `force`, and a directory. Raises `InputError`."""
     if path.is_dir():
-        raise InputError(f"{path}: given a directory, allowed: a file to write")
+        raise InputError(f"{path}: a directory; give a file to write")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: given a directory that does not exist ({path.parent}), allowed: an existing one")
+        raise InputError(f"{path}: the directory {path.parent} does not exist; make it, or name another")
     if not force and path.exists():
-        raise InputError(f"{path}: given a file that exists, allowed: another name, or --force to replace it")
+        raise InputError(f"{path}: the file exists; give another name, or --force to replace it")
 
 
 def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Plan]:
@@ -74,11 +74,11 @@ def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Plan]:
         if isinstance(error.__cause__, KnitError):
             wales, courses = request.spacings
             tight = error.__cause__
-            gauges = "".join(f"{gauge}, " for gauge in _gauges(request, scene))
-            loop = f", or in a scene {tight.key}" if "loop" in tight.key else ":"
-            given = f"{exact(scene.wire.diameter, 'm')}, {wales!r} and {courses!r}"
-            allowed = f"{gauges}or thinner wire{loop} {tight.allowed}"
-            raise InputError(f"--diameter, --wales, --courses: given {given}, allowed: {allowed}") from error
+            loop = [f"in a scene {tight.key} {tight.instead.removeprefix('write ')}"] if "loop" in tight.key else []
+            instead = either([*_gauges(request, scene), "thinner wire", *loop])
+            given = f"wire of {exact(scene.wire.diameter, 'm')} with {wales!r} and {courses!r}"
+            wrong = f"no room for {given} ({tight.key}: {tight.wrong})"
+            raise InputError(f"--diameter, --wales, --courses: {wrong}; use {instead}") from error
         raise
 
 

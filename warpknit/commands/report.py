@@ -21,6 +21,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..sweep.contact_map import read_map
 from ..sweep.sweep import run_map as sweep_scene
+from ..text import either
 from .carried_out import Directory, Source, carried_out
 
 
@@ -81,9 +82,9 @@ class ReportRequest:
 
     def __post_init__(self) -> None:
         if unknown := set(self.codes) - set(CODES):
-            raise InputError(f"--cards: given {', '.join(sorted(unknown))}, allowed: {', '.join(CODES)}")
+            raise InputError(f"--cards: {', '.join(map(repr, sorted(unknown)))} is unknown; give {either(list(CODES))}")
         if self.known.loop_length is not None and self.known.curve is not None:
-            raise InputError("--fit-curve: given beside --fit-loop-length, allowed: one of them")
+            raise InputError("--fit-curve: stands beside --fit-loop-length; give one of them")
 
 
 @dataclass(frozen=True)
@@ -150,5 +151,5 @@ def positive(name: str, given: str | float | None, dimension: str) -> float | No
     except QuantityError as error:
         raise InputError(f"{name}: {error}") from error
     if value <= 0.0:
-        raise InputError(f"{name}: given {shown(given)}, allowed: {DIMENSIONS[dimension]}, above zero")
+        raise InputError(f"{name}: {shown(given)} is not above 0; give {DIMENSIONS[dimension]}")
     return value

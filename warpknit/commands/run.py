@@ -107,5 +107,5 @@ def percentage(given: float | str) -> float:
         value = float(given)
     if not 0.0 < value <= 100.0:
         text = shown(given) if math.isnan(value) or isinstance(given, str) else f"{given:g}"
-        raise InputError(f"--error: given {text}, allowed: a percentage above 0, up to 100, such as 2 or '2 %'")
+        raise InputError(f"--error: {text} is not a percentage above 0, up to 100; give one, such as 2 or '2 %'")
     return value

@@ -63,7 +63,7 @@ def with_known(scene: Scene, known: Known, progress: Progress | None = None) -> 
         cloth = knit_scene(fitted.scene)
         (knitted,) = states_at(mesh_of(fitted.scene), [np.eye(2)])
         if isinstance(knitted, Diverged):
-            raise InputError(f"{scene.path}: --areal-mass: the mesh as knitted did not converge: {knitted}")
+            raise InputError(f"{scene.path}: --areal-mass: the mesh as knitted did not converge ({knitted}); leave it out")
         found = measure.areal_mass(knitted)
         needed = knitted.wire_length / len(cloth.stitches) * known.areal_mass / found
         note = (
@@ -126,12 +126,12 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     knit = scene.knit
     now = openings_per_length(scene)
     if now is None:
-        raise InputError(f"{scene.path}: --openings: given, allowed: left out (this knit has no openings)")
+        raise InputError(f"{scene.path}: --openings: this knit has no openings; leave it out")
     wale, course = (now / wanted * spacing for spacing in (knit.wale_spacing, knit.course_spacing))
     if min(wale, course) < 2.0 * scene.wire.diameter:
         most = now * min(knit.wale_spacing, knit.course_spacing) / (2.0 * scene.wire.diameter)
-        allowed = f"at most {at_most(inch * most, 'per inch')} (loops two wires apart)"
-        raise InputError(f"--openings: given {exact(inch * wanted, 'per inch')}, allowed: {allowed}")
+        wrong = f"{exact(inch * wanted, 'per inch')} put loops less than two wire diameters apart"
+        raise InputError(f"{scene.path}: --openings: {wrong}; give at most {at_most(inch * most, 'per inch')}")
     resized = replace(scene, knit=replace(knit, wale_spacing=wale, course_spacing=course))
     notes = [f"wale spacing {1e3 * wale:.4g} mm and course spacing {1e3 * course:.4g} mm, from the openings per inch"]
     if not 1.0 / FAR < now / wanted < FAR:
@@ -167,11 +167,11 @@ def fit_curve(scene: Scene, path: Path, progress: Progress) -> Fitted:
         misfit, bounds=factors(scene), method="bounded", options={"xatol": FIT_TOLERANCE, "maxiter": MOST_TRIED}
     )
     if not math.isfinite(best.fun):
-        raise InputError(f"{path}: strain: given strains at which the mesh did not converge, allowed: smaller strains")
+        raise InputError(f"{path}: strain: the mesh does not converge at these strains; give smaller ones")
     if best.fun > NO_FIT:
         raise InputError(
-            f"{path}: given tensions that cannot be fitted by one factor on the proportions of knit.loop (smallest rms error"
-            f" {percent(best.fun, 0)}), allowed: tensions [N/m] of this mesh, with the spacings and the wire of the scene"
+            f"{path}: no factor on the proportions of knit.loop fits the tensions (smallest rms error {percent(best.fun, 0)});"
+            " give tensions [N/m] of a mesh with the spacings and the wire of the scene"
         )
     how = f"{path.name} with an rms error of {percent(best.fun)} of the tensions"
     fitted = fitted_by(scene, float(best.x), how, path.name, float(best.fun))
@@ -186,25 +186,25 @@ def fit_curve(scene: Scene, path: Path, progress: Progress) -> Fitted:
 
 def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Strains (point, 2) and tensions (point, 2) [N/m]."""
-    allowed = f"a CSV file with the columns {', '.join(COLUMNS)}"
+    instead = f"give a CSV file with the columns {', '.join(COLUMNS)}"
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
     except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "no text in UTF-8"
-        raise InputError(f"{path}: given {reason.lower()}, allowed: {allowed}") from error
+        raise InputError(f"{path}: {reason.lower()}; {instead}") from error
     missing = [name for name in COLUMNS if not rows or name not in rows[0]]
     if missing:
-        raise InputError(f"{path}: given no {'rows' if not rows else missing[0]}, allowed: {allowed}")
+        raise InputError(f"{path}: no {f'column {missing[0]}' if rows else 'rows'}; {instead}")
     values = np.zeros((len(rows), len(COLUMNS)))
     for number, row in enumerate(rows):
         for column, name in enumerate(COLUMNS):
             try:
                 values[number, column] = float(row[name])
             except (TypeError, ValueError) as error:
-                raise InputError(f"{path}: {name}: given {row[name]!r} in row {number + 1}, allowed: a number") from error
+                raise InputError(f"{path}: {name}: {row[name]!r} in row {number + 1} is not a number; write one") from error
     if not np.all(np.isfinite(values)) or np.any(values[:, :2] <= -0.5) or np.any(values[:, :2] > 2.0):
-        raise InputError(f"{path}: given a strain or tension out of range, allowed: finite, strains from -0.5 to 2")
+        raise InputError(f"{path}: a strain or tension is out of range; give finite ones, and strains from -0.5 to 2")
     if not np.any(values[:, 2:]):
-        raise InputError(f"{path}: given no tension other than 0, allowed: the tensions [N/m] of a biaxial test")
+        raise InputError(f"{path}: all tensions are 0; give those of a biaxial test [N/m]")
     return values[:, :2], values[:, 2:]

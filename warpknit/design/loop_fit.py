@@ -67,7 +67,8 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
     bars = scene.knit.bars
     if len(wanted) != len(bars):
         given = ", ".join(exact(length, "m") for length in wanted)
-        raise InputError(f"{scene.path}: --fit-loop-length: given {given}, allowed: one length, or {len(bars)}, one for each bar")
+        wrong = f"{given} are {len(wanted)} lengths for {len(bars)} bars"
+        raise InputError(f"{scene.path}: --fit-loop-length: {wrong}; give one length, or one for each bar")
     fit, found = scene, []
     for bar, length in enumerate(wanted):
         factor = _bar_factor(fit, bar, length)
@@ -95,10 +96,9 @@ def _factor(scene: Scene, missing: Callable[[float], float], low: float, high: f
     """The factor between `low` and `high` at which no length [m] is `missing` from the wanted one. Raises `InputError`."""
     ends = missing(low), missing(high)
     if not min(ends) <= 0.0 <= max(ends):
-        allowed = f"{at_least(wanted + min(ends), 'm')} to {at_most(wanted + max(ends), 'm')}"
         raise InputError(
-            f"{scene.path}: --fit-loop-length: given {exact(wanted, 'm')}{of}, allowed: {allowed}"
-            " with these spacings (beyond that, the proportions of knit.loop leave their ranges)"
+            f"{scene.path}: --fit-loop-length: {exact(wanted, 'm')}{of} takes proportions of knit.loop out of their ranges;"
+            f" give {at_least(wanted + min(ends), 'm')} to {at_most(wanted + max(ends), 'm')} with these spacings"
         )
     return float(brentq(missing, low, high, xtol=FIT_TOLERANCE / 10))
 
@@ -122,8 +122,8 @@ def fitted_by(scene: Scene, factor: float, how: str, to: str, rms_error: float |
     larger = scaled(scene, factor)
     meant, found = len(knit_scene(scene).clasps), len(knit_scene(larger).clasps)
     if found != meant:
-        allowed = f"{meant} times, as with knit.loop"
-        raise InputError(f"{scene.path}: {how}: given loops that hook {found} times per repeat, allowed: {allowed}")
+        wrong = f"the fitted loops hook {found} times per repeat, those of the scene {meant} times"
+        raise InputError(f"{scene.path}: {how}: {wrong}; use a value nearer to that of the scene")
     loops = LoopFit(to, factor, {name: getattr(larger.knit.loop, name) for name in _names(scene)}, rms_error)
     return Fitted(larger, (f"loop proportions times {factor:.3f}, fitted to {how}",), loops)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from warpknit.errors import ExportError
 from warpknit.export.run_record import read_run
+from warpknit.text import either
 
 __all__ = ["FORMATS", "ExportError", "export_run"]
 
@@ -25,11 +26,11 @@ FORMATS = {  # what `--to` takes: the module here, and its function
 def export_run(run_dir: str | os.PathLike[str], to: str) -> list[Path]:
     """Export a finished or interrupted run into its directory; the paths."""
     if to not in FORMATS:
-        raise ExportError(f"--to: given {to!r}, allowed: {', '.join(FORMATS)}")
+        raise ExportError(f"--to: {to!r} is unknown; give {either(list(FORMATS))}")
     record = read_run(Path(run_dir))
     module, function = FORMATS[to].rsplit(".", 1)
     try:
         paths: list[Path] = getattr(import_module(f"{__name__}.{module}"), function)(record)
     except ModuleNotFoundError as error:
-        raise ExportError(f"--to {to}: requires the package {error.name}, which is not installed") from error
+        raise ExportError(f"--to: {to!r} requires the package {error.name}; install it") from error
     return paths

@@ -59,11 +59,11 @@ def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
     also_running: take a run that goes on as well; its summary is empty.
     """
     if not directory.is_dir():
-        raise ExportError(f"{directory}: no such directory, allowed: the directory of a run")
+        raise ExportError(f"{directory}: no such directory; give the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
     states = state_files(directory)
     if not layout_path.is_file() and not summary_path.is_file():
-        raise ExportError(f"{directory}: not the directory of a run: {_held(directory)}")
+        raise ExportError(f"{directory}: {_held(directory)}")
     if not also_running and not summary_path.is_file():
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     path = summary_path
@@ -83,8 +83,8 @@ def _held(directory: Path) -> str:
     """What a directory without a run has in its place, and where states are."""
     for name, kind in (("map.json", "map"), ("map.csv", "map"), ("trade.json", "study of settings")):
         if (directory / name).is_file():
-            return f"it holds a {kind}, which keeps tables and figures, no states; `warpknit run` at one of its loads leaves them"
-    return "it has no layout.npz and no summary.json; give --out of a `warpknit run`"
+            return f"a {kind} keeps no states; give the directory of a run at one of its loads"
+    return "no layout.npz and no summary.json; give the directory of a run"
 
 
 def state_files(directory: Path) -> list[Path]:

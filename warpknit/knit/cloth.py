@@ -90,7 +90,7 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     wale, course = float(knit.wale_spacing), float(knit.course_spacing)
     for key, value in (("knit.wale_spacing", wale), ("knit.course_spacing", course), ("wire.diameter", diameter)):
         if not 0.0 < value < np.inf:
-            raise KnitError(key, value, "a length above zero")
+            raise KnitError(key, f"{value!r} is not above 0", "write a length above 0 m")
     lapping = lapping_table(knit.bars, tiles)
     shape = loop_shape(lapping, proportions)
     layers = 1 + max(stitch.layer for stitch in lapping.stitches)

@@ -105,17 +105,16 @@ class LoopFrame:
             spacing, unit = self.wale, "wale spacings"
             narrowest = 2.0 * min(loop.foot_half_width for loop in loops) * self.wale
             if self.diameter > narrowest:
-                most = f"a thickness of at most {at_most(narrowest, 'm')}"
-                allowed = f"{most} with these wales, beyond which the feet of a loop run into each other"
-                raise KnitError("wire.diameter", f"a wire {engineering(self.diameter, 'm')} thick", allowed)
-        largest, why = (half - share * self.diameter) / spacing, "beyond which loops of neighbouring wales run into each other"
+                wrong = f"with a wire {engineering(self.diameter, 'm')} thick the feet of a loop run into each other"
+                raise KnitError("wire.diameter", wrong, f"use a thickness of at most {at_most(narrowest, 'm')} with these wales")
+        largest, meet = (half - share * self.diameter) / spacing, "loops of neighbouring wales run into each other"
         if given > largest:
             least = RANGES[key.rpartition(".")[2]][0]
             if largest < least < half / spacing:  # no loop of any shape has room for a wire so thick
                 thinnest = at_most((half - least * spacing) / share, "m")
-                allowed = f"a thickness of at most {thinnest} with these wales and courses, {why}"
-                raise KnitError("wire.diameter", f"a wire {engineering(self.diameter, 'm')} thick", allowed)
-            raise KnitError(key, given, f"at most {at_most(largest, unit)}, {why}")
+                wrong = f"with a wire {engineering(self.diameter, 'm')} thick {meet}"
+                raise KnitError("wire.diameter", wrong, f"use a thickness of at most {thinnest} with these wales and courses")
+            raise KnitError(key, f"with {given!r} {meet}", f"write at most {at_most(largest, unit)}")
 
 
 class LoopKeys(NamedTuple):

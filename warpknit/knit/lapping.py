@@ -62,7 +62,7 @@ def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lappi
     as one repeat. Raises `KnitError` where a bar is malformed or a needle receives no loop in some course.
     """
     if not bars:
-        raise KnitError("knit.bars", list(bars), "at least one guide bar")
+        raise KnitError("knit.bars", "a knit without bars", "write at least one guide bar")
     chains = [parse_chain(bar.chain, f"knit.bars[{i}].chain") for i, bar in enumerate(bars)]
     threadings = [parse_threading(bar.threading, f"knit.bars[{i}].threading") for i, bar in enumerate(bars)]
     shifts = [parse_shift(bar.shift, f"knit.bars[{i}].shift") for i, bar in enumerate(bars)]
@@ -92,10 +92,7 @@ def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lappi
     for needle in range(wales):
         for course in range(courses):
             if loops[needle][course] == 0:
-                threading_text = " ".join(bar.threading for bar in bars)
-                raise KnitError(
-                    "knit.bars.threading",
-                    threading_text,
-                    f"a loop on every needle in every course; needle {needle} of {wales} has none in course {course}",
-                )
+                given = " ".join(bar.threading for bar in bars)
+                wrong = f"with {given!r} needle {needle} of {wales} has no loop in course {course}"
+                raise KnitError("knit.bars.threading", wrong, "write bars that knit on every needle in every course")
     return Lapping(wales, courses, len(bars), tuple(stitches))

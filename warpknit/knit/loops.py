@@ -62,13 +62,14 @@ class LoopProportions:
             key = f"knit.loop.{field.name}"
             if field.name == "shape":
                 if value not in ("auto", "circular-oval", "general"):
-                    raise KnitError(key, value, "'auto', 'circular-oval' or 'general'")
+                    raise KnitError(key, f"{value!r} is unknown", "write 'auto', 'circular-oval' or 'general'")
                 continue
             low, high = RANGES[field.name]
             if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise KnitError(key, value, f"a number from {low:g} to {high:g}")
+                raise KnitError(key, f"{value!r} is out of range", f"write a number from {low:g} to {high:g}")
         if self.foot_half_width >= self.leg_half_width:
-            raise KnitError("knit.loop.foot_half_width", self.foot_half_width, "less than leg_half_width")
+            wrong = f"{self.foot_half_width!r} is not below leg_half_width"
+            raise KnitError("knit.loop.foot_half_width", wrong, f"write less than {self.leg_half_width:g}")
 
     def sized(self, size: float, shape: Shape, key: str) -> LoopProportions:
         """Proportions with those that make a loop of this shape large times `size`, the value of `key`."""
@@ -77,8 +78,8 @@ class LoopProportions:
         names = SIZES[shape]
         least, most = (pick(RANGES[name][end] / getattr(self, name) for name in names) for end, pick in ((0, max), (1, min)))
         if not least <= size <= most:
-            allowed = f"{at_least(least, '')} to {at_most(most, '')}, or proportions of knit.loop leave their ranges"
-            raise KnitError(key, size, allowed)
+            wrong = f"{size!r} takes proportions of knit.loop out of their ranges"
+            raise KnitError(key, wrong, f"write {at_least(least, '')} to {at_most(most, '')}")
         return replace(self, **{name: size * getattr(self, name) for name in names})
 
     @classmethod
@@ -98,7 +99,8 @@ def loop_shape(lapping: Lapping, proportions: LoopProportions) -> Shape:
     """
     if proportions.shape != "auto":
         if proportions.shape == "circular-oval" and any(s.kind == "inlay" or s.layer for s in lapping.stitches):
-            raise KnitError("knit.loop.shape", "circular-oval", "one loop on each needle and course; 'general' otherwise")
+            wrong = "'circular-oval' requires one loop on each needle and course"
+            raise KnitError("knit.loop.shape", wrong, "write 'general'")
         return proportions.shape  # type: ignore[return-value]
     if lapping.bars != 2 or any(s.kind == "inlay" or s.layer for s in lapping.stitches):
         return "general"

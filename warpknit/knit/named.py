@@ -10,6 +10,7 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ..text import either
 from .chain import KnitError
 
 
@@ -136,8 +137,8 @@ def named_knit(text: str) -> NamedKnit:
     if wanted in known:
         return known[wanted]
     near = difflib.get_close_matches(wanted, list(known), n=1)
-    nearest = f" (the nearest is {known[near[0]].name})" if near else ""
-    raise KnitError("knit", text, ", ".join(NAMED_KNITS) + nearest)
+    instead = f"the nearest is {known[near[0]].name}" if near else f"write {either(list(NAMED_KNITS))}"
+    raise KnitError("knit", f"{text!r} is no knit", instead)
 
 
 def _plain(text: str) -> str:

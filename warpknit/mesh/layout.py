@@ -65,8 +65,8 @@ def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
     even = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
     meant, found = len(even.clasps) * math.prod(_tiles(scene)), len(cloth.clasps)
     if found != meant:
-        allowed = f"less, or another seed: with seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
-        raise KnitError("knit.scatter", scene.knit.scatter, allowed)
+        wrong = f"with {scene.knit.scatter!r} and seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
+        raise KnitError("knit.scatter", wrong, "write less, or another knit.seed")
 
 
 def _size_of(scene: Scene) -> str:

@@ -141,8 +141,8 @@ def build_rim(panel: Panel, scene: Scene) -> Rim:
     order = np.argsort(arc)
     arc, held = arc[order], held[order]
     if held.sum() < 3:
-        found = f"{held.sum()} net nodes on an outline of {engineering(outline.length, 'm')}"
-        raise ModelError(f"panel.grip_pitch: given {found}, allowed: at least 3")
+        length = f"an outline of {engineering(outline.length, 'm')} has {held.sum()} net nodes, fewer than 3"
+        raise ModelError(f"panel.grip_pitch: {length}; write less")
     rim = Rim(outline, arc, outline.place(arc), held, sparse.csr_matrix((0, len(arc))), options.cord)
     clamp_arc, _ = outline.nearest(panel.clamp_position)
     return Rim(outline, arc, rim.place, held, rim.weights(clamp_arc), options.cord)

@@ -52,7 +52,7 @@ def wires_of_ranks(panel: Panel, ranks: int) -> np.ndarray:
     """
     wires = len(panel.wire_first)
     if wires < ranks:
-        raise ModelError(f"knit.repeats: {wires} wires cannot be shared by {ranks} ranks: use more repeats or fewer ranks")
+        raise ModelError(f"knit.repeats: {wires} wires cannot be shared by {ranks} ranks; use more repeats or fewer ranks")
     first = even_shares(panel.wire_first, panel.wire_count, ranks)
     # at least a wire for each
     first = np.maximum.accumulate(first - np.arange(ranks + 1)) + np.arange(ranks + 1)

@@ -235,8 +235,8 @@ def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
     limit = model.contact_stiffness
     if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > limit:
         raise ModelError(
-            f"contact.spring_stiffness: given {exact(scene.contact.spring_stiffness, 'N/m')}, allowed: at most"
-            f" {at_most(limit, 'N/m')}, the contact penalty"
+            f"contact.spring_stiffness: {exact(scene.contact.spring_stiffness, 'N/m')} is above the contact penalty;"
+            f" write at most {at_most(limit, 'N/m')}"
         )
     return model
 

@@ -20,7 +20,7 @@ def join_ranks() -> Ranks:
         from .mpi import Mpi
     except ImportError as error:
         raise InputError(
-            f'several ranks need mpi4py and an MPI library ({error}): pip install "warpknit[mpi]", or run without mpirun'
+            f'several ranks need mpi4py and an MPI library ({error}); pip install "warpknit[mpi]", or run without mpirun'
         ) from error
     ranks = Mpi()
     if ranks.count == 1:

@@ -19,7 +19,7 @@ from ..runner.summary_table import summary_rows
 from ..scene import Scene, load_scene
 from ..sweep.map_table import map_lines
 from .states import Series, States
-from .table import Table, found, html_table
+from .table import AGAIN, Table, found, html_table
 
 if TYPE_CHECKING:
     from ..export.run_record import RunRecord
@@ -70,7 +70,7 @@ class Run:
     def history(self) -> Table:
         """history.csv: one row a record. Of a map or a report without a run, a table without columns."""
         if "history" not in self.tables and self._has_records:
-            raise RunDirectoryError(f"{self.directory / 'history.csv'}: given no such file, allowed: the table that a run left")
+            raise RunDirectoryError(f"{self.directory / 'history.csv'}: no such file; {AGAIN}")
         return self.tables["history"] if "history" in self.tables else Table({})
 
     @cached_property
@@ -84,7 +84,7 @@ class Run:
         history, states = self.history, self.states
         if len(states) not in (0, history.rows):
             path = self.directory / "history.csv"
-            raise RunDirectoryError(f"{path}: given {history.rows} rows, allowed: {len(states)}, one for each state")
+            raise RunDirectoryError(f"{path}: {history.rows} rows for {len(states)} states; {AGAIN}")
         return Series(history, states)
 
     @cached_property
@@ -115,7 +115,7 @@ class Run:
         for name in (f"state_{index:06d}.npz" for index in range(max(len(there), self._records))):
             if name not in there:
                 path = self.directory / "states" / name
-                raise RunDirectoryError(f"{path}: given no such file, allowed: a state for each record that a run left")
+                raise RunDirectoryError(f"{path}: no such file; {AGAIN}")
         return record
 
     @property
@@ -205,9 +205,9 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: what a run left") from error
+        raise RunDirectoryError(f"{path}: unreadable ({error}); {AGAIN}") from error
     if not isinstance(table, dict):
-        raise RunDirectoryError(f"{path}: given another file of this name, allowed: what a run left")
+        raise RunDirectoryError(f"{path}: not a file of a run; {AGAIN}")
     return table
 
 
@@ -270,11 +270,9 @@ def load_run(out: str | os.PathLike[str]) -> Run:
         if path.is_file():
             summary = _read_json(path)
             if not {"scene", "stop_reason", "warnings"} <= set(summary):
-                raise RunDirectoryError(f"{path}: given another file of this name, allowed: what a run left")
+                raise RunDirectoryError(f"{path}: not the summary of a run; {AGAIN}")
             return Run(directory, summary)
     if holds_killed_run(directory) or any((directory / name).is_file() for name in TABLES):
-        raise RunDirectoryError(
-            f"{directory}: given a run that has not ended, allowed: one with a summary; resume=True goes on from a checkpoint"
-        )
-    given = "no results" if directory.is_dir() else "a file" if directory.exists() else "no such directory"
-    raise RunDirectoryError(f"{directory}: given {given}, allowed: the directory of a run, map, trade or report")
+        raise RunDirectoryError(f"{directory}: the run has not ended; wait for it, or continue it with resume=True")
+    wrong = "no results" if directory.is_dir() else "a file" if directory.exists() else "no such directory"
+    raise RunDirectoryError(f"{directory}: {wrong}; give the directory of a run, map, trade or report")

@@ -45,8 +45,8 @@ class States(Sequence[Frame]):
         try:
             chosen = range(len(self))[which]
         except IndexError as error:
-            allowed = f"{-len(self)} to {len(self) - 1}" if len(self) else "none, there are no states here"
-            raise IndexError(f"states: given {which}, allowed: {allowed}") from error
+            instead = f"use {-len(self)} to {len(self) - 1}" if len(self) else "a map or an empty run has none"
+            raise IndexError(f"states: {which} is not one of {len(self)} states; {instead}") from error
         return [self._read(index) for index in chosen] if isinstance(chosen, range) else self._read(chosen)
 
     def __len__(self) -> int:

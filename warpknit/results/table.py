@@ -14,9 +14,11 @@ import numpy as np
 
 from ..errors import InputError, RunDirectoryError, needing_extra
 from ..measure.table import MEASURES
+from ..text import either
 
 Value = TypeVar("Value")
 
+AGAIN = "run it again, with --force"  # where a file of results is missing or damaged
 SHOWN_ROWS = 5  # at either end
 TEXTS = {line.name for line in MEASURES if line.kind is str}  # measures that are words
 NUMBERS = {line.name for line in MEASURES} - TEXTS  # measures that are numbers or truth values
@@ -45,15 +47,13 @@ class Table(Mapping[str, np.ndarray]):
             with open(path, newline="", encoding="utf-8") as file:
                 lines = [line for line in csv.reader(file) if line]
         except (OSError, ValueError, csv.Error) as error:
-            raise RunDirectoryError(f"{path}: given an unreadable file ({error}), allowed: a table that a run left") from error
+            raise RunDirectoryError(f"{path}: unreadable ({error}); {AGAIN}") from error
         names, rows = (lines[0], lines[1:]) if lines else ([], [])
         if not names:
-            raise RunDirectoryError(f"{path}: given an empty file, allowed: a table that a run left")
+            raise RunDirectoryError(f"{path}: empty; {AGAIN}")
         for number, row in enumerate(rows, start=1):
             if len(row) != len(names):
-                raise RunDirectoryError(
-                    f"{path}: given {len(row)} cells in row {number}, allowed: {len(names)}, as in the heading"
-                )
+                raise RunDirectoryError(f"{path}: {len(row)} cells in row {number}, {len(names)} in the heading; {AGAIN}")
         cells = zip(*rows, strict=True) if rows else [()] * len(names)
         of_history = path.name == "history.csv"  # whose other columns are probes, which give numbers
         return cls({name: _column(path, name, texts, of_history) for name, texts in zip(names, cells, strict=True)})
@@ -80,7 +80,7 @@ class Table(Mapping[str, np.ndarray]):
         run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")    # (warp, weft) [%]
         """
         if self[name].dtype.kind == "U":
-            raise InputError(f"grid: given {name!r}, a column of words, allowed: a column of numbers")
+            raise InputError(f"grid: {name!r} is a column of words; name a column of numbers")
         (y, row), (x, column) = (np.unique(self[by], return_inverse=True) for by in (rows, columns))
         values = np.full((len(y), len(x)), np.nan)
         values[row, column] = self[name]
@@ -128,8 +128,8 @@ def found(items: Mapping[str, Value], name: str) -> Value:
     if name in items:
         return items[name]
     near = difflib.get_close_matches(str(name), items, n=3, cutoff=0.3)
-    first = f"a name, such as {', '.join(islice(items, 3))}" if items else "none, there are no names here"
-    raise KeyError(f"{name!r}; the nearest: {', '.join(near)}" if near else f"given {name!r}, allowed: {first}")
+    instead = f"use {either(list(islice(items, 3)))}" if items else "there are no names here"
+    raise KeyError(f"{name!r} is unknown; {f'the nearest: {chr(44).join(near)}' if near else instead}")
 
 
 def html_table(lines: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
@@ -155,7 +155,7 @@ def _column(path: Path, name: str, texts: Sequence[str], of_history: bool) -> np
     values = _values(texts)
     if values.dtype.kind == "U" and (of_history or name in NUMBERS):
         row = next(number for number, text in enumerate(texts) if _values([text]).dtype.kind not in "if")
-        raise RunDirectoryError(f"{path}: {name}: given {texts[row]!r} in row {row + 1}, allowed: a number, or nothing")
+        raise RunDirectoryError(f"{path}: {name}: {texts[row]!r} in row {row + 1} is not a number; {AGAIN}")
     return values
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..solve.tension import TOLERANCE
-from ..text import alike, celsius, engineering, exact, is_at_grips, percent
+from ..text import alike, between, both, celsius, engineering, exact, is_at_grips, percent, place_text
 from .answers import HEATED
 
 State = Mapping[str, Any]
@@ -191,7 +191,7 @@ def _both(low: State, high: State) -> str:
     shown = [_tension(one) for one in (low, high)]
     if shown[0] == shown[1] and low["temperature_K"] != high["temperature_K"]:
         return f"{celsius(low['temperature_K'])} and {celsius(high['temperature_K'])} at {shown[0]}"
-    return " and ".join(shown)
+    return both(*shown)
 
 
 def _records(one: Mapping[str, Any]) -> str:
@@ -202,13 +202,15 @@ def _records(one: Mapping[str, Any]) -> str:
     if (one.get("slack") or unloaded) and not jump:
         strains = f"{_strain(low)} to {_strain(high).removeprefix('strain ')}"
         return f"{'without tension' if unloaded else f'{_tension(high)} or below'}, once the slack is taken up, {strains}"
-    return f"between {_both(low, high)}, {_strain(low)} and {_strain(high).removeprefix('strain ')}{jump}"
+    tensions, strain = _both(low, high), both(_strain(low), _strain(high)).replace("and strain ", "and ")
+    return f"{'between' if ' and ' in tensions else 'at'} {tensions}, {strain}{jump}"
 
 
-def _shares(between: Sequence[State]) -> str:
+def _shares(records: Sequence[State]) -> str:
     """Shares of active contacts of two records, and their tensions."""
-    shares = [percent(0.01 * one["active_percent"]) for one in between]
-    return f"between {' and '.join(shares)}, of the records at {' and '.join(map(_tension, between))}"
+    low, high = (percent(0.01 * one["active_percent"]) for one in records)
+    share = low if low == high else between(low, high)
+    return f"{share}, of the records at {both(*map(_tension, records))}"
 
 
 def _found(one: Mapping[str, Any]) -> str:
@@ -251,8 +253,8 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
 def _place(peak: Mapping[str, Any]) -> str:
     """Where a stress is: part of the loop, wire and node, position in weft and warp."""
     part = peak["stress_max_part"]
-    position = ", ".join(engineering(peak[f"stress_max_{axis}_m"], "m") for axis in "xy")
-    where = f"wire {peak['stress_max_wire']}, node {peak['stress_max_node']} at ({position}) from the corner"
+    position = place_text(peak["stress_max_x_m"], peak["stress_max_y_m"])
+    where = f"wire {peak['stress_max_wire']}, node {peak['stress_max_node']} at {position} from the corner"
     return f"{where}" if part is None else f"in the {part}, {where}"
 
 
@@ -270,9 +272,9 @@ def _heat(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         parts.append(f"{engineering(peak['stress_max_Pa'], 'Pa')} at {celsius(peak['temperature_K'])} on the way")
     if stage["jump"]:
         before, after = stage["jump_between"]
-        there = " and ".join(celsius(one["temperature_K"]) for one in (before, after))
+        there = between(*(celsius(one["temperature_K"]) for one in (before, after)))
         alone = f": {_change(begin, before)} up to there" if before["temperature_K"] != begin["temperature_K"] else ""
-        parts.append(f"the mesh jumps to another equilibrium between {there}, which is not what heat alone does{alone}")
+        parts.append(f"the mesh jumps to another equilibrium {there}, which is not what heat alone does{alone}")
     yield f"heat, {celsius(begin['temperature_K']).split()[0]} to {celsius(end['temperature_K'])}", held + ", ".join(parts)
 
 
@@ -315,8 +317,8 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
         lowest = f"at most {lowest}, where the records begin,"
     if best["open_high"]:
         highest = f"at least {highest}, {'beyond which the relaxation did not converge' if gave_up else 'where the records end'}"
-    snaps = "; ".join(" and ".join(map(_tension, jump)) for jump in best["jumps"])
-    inside = f"; the mesh jumps between {snaps}" if snaps else ""
+    snaps = "; ".join(between(*map(_tension, jump)) for jump in best["jumps"])
+    inside = f"; the mesh jumps {snaps}" if snaps else ""
     yield "  may drift", f"from {lowest} to {highest.removesuffix(',')}{inside}"
     error = answers["tension_error_percent"]
     nearest = min(abs(_mean(one) / _mean(best) - 1.0) for one in (low, high))
@@ -334,7 +336,7 @@ def _at_grips(answers: Mapping[str, Any]) -> str:
     if first_yield["as_knitted"]:
         return f"{where} yields as knitted"
     if not first_yield["resolved"]:
-        return f"{where} first yields between {_both(*first_yield['between'])}"
+        return f"{where} first yields between records at {_both(*first_yield['between'])}"
     return f"{where} first yields at {_known_tension(first_yield)}"
 
 
@@ -350,4 +352,4 @@ def _end(best: Mapping[str, Any], name: str, of_mean: str, known: Sequence[Mappi
     if (sides := best.get(f"{name}_between")) is None:
         return text
     jump = ", where the mesh jumps" if best.get(f"{name}_jump") else ""
-    return f"about {text}, between records at {' and '.join(map(_tension, sides))}{jump},"
+    return f"about {text}, between records at {both(*map(_tension, sides))}{jump},"

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..measure import MeshModel, energy_scale
 from ..measure.jumps import STORED_FLOOR, jumps
-from ..text import engineering
+from ..text import both, engineering
 from .history import Row, mean_tension, stages_of, work_terms
 
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
@@ -80,4 +80,4 @@ def jumps_along(model: MeshModel, rows: Sequence[Row], path: np.ndarray) -> list
 
 def tensions_text(one: Row, other: Row) -> str:
     """Mean tensions of weft and warp of two rows."""
-    return " and ".join(engineering(mean_tension(row), "N/m") for row in (one, other))
+    return both(*(engineering(mean_tension(row), "N/m") for row in (one, other)))

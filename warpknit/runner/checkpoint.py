@@ -85,16 +85,15 @@ class Checkpoint:
             with np.load(path, allow_pickle=False) as file:
                 self._arrays = {name: file[name] for name in file.files if name != "about"}
         except UNUSABLE as error:
-            raise RunDirectoryError(f"{path}: not a checkpoint of this version ({error}): start over with --force") from error
+            raise RunDirectoryError(f"{path}: not a checkpoint of this version ({error}); start over with --force") from error
         if scene != scene_hash:
             raise RunDirectoryError(
-                f"{path}: the checkpoint is of another scene, or of this one with other --set, --preset or --error: run those, or"
-                " start over with --force"
+                f"{path}: of another scene, or of this one with other --set, --preset or --error; run that one, or start over"
+                " with --force"
             )
         if count != ranks.count:
             raise RunDirectoryError(
-                f"{path}: given {ranks.count} ranks, allowed: the {count} that wrote the checkpoint (mpirun -n {count});"
-                f" or start over with --force"
+                f"{path}: written by {count} ranks, not {ranks.count}; run with mpirun -n {count}, or start over with --force"
             )
         self.wall = float(header["wall_s"])
 
@@ -104,4 +103,4 @@ class Checkpoint:
             simulation.state.restore(under("state_", self._arrays))
             simulation.load_state_dict(under("solver_", self._arrays))
         except (AttributeError, KeyError, ValueError) as error:
-            raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}): start over with --force") from error
+            raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}); start over with --force") from error

@@ -22,14 +22,14 @@ class Probes:
 
     def __init__(self, functions: Mapping[str, Probe] | None = None) -> None:
         if not isinstance(functions, Mapping | None):
-            raise InputError(f"probes: given {functions!r}, allowed: functions of a record by name, such as {{'name': function}}")
+            raise InputError(f"probes: {functions!r} is not a dict; give functions of a record by name, {{'name': function}}")
         self._functions = dict(functions or {})
         taken = {line.name for line in table.MEASURES}
         for name, function in self._functions.items():
             if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
-                raise InputError(f"probes: given the name {name!r}, allowed: a name that no column of history.csv has; one line")
+                raise InputError(f"probes: {name!r} cannot name a column; give text of one line that is no column of history.csv")
             if not callable(function):
-                raise InputError(f"probes: {name}: given {function!r}, allowed: a function of a record")
+                raise InputError(f"probes: {name}: {function!r} is not a function; give a function of a record")
 
     @property
     def names(self) -> list[str]:
@@ -48,5 +48,5 @@ class Probes:
             with suppress(ValueError, RuntimeError):
                 value = value.item()
         if not isinstance(value, numbers.Real):
-            raise InputError(f"probes: {name}: given {value!r} at record {record.index}, allowed: a number, or None")
+            raise InputError(f"probes: {name}: {value!r} at record {record.index} is not a number; return one, or None")
         return float(value) if math.isfinite(value) else None

@@ -209,11 +209,11 @@ class Recorder:
         count = self.simulation.progress.records
         self.rows = read_history(self.out / "history.csv")[:count] if count else []
         if len(self.rows) < count:
-            raise RunDirectoryError(f"{self.out}: history.csv is shorter than the checkpoint: start over with --force")
+            raise RunDirectoryError(f"{self.out}: history.csv is shorter than the checkpoint; start over with --force")
         probed = extra_columns(vars(self.rows[0])) if self.rows else self.probes.names
         if probed != self.probes.names:
             raise RunDirectoryError(
-                f"{self.out}: given the probes {self.probes.names}, allowed: those that it began with, {probed}; or --force"
+                f"{self.out}: the run began with the probes {probed}, not {self.probes.names}; give those, or --force"
             )
 
     # --- while it runs ---

@@ -103,7 +103,7 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
             pass
     if resume and (finished := finished_result(out, "summary.json", scene.hash, "run")) is not None:
         if missing := set(probes) - set(history_columns(out / "history.csv") if probes else ()):
-            raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; --force runs it again")
+            raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; run it again with --force")
         return finished
     check_directory(out, "run", resume=resume, force=force)
     if resume and not force and holds_killed_run(out):
@@ -119,7 +119,7 @@ def _locked(out: Path, patience: float) -> Iterator[int | None]:
         try:
             hold = stack.enter_context(held_directory(out, patience))
         except BlockingIOError as error:
-            raise RunDirectoryError(f"{out}: another run is writing there; --out names another directory") from error
+            raise RunDirectoryError(f"{out}: another run is writing there; give another directory with --out") from error
         yield hold
 
 

@@ -109,7 +109,7 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, comman
     """
     command = command or wanted
     if out.exists() and not out.is_dir():
-        raise RunDirectoryError(f"--out {out}: given a file, allowed: a directory")
+        raise RunDirectoryError(f"--out: {out} is a file; give a directory")
     if force:
         return
     if finished := [name for name in SUMMARIES if read_summary(out, name) is not None]:
@@ -122,7 +122,7 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, comman
         if kind != wanted:
             raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, command, f'interrupted {kind}')}")
         if not resume:
-            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; --resume continues it, --force starts over")
+            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; continue it with --resume, or start over with --force")
     if not resume and holds_killed_run(out):
         held = "run that was killed before its first checkpoint"
         raise RunDirectoryError(f"{out}: holds a {held}; {_alternatives(out, command, held)}")
@@ -173,7 +173,7 @@ def _free_beside(out: Path, wanted: str) -> Path:
 def directory_of(given: str | os.PathLike[str], name: str) -> Path:
     """The path of a directory that the argument `name` gives in code. Raises RunDirectoryError for what is no path."""
     if not isinstance(given, str | os.PathLike) or not os.fspath(given):
-        raise RunDirectoryError(f"{name}: given {shown(given)}, allowed: the path of a directory, such as 'runs/cell'")
+        raise RunDirectoryError(f"{name}: {shown(given)} is not a path; give a directory, such as 'runs/cell'")
     return Path(given)
 
 
@@ -183,9 +183,7 @@ def make_directory(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         why = (error.strerror or "unusable").lower()
-        raise RunDirectoryError(
-            f"--out {out}: given a directory that cannot be made ({why}), allowed: a directory that can be written to"
-        ) from error
+        raise RunDirectoryError(f"--out: {out} cannot be made ({why}); give a directory that can be written to") from error
 
 
 def clear(out: Path) -> None:

@@ -45,7 +45,7 @@ def without_effect(scene: Scene) -> Iterator[str]:
     for rule in RULES:
         if not rule.refused:
             for location, _ in _places(rule, case):
-                yield f"without effect: {dotted(location)}, {rule.allowed}"
+                yield f"without effect: {dotted(location)} ({rule.why})"
 
 
 def lacking(case: Case, kind: str, *, at_command: bool = False) -> Iterator[str]:
@@ -63,10 +63,13 @@ def _places(rule: Rule, case: Case) -> Iterable[Place]:
 
 
 def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Source | None) -> SceneError:
+    others = " and ".join(TRAITS[name].words for name in rule.others).replace("`", "").replace('"', "'")
+    wrong = f"cannot be combined with {others} ({rule.why})"
     if source is not None:
-        return source.refusal(location, value, rule.allowed)
-    given = "a table" if isinstance(value, Table) else value if isinstance(value, Words) else value_text(location, value)
-    return scene_error(cast("Scene", case.scene).path, dotted(location), given, rule.allowed)
+        return source.refusal(location, value, wrong, rule.instead)
+    key = dotted(location)
+    given = f"[{key}]" if isinstance(value, Table) else value if isinstance(value, Words) else value_text(location, value)
+    return scene_error(cast("Scene", case.scene).path, key, f"{given} {wrong}", rule.instead)
 
 
 def with_needs(names: Iterable[str]) -> frozenset[str]:

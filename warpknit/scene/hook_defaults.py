@@ -30,19 +30,17 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
     overlap = 0.2 * table.radius if table.overlap is None else table.overlap
     least = LEAST_RADIUS * wire.diameter
     if table.radius < least:
-        raise source.refusal(("hook", "radius"), table.radius, f"at least four diameters of the wire, {at_least(least, 'm')}")
+        wrong = f"is below {LEAST_RADIUS:g} diameters of the wire"
+        raise source.refusal(("hook", "radius"), table.radius, wrong, f"write at least {at_least(least, 'm')}")
     if not SHORTEST * table.radius <= length <= math.pi * table.radius:
         shortest, longest = at_least(SHORTEST * table.radius, "m"), at_most(math.pi * table.radius, "m")
-        allowed = f"half a radius to half a circle, {shortest} to {longest}"
-        raise source.refusal(("hook", "length"), length, allowed)
+        wrong = "is not from half a radius to half a circle"
+        raise source.refusal(("hook", "length"), length, wrong, f"write {shortest} to {longest}")
     rise = table.radius * (1.0 - math.cos(0.5 * length / table.radius))
     least = LEAST_OVERLAP * wire.diameter
     if not least <= overlap <= rise:
-        allowed = (
-            f"1.5 diameters of the wire to the rise of the arc, {at_least(least, 'm')} to {at_most(rise, 'm')}:"
-            " the wires must cross twice, with room for a body in between"
-        )
-        raise source.refusal(("hook", "overlap"), overlap, allowed)
+        wrong = "does not let the wires cross twice, with room for a body in between"
+        raise source.refusal(("hook", "overlap"), overlap, wrong, f"write {at_least(least, 'm')} to {at_most(rise, 'm')}")
     crossing = _crossing_distance(source, file, table, wire, overlap)
     return replace(table, length=length, overlap=overlap, crossing_distance=crossing)
 
@@ -55,8 +53,9 @@ def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire,
     given = table.crossing_distance
     distance = usual * wire.thickness if given is None else given
     if not wire.thickness <= distance <= overlap:
-        allowed = f"the thickness of the wire to hook.overlap, {at_least(wire.thickness, 'm')} to {at_most(overlap, 'm')}"
-        raise source.refusal(("hook", "crossing_distance"), distance, allowed)
+        wrong = "is not from the thickness of the wire to hook.overlap"
+        instead = f"write {at_least(wire.thickness, 'm')} to {at_most(overlap, 'm')}"
+        raise source.refusal(("hook", "crossing_distance"), distance, wrong, instead)
     return distance
 
 
@@ -71,7 +70,8 @@ def hook_loads(
         given.pop("name", None)
         displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
         if abs(displacement) > hook.length:
-            allowed = f"at most the length of a wire, {at_most(hook.length, 'm')}"
-            raise source.refusal((*location, "displacement"), displacement, allowed)
+            wrong = "is above the length of a wire"
+            instead = f"write at most {at_most(hook.length, 'm')}"
+            raise source.refusal((*location, "displacement"), displacement, wrong, instead)
         shear = displacement / hook.height
         yield {"name": name, "displacement": displacement, "temperature": temperature, "shear": shear}

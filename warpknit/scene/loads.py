@@ -143,7 +143,9 @@ class Sweep(Table):
             quantity = "tension" if any(f"tension_{side}" in data for side in SIDES) else "strain"
             for side in SIDES:
                 if f"{quantity}_{side}" not in data:
-                    raise refused("a list with at least one entry", key=f"{quantity}_{side}", given="nothing")
+                    raise refused(
+                        "is missing", "write a list with at least one entry", key=f"{quantity}_{side}", given="the list"
+                    )
         return data
 
     @property

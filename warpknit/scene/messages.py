@@ -1,4 +1,4 @@
-"""Error messages of a scene in one line: file, key, given value, allowed values."""
+"""Error messages of a scene in one line: `FILE: KEY: what is wrong; what to write instead`."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ WIRE_TABLES = {"wire", "wires"}  # easily taken for each other
 UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls an unknown key
 
 
-def scene_error(file: object, key: str, given: str, allowed: str, more: Sequence[str] = ()) -> SceneError:
-    """The error for one key; more: the keys of other errors."""
-    line = f"{file}: {key}: given {given}, allowed: {allowed}" + (f" (also wrong: {', '.join(more)})" if more else "")
-    return SceneError(_one_line(line))
+def scene_error(file: object, key: str, wrong: str, instead: str, more: Sequence[str] = ()) -> SceneError:
+    """The error for one key, or for the whole file (""); more: the keys of other errors."""
+    also = f" (also wrong: {', '.join(more)})" if more else ""
+    return SceneError(_one_line(f"{file}: {f'{key}: ' if key else ''}{wrong}; {instead}{also}"))
 
 
 def first_error(file: object, error: ValidationError) -> SceneError:
     """The first of pydantic's errors; unknown keys come first, because they often cause the others."""
     found = sorted(error.errors(include_url=False), key=lambda item: item["type"] not in UNKNOWN)
-    item, wrong = found[0], [other["loc"] for other in found]
+    item, places = found[0], [other["loc"] for other in found]
     location: Location = item["loc"]
     # a list whose entries are wrong counts as empty too, and the key that an unknown one stands for as missing
     more = [
         dotted(other["loc"])
         for other in found[1:]
-        if not any(other["loc"] == entry[: len(other["loc"])] for entry in wrong if entry != other["loc"])
+        if not any(other["loc"] == entry[: len(other["loc"])] for entry in places if entry != other["loc"])
         and not (item["type"] in UNKNOWN and other["type"] == "missing" and other["loc"][:-1] == location[:-1])
     ]
     context = item.get("ctx", {})
@@ -44,31 +44,31 @@ def first_error(file: object, error: ValidationError) -> SceneError:
     match item["type"]:
         case "refused":
             key = (*location, context["key"]) if "key" in context else location
-            return scene_error(file, dotted(key), context.get("given", given), context["allowed"], more)
+            wrong = f"{context.get('given', given)} {context['wrong']}"
+            return scene_error(file, dotted(key), wrong, context["instead"], more)
         case "unexpected_keyword_argument" | "invalid_key":
             if (nested := _nested(location)) is not None:
-                return scene_error(file, dotted(location), given, nested, more)
-            return unknown_key(file, location, given, more)
+                return scene_error(file, dotted(location), "a table has no dotted keys", nested, more)
+            return unknown_key(file, location, more)
         case "missing":
-            return scene_error(file, dotted(location), "nothing", _allowed_at(location), more)
+            return scene_error(file, dotted(location), "missing", f"write {_allowed_at(location)}", more)
         case "tuple_type":
-            return scene_error(file, dotted(location), given, _list_at(location, item["input"]), more)
+            return scene_error(file, dotted(location), f"{given} is not a list", _list_at(location, item["input"]), more)
         case "too_short":
-            return scene_error(file, dotted(location), given, "a list with at least one entry", more)
+            return scene_error(file, dotted(location), f"{given} is empty", "write at least one entry", more)
         case _:
-            return scene_error(file, dotted(location) or "the file", given, _table_in_words(location, item["input"]), more)
+            return scene_error(file, dotted(location), f"{given} is not a table", _table_in_words(location, item["input"]), more)
 
 
-def unknown_key(file: object, location: Location, given: str, more: Sequence[str] = ()) -> SceneError:
+def unknown_key(file: object, location: Location, more: Sequence[str] = ()) -> SceneError:
     """The error for a location of which a part is no key, with the nearest that is one; more: the keys of other errors."""
     depth = unknown_depth(location)
     assert depth is not None
     above, below = location[: depth + 1], dotted(location[depth + 1 :])
     nearest = _nearest_key(above) + ("." if below[:1] not in ("", "[") else "") + below
-    unknown = f"{dotted(location)}: unknown key, the nearest is {nearest}"
-    if {location[0], nearest.split(".")[0]} == WIRE_TABLES:
-        unknown += " ([wire] is one wire, [wires] a file of wires)"
-    return scene_error(file, unknown, given, ", ".join(_fields(above[:-1])), more)
+    tables = {location[0], nearest.split(".")[0]}
+    which = " ([wire] is one wire, [wires] a file of wires)" if tables == WIRE_TABLES else ""
+    return scene_error(file, dotted(location), "unknown key", f"the nearest is {nearest}{which}", more)
 
 
 def unknown_depth(location: Location) -> int | None:
@@ -143,14 +143,14 @@ def _nearest_key(location: Location) -> str:
 
 
 def _nested(location: Location) -> str | None:
-    """What is allowed in place of a dotted key in a table; None for other keys."""
+    """What to write in place of a dotted key in a table; None for other keys."""
     *above, last = location
     key = ".".join([*([dotted(above)] if above else []), str(last)])
     if "." not in str(last) or re.sub(r"\[\d+\]", "[0]", key) not in known_keys():
         return None
     opened = re.sub(r"(\w+)(\[\d+\])?\.?", lambda name: f'{{"{name[1]}": ' + ("[" if name[2] else ""), str(last))
     closed = "".join({"{": "}", "[": "]"}.get(character, "") for character in reversed(opened))
-    return f"tables in each other, {opened}...{closed}, or an override of {key}"
+    return f"write tables in each other, {opened}...{closed}, or override {key}"
 
 
 def _allowed_at(location: Location) -> str:
@@ -160,19 +160,21 @@ def _allowed_at(location: Location) -> str:
 
 
 def _list_at(location: Location, given: Any) -> str:
-    """A list, and how one of tables is written where a table was given."""
+    """What to write for a list, and how one of tables is written where a table was given."""
     entry = keys_of(_table_at(location[:-1])).get(str(location[-1])) if location else None
     if entry is None or entry.table is None:
-        return "a list"
+        return "write a list"
     if isinstance(given, Mapping):
-        return f"a list of tables: write [[{dotted(location)}]] in place of [{dotted(location)}]"
-    return f"a list of tables{_example(location, given)}"
+        return f"write [[{dotted(location)}]] in place of [{dotted(location)}]"
+    return f"write a list of tables{_example(location, given)}"
 
 
 def _table_in_words(location: Location, given: Any) -> str:
-    """A table, and how one in a list of tables is written."""
+    """What to write for a table, and how one in a list of tables is written."""
     example = _example(location, given) if location and isinstance(location[-1], int) else ""
-    return f"a table, as in a list of tables{example}" if example else "a table"
+    if example:
+        return f"write a table, as in a list of tables{example}"
+    return f"write a table, [{dotted(location)}]" if location and isinstance(location[-1], str) else "write a table"
 
 
 def _example(location: Location, given: Any) -> str:

@@ -28,18 +28,18 @@ from warpknit.scene.units import QuantityError, has_unit, shown, si
 from warpknit.scene.wire import Plating, Wire
 from warpknit.text import exact
 
-LOAD = "a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
-PLATING = "a metal and the thickness of its coating, such as 'gold, 0.2 um'"
-SPACING = "a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
+LOAD = "write a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
+PLATING = "write a metal and the thickness of its coating, such as 'gold, 0.2 um'"
+SPACING = "write a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
 COMMENT_COLUMN = 30  # of the comments behind keys
 SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over that of the scene: from 2 N/m to those in orbit
 
 
 class Refused(ValueError):
-    """A value that cannot stand in a scene: what was given and what is allowed."""
+    """A value that cannot stand in a scene: what was given, what is wrong with it and what to write instead."""
 
-    def __init__(self, given: str, allowed: str) -> None:
-        super().__init__(f"given {shown(given)}, allowed: {allowed}")
+    def __init__(self, given: str, wrong: str, instead: str) -> None:
+        super().__init__(f"{shown(given)} {wrong}; {instead}")
 
 
 @dataclass(frozen=True)
@@ -79,35 +79,33 @@ def check_value(name: str, given: str) -> None:
 
 def check_file_name(name: str) -> None:
     """Check the name of a file, which also names the directory of its results. Raises `Refused`."""
-    check = keys_of(SceneFile)["name"].check
-    assert check is not None
     if not name.isprintable():  # such as a byte that is no UTF-8
-        raise Refused(name, check.allowed)
+        raise Refused(name, "cannot be shown", "write a name of printable characters")
     _accept(name, name.removesuffix(".toml"), SceneFile, "name")
 
 
-def _accept(given: str, value: Any, table: type[Table], key: str, allowed: str = "") -> Any:
-    """A value in SI, by the check of its key."""
+def _accept(given: str, value: Any, table: type[Table], key: str, instead: str = "") -> Any:
+    """A value in SI, by the check of its key. `given`: of which it is a part; instead: what to write for the whole."""
     check = keys_of(table)[key].check
     assert check is not None
     try:
         return check(value)
     except PydanticCustomError as error:
-        raise Refused(given, allowed or check.allowed) from error
+        context = error.context or {}
+        raise Refused(given, "cannot be used" if instead else context["wrong"], instead or context["instead"]) from error
 
 
 def _knit(given: str) -> NamedKnit:
     try:
         return named_knit(given)
     except KnitError as error:
-        raise Refused(given, error.allowed) from error
+        raise Refused(given, "is no knit", error.instead) from error
 
 
 def _diameter(given: str) -> str:
-    allowed = "a length with its unit, above 0 m and at most 10 mm, such as '30 um'"
     if not has_unit(given):
-        raise Refused(given, allowed)
-    _accept(given, given, Wire, "diameter", allowed)
+        raise Refused(given, "has no unit", "write a length with its unit, such as '30 um'")
+    _accept(given, given, Wire, "diameter")
     return given
 
 
@@ -120,7 +118,7 @@ def _plating(given: str) -> tuple[str, str]:
     """Metal and thickness of a coating."""
     parts = re.split(r"\s*,\s*|\s+", given.strip(), maxsplit=1)
     if len(parts) < 2 or not has_unit(parts[1]):
-        raise Refused(given, PLATING)
+        raise Refused(given, "lacks a metal or a thickness with its unit", PLATING)
     metal, thickness = parts
     _accept(given, metal, Plating, "material", f"{PLATING}, of {', '.join(MATERIALS)}")
     _accept(given, thickness, Plating, "thickness", PLATING)
@@ -142,7 +140,7 @@ def _load(given: str) -> tuple[tuple[str, str], ...]:
     """Keys and values of weft and warp."""
     parts = [part.strip() for part in given.split(",")]
     if len(parts) > 2:
-        raise Refused(given, LOAD)
+        raise Refused(given, f"has {len(parts)} parts", LOAD)
     return tuple(_load_of(direction, part) for direction, part in zip(("weft", "warp"), (parts * 2)[:2], strict=True))
 
 
@@ -152,7 +150,8 @@ def _load_of(direction: str, given: str) -> tuple[str, str]:
         return f"tension_{direction}", _toml(given)
     strain = si(given, "number")
     if not has_unit(given) and abs(strain) >= 1.0:
-        raise Refused(given, f"a strain such as '{given} %' or {strain / 100:g}, or a tension such as '{given} N/m'")
+        instead = f"write a strain such as '{given} %' or {strain / 100:g}, or a tension such as '{given} N/m'"
+        raise Refused(given, "has no unit", instead)
     _accept(given, given, Stage, f"strain_{direction}", LOAD)
     return f"strain_{direction}", _toml(given) if has_unit(given) else repr(strain)
 

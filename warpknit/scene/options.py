@@ -44,6 +44,7 @@ from warpknit.scene.values import (
     Treatment,
     refused,
 )
+from warpknit.text import either
 
 # Keys of [contact] that only some treatments have.
 TREATMENT_KEYS = {
@@ -130,8 +131,9 @@ class Contact(Table):
             treatment = data.get("treatment", "free-body")
             for name, users in TREATMENT_KEYS.items():
                 if name in data and treatment in TREATMENTS and treatment not in users:
-                    names = " or ".join(repr(user) for user in users)
-                    raise refused(f"only with contact.treatment = {names}", key=name, given=shown(data[name]))
+                    names = either([repr(user) for user in users])
+                    wrong = f"has no effect with contact.treatment = {treatment!r}"
+                    raise refused(wrong, f"leave it out, or write contact.treatment = {names}", key=name, given=shown(data[name]))
         return data
 
 

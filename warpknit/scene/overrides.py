@@ -17,7 +17,7 @@ from warpknit.scene.messages import Location, default_list, dotted, required_key
 from warpknit.scene.scene import Override, Overrides
 from warpknit.scene.units import shown
 
-DOTTED_KEY = "a dotted key, such as load.strain_warp or knit.bars[1].chain"
+DOTTED_KEY = "write one such as load.strain_warp or knit.bars[1].chain"
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
 
 # The same thing said in another way: setting one key takes the file's other out.
@@ -74,8 +74,8 @@ def _refuse_incomplete(file: object, table: Mapping[str, Any], entry: Location, 
         numbers = "0 and 1" if size == 2 else f"0 to {size - 1}"
         there = "there is none" if size == 0 else "there is one, 0" if size == 1 else f"there are {size}{name}, {numbers}"
         new = " and ".join(dotted((*entry, one)) for one in missing)
-        allowed = f"an entry that is there ({there}), or a new one with {new}"
-        raise scene_error(file, dotted(location), shown(_at(table, location)), allowed)
+        wrong = f"the entry does not exist ({there})"
+        raise scene_error(file, dotted(location), wrong, f"name one that exists, or set {new} of a new one")
 
 
 def as_written(value: Any, file: object, location: Location = ()) -> Any:
@@ -86,8 +86,8 @@ def as_written(value: Any, file: object, location: Location = ()) -> Any:
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):
-                allowed = "keys that are text, such as 'wire' or 'diameter'"
-                raise scene_error(file, dotted(location) or "the dict", f"the key {shown(key)}", allowed)
+                wrong = f"the key {shown(key)} is not text"
+                raise scene_error(file, dotted(location), wrong, "write keys such as 'wire' or 'diameter'")
         return {key: as_written(entry, file, (*location, key)) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [as_written(entry, file, (*location, k)) for k, entry in enumerate(value)]
@@ -99,12 +99,14 @@ def as_written(value: Any, file: object, location: Location = ()) -> Any:
 def _key_and_value(file: object, override: Override) -> tuple[str, Any]:
     if not isinstance(override, str):
         if not isinstance(override, Sequence) or len(override) != 2:
-            raise scene_error(file, "an override", shown(override), "KEY=VALUE as text, or a pair of a key and its value")
+            wrong = f"{shown(override)} is neither text nor a pair"
+            raise scene_error(file, "override", wrong, "write KEY=VALUE as text, or a pair of a key and its value")
         key, value = override[0], override[1]
         return key, as_written(value, file, _location(file, key))
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise scene_error(file, "an override", shown(override), "KEY=VALUE, such as load.strain_warp=0.05")
+        wrong = f"{shown(override)} has no {'key' if equals else 'value'}"
+        raise scene_error(file, "override", wrong, "write KEY=VALUE, such as load.strain_warp=0.05")
     return key.strip(), _value(text.strip())
 
 
@@ -123,7 +125,7 @@ def _location(file: object, key: object) -> tuple[int | str, ...]:
     for piece in key.split(".") if isinstance(key, str) else [""]:
         match = _PART.fullmatch(piece)
         if match is None:
-            raise scene_error(file, "an override", shown(key), DOTTED_KEY)
+            raise scene_error(file, "override", f"{shown(key)} is not a dotted key", DOTTED_KEY)
         name = match["name"]
         parts.append(int(name) if name.isdecimal() and len(name) < 7 else name)
         parts.extend(int(index) for index in re.findall(r"\d+", match["indices"]))
@@ -143,19 +145,21 @@ def _set(file: object, table: Any, location: Location, value: Any) -> list[Locat
     """
     added: list[Location] = []
     for depth, part in enumerate(location):
-        here = dotted(location[:depth]) or "the file"
+        here = dotted(location[:depth])
         if isinstance(part, int):
             if not isinstance(table, list) or part > len(table):
                 if unknown_depth(location[:depth]) is not None:
-                    raise unknown_key(file, location, shown(value))
+                    raise unknown_key(file, location)
                 size = len(table) if isinstance(table, list) else 0
-                allowed = f"an entry 0 to {size} of a list, of which {size} is a new one"
-                raise scene_error(file, dotted(location[: depth + 1]), shown(value), allowed)
+                wrong = f"the list has {size} {'entry' if size == 1 else 'entries'}"
+                instead = f"name entry {f'0 to {size}' if size else '0'}, of which {size} is a new one"
+                raise scene_error(file, dotted(location[: depth + 1]), wrong, instead)
             if part == len(table):
                 table.append({})
                 added.append(location[: depth + 1])
         elif not isinstance(table, dict):
-            raise scene_error(file, dotted(location), shown(value), f"no key below {here}, which is {shown(table)}")
+            instead = f"name an entry, such as {here}[0]" if isinstance(table, list) else f"set {here} itself"
+            raise scene_error(file, dotted(location), f"{here} is {shown(table)}, not a table", instead)
         if depth == len(location) - 1:
             table[part] = value
         elif isinstance(part, int):

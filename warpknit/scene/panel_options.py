@@ -6,13 +6,13 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from warpknit.errors import BadValue
 from warpknit.scene.keys import Table, as_object, key
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
-from warpknit.scene.units import QuantityError, si
+from warpknit.scene.units import DIMENSIONS, QuantityError, si
 from warpknit.scene.values import (
     Angle,
     AxialStiffness,
@@ -97,12 +97,8 @@ class PanelTable(PanelOptions):
     )
 
 
-class PanelError(Exception):
-    """Invalid combination of keys of [panel]; `key`, `given` and `allowed` are for the message."""
-
-    def __init__(self, key: str, given: Any, allowed: str) -> None:
-        super().__init__(key)
-        self.key, self.given, self.allowed = key, given, allowed
+class PanelError(BadValue):
+    """Invalid combination of keys of [panel]."""
 
 
 def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
@@ -110,22 +106,25 @@ def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
     corners = None
     if table.outline == "polygon":
         if (table.corners is None) == (table.file is None):
-            raise PanelError("outline", "polygon", "with corners, or with a file")
+            wrong = "a polygon without corners" if table.corners is None else "a polygon with corners and a file"
+            raise PanelError("outline", wrong, "write panel.corners or panel.file")
         key = "corners" if table.file is None else "file"
         found = table.corners if table.file is None else _read_corners(folder / table.file, table.file)
         corners = _checked_corners(key, list(found or ()))
     elif table.corners is not None or table.file is not None:
         key = "corners" if table.corners is not None else "file"
-        raise PanelError(key, getattr(table, key), "only with outline = 'polygon'")
+        raise PanelError(key, f"has no effect with outline = {table.outline!r}", "leave it out, or write outline = 'polygon'")
     sized = table.outline in ("hexagon", "triangle", "disc")
     if sized != (table.size is not None):
-        allowed = f"a length with outline = {table.outline!r}" if sized else "only with outline = 'hexagon', 'triangle' or 'disc'"
-        raise PanelError("size", table.size if table.size is not None else "nothing", allowed)
+        wrong, instead = f"missing for outline = {table.outline!r}", "write a length"
+        if not sized:
+            wrong, instead = f"has no effect with outline = {table.outline!r}", "leave it out"
+        raise PanelError("size", wrong, instead)
     if table.rotation and table.outline == "rectangle":
-        raise PanelError("rotation", table.rotation, "0 with outline = 'rectangle' (a turned one is a polygon)")
+        raise PanelError("rotation", "a rectangle is not turned", "leave it out, or write outline = 'polygon'")
     if (table.grip_pitch is None) != (table.cord is None):
         missing = "cord" if table.cord is None else "grip_pitch"
-        raise PanelError(missing, "nothing", "cord and grip_pitch together: between net nodes the edge hangs on its cord")
+        raise PanelError(missing, "missing: between net nodes the edge hangs on its cord", "write both panel.cord and grip_pitch")
     return as_object(PanelOptions, table, corners=corners)
 
 
@@ -134,12 +133,12 @@ def _checked_corners(key: str, corners: list[tuple[float, float]]) -> tuple[tupl
     if len(corners) > 1 and corners[0] == corners[-1]:
         corners = corners[:-1]
     if not 3 <= len(corners) <= MOST_CORNERS:
-        raise PanelError(key, f"{len(corners)} corners", f"3 to {MOST_CORNERS}")
+        raise PanelError(key, f"has {len(corners)} corners", f"write 3 to {MOST_CORNERS}")
     points = np.array(corners)
     if not is_simple(points):
-        raise PanelError(key, f"{len(corners)} corners", "an outline that does not cross or touch itself")
+        raise PanelError(key, "the outline crosses or touches itself", "write the corners in their order along the edge")
     if abs(signed_area(points)) < 1e-6 * float(np.ptp(points, axis=0).max()) ** 2:
-        raise PanelError(key, f"{len(corners)} corners", "an outline that has an area")
+        raise PanelError(key, "the outline has no area", "write corners that are not on one line")
     if signed_area(points) < 0.0:
         points = points[::-1]
     return tuple((float(x), float(y)) for x, y in points)
@@ -148,26 +147,27 @@ def _checked_corners(key: str, corners: list[tuple[float, float]]) -> tuple[tupl
 def _read_corners(path: Path, name: str) -> list[tuple[float, float]]:
     """Corners from a CSV file with two columns, x and y: lengths with a unit, or numbers in m; a first line of names may
     stand above them, with a unit in brackets that all numbers below are in."""
-    allowed = "a CSV file of corners: two columns, x and y, such as '12.5 mm, 3 mm'"
+    instead = "write a corner a line, x and y, such as '12.5 mm, 3 mm'"
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
     except OSError as error:
-        raise PanelError("file", f"{name} ({(error.strerror or 'unreadable').lower()})", allowed) from error
+        wrong = f"{name!r} cannot be read ({(error.strerror or 'it is unreadable').lower()})"
+        raise PanelError("file", wrong, "name a CSV file beside the scene") from error
     except (ValueError, csv.Error) as error:
-        raise PanelError("file", f"{name} (not text)", allowed) from error
+        raise PanelError("file", f"{name!r} is not text", instead) from error
     units = ["", ""]
     corners = []
     for number, row in enumerate(rows, start=1):
         try:
             if len(row) != 2:
-                raise QuantityError(row, allowed)
+                raise QuantityError(row, DIMENSIONS["length"])
             corners.append(tuple(si(f"{cell.strip()} {unit}".strip(), "length") for cell, unit in zip(row, units, strict=True)))
         except QuantityError as error:
             if number == 1 and len(row) == 2:
                 units = [cell[cell.find("[") + 1 : cell.rfind("]")] if "[" in cell else "" for cell in row]
                 continue
-            raise PanelError("file", f"{name}, line {number}: {', '.join(row)[:40]!r}", allowed) from error
+            raise PanelError("file", f"{', '.join(row)[:40]!r} in line {number} of {name!r} is not a corner", instead) from error
     return corners  # type: ignore[return-value]
 
 

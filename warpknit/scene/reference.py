@@ -27,7 +27,7 @@ def with_key_tables(text: str) -> str:
     for section in SECTIONS:
         begin = BEGIN.format(section)
         if text.count(begin) != 1:
-            raise ValueError(f"{begin}: stands {text.count(begin)} times, allowed: once")
+            raise ValueError(f"{begin}: stands {text.count(begin)} times; write it once")
         before, _, rest = text.partition(begin)
         _, end, after = rest.partition(END)
         text = "\n".join([before + begin, *key_rows(section), end + after])
@@ -99,14 +99,13 @@ def _matrix() -> Iterator[str]:
 
 
 def _limits() -> Iterator[str]:
-    """The rules with what they allow and why; equal ones share a row."""
-    yield row(["", "not with", "allowed", "why"])
+    """The rules, what to write instead and why; equal ones share a row."""
+    yield row(["", "not with", "instead", "why"])
     yield "|---|---|---|---|"
     alike: dict[tuple[str, ...], list[str]] = {}
     for rule in RULES:
         others = " and ".join(TRAITS[name].words for name in rule.others)
-        allowed = rule.allowed if rule.refused else f"no effect, {rule.allowed}"
-        alike.setdefault((others, allowed, rule.why), []).append(TRAITS[rule.trait].words)
+        alike.setdefault((others, rule.instead or "no effect", rule.why), []).append(TRAITS[rule.trait].words)
     for limit, traits in alike.items():
         yield row([", ".join(traits), *limit])
 

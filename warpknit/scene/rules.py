@@ -11,147 +11,104 @@ class Rule:
 
     trait: str  # whose key the message names
     others: tuple[str, ...]  # all of them together; the first gives the column of the table
-    allowed: str  # of the message
-    why: str  # reason, for the documents
-    refused: bool = True  # else it has no effect
+    instead: str  # what to write; empty: the combination is accepted, but the trait has no effect
+    why: str
 
     @property
     def traits(self) -> frozenset[str]:
         return frozenset((self.trait, *self.others))
 
+    @property
+    def refused(self) -> bool:
+        """Whether the combination is refused."""
+        return bool(self.instead)
+
 
 NOT_BUILT = "not implemented"
-SPATIAL = "with model.kind = 'spatial'"
-HOOK_LOADS = "only displacement and temperature with [hook]"
-WIRE_LOADS = "strains, tensions, shear and temperature with [wires]"
-NO_EDGE = "nothing with model.boundary = 'periodic', which has no edge"
-NOT_IN_A_RAMP = "nothing with solver.drive = 'ramp'"
-STRAINS_ONLY = "strains with friction or yield: a search for tension would be part of the load history"
-ON_THE_PATH = "left out for maps and reports (its meshes are elastic, frictionless and uniformly strained)"
+LEAVE_OUT = "leave it out"
+NO_EFFECT = ""
+RELAX, GRIPPED, SPATIAL = (f"write '{word}'" for word in ("relax", "gripped", "spatial"))
+KNIT, KNIT_OR_HOOK = "use a scene with [knit]", "use a scene with [knit] or [hook]"
+ONE_RANK = "run it without mpirun"
 ENDS = "only the two upper ends of a hook move"
 SIZE = "the size of the mesh is known only when the file is read"
-SYMMETRY = "a periodic tile requires a uniform load"
+NO_EDGE = "a periodic tile has no edge, and its load is uniform"
 ALONE = "a map strains its mesh uniformly"
-REAL_TIME = "only with drive = 'ramp' (a relaxation has no real time)"
-FICTITIOUS = "the masses of a relaxation are fictitious"
+FICTITIOUS = "the masses of a relaxation are fictitious, and it has no real time"
 OWN_CONTACT = "in space wires touch each other directly: there are no bodies"
+SEARCHED = "a search for tension would be part of the load history"
 
 RULES = (
     # the mesh and its model
-    Rule("planar", ("wires",), "'spatial' with [wires], whose wires are curves in space", "its wires are curves in space"),
-    Rule("periodic", ("hook",), "'gripped' with [hook]: its ends are held", "its ends are held"),
-    Rule("panel", ("hook",), "no [panel] with [hook]: its ends are where its wires end", "it ends where its wires end"),
-    Rule("panel", ("wires",), "no [panel] with [wires]", "it ends where its wires end"),
-    Rule("sweep", ("hook",), "no [sweep] with [hook]: it has no strains", "it has no strains"),
-    Rule("sweep", ("wires",), "no [sweep] with [wires]", NOT_BUILT),
-    Rule("ramp", ("wires",), "'relax' with [wires]", NOT_BUILT),
-    Rule("file repeats", ("gripped",), "[1, 1] unless model.boundary = 'periodic'", "wires held at their ends do not repeat"),
-    Rule(
-        "crossing distance",
-        ("planar",),
-        "left out with model.kind = 'planar', where both wires lie in one plane",
-        "both wires lie in one plane",
-    ),
-    Rule("seeds", ("even loops",), "1 without knit.scatter, as all seeds give the same mesh", "all seeds give the same mesh"),
+    Rule("planar", ("wires",), SPATIAL, "its wires are curves in space"),
+    Rule("periodic", ("hook",), GRIPPED, "its ends are held"),
+    Rule("panel", ("hook",), LEAVE_OUT, "it ends where its wires end"),
+    Rule("panel", ("wires",), LEAVE_OUT, "it ends where its wires end"),
+    Rule("sweep", ("hook",), LEAVE_OUT, "it has no strains"),
+    Rule("sweep", ("wires",), LEAVE_OUT, NOT_BUILT),
+    Rule("ramp", ("wires",), RELAX, NOT_BUILT),
+    Rule("file repeats", ("gripped",), "write [1, 1], or model.boundary = 'periodic'", "wires held at their ends do not repeat"),
+    Rule("crossing distance", ("planar",), LEAVE_OUT, "both wires lie in one plane"),
+    Rule("seeds", ("even loops",), "write 1, or knit.scatter", "all seeds give the same mesh"),
     # contact
-    Rule("treatment", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
-    Rule(
-        "treatment",
-        ("knit",),
-        "'free-body' for a knit; the others are for the two wires of [hook]",
-        "the others are for comparison on a single contact",
-    ),
-    Rule("body mass", ("spatial",), f"left out {SPATIAL}, whose wires touch each other themselves", OWN_CONTACT),
-    Rule(
-        "body mass",
-        ("relax",),
-        "only with solver.drive = 'ramp' (the masses of a relaxation are fictitious)",
-        FICTITIOUS,
-    ),
-    Rule("body radius", ("spatial",), "as only the planar model has contact bodies", OWN_CONTACT, refused=False),
-    Rule(
-        "friction",
-        ("treatment",),
-        "0 unless contact.treatment = 'free-body'",
-        "each treatment is studied without friction",
-    ),
+    Rule("treatment", ("spatial",), LEAVE_OUT, OWN_CONTACT),
+    Rule("treatment", ("knit",), "write 'free-body'", "the others are for comparison on a single contact, in a [hook]"),
+    Rule("body mass", ("spatial",), LEAVE_OUT, OWN_CONTACT),
+    Rule("body mass", ("relax",), LEAVE_OUT, FICTITIOUS),
+    Rule("body radius", ("spatial",), NO_EFFECT, OWN_CONTACT),
+    Rule("friction", ("treatment",), "write 0, or contact.treatment = 'free-body'", "each treatment is studied without friction"),
     # friction and yield
-    Rule("friction", ("ramp",), "0 with solver.drive = 'ramp'", NOT_BUILT),
-    Rule("plastic", ("ramp",), "false with solver.drive = 'ramp'", NOT_BUILT),
-    Rule("hardening", ("elastic",), "as it applies only with wire.plastic = true", "the wire stays elastic", refused=False),
-    Rule("poisson", ("planar",), "as wires do not twist in the plane", "wires do not twist in the plane", refused=False),
-    Rule("seed", ("even loops",), "as it applies only with knit.scatter", "uniform loops need no seed", refused=False),
+    Rule("friction", ("ramp",), "write 0", NOT_BUILT),
+    Rule("plastic", ("ramp",), "write false", NOT_BUILT),
+    Rule("hardening", ("elastic",), NO_EFFECT, "it applies only with wire.plastic = true"),
+    Rule("poisson", ("planar",), NO_EFFECT, "wires do not twist in the plane"),
+    Rule("seed", ("even loops",), NO_EFFECT, "it applies only with knit.scatter"),
     # loads
-    *(Rule(trait, ("hook",), HOOK_LOADS, ENDS) for trait in ("strain", "tension", "shear", "gradient", "pull", "rotation")),
-    *(Rule(trait, ("wires",), WIRE_LOADS, SIZE) for trait in ("displacement", "gradient", "pull")),
-    *(Rule(trait, ("periodic",), NO_EDGE, SYMMETRY) for trait in ("gradient", "pull", "rotation")),
-    *(Rule(trait, ("ramp",), NOT_IN_A_RAMP, NOT_BUILT) for trait in ("gradient", "pull", "rotation", "cord")),
-    Rule("rotation", ("cord",), "nothing with panel.cord, which holds the clamps", "the clamps hang on the cord"),
-    Rule("rotation", ("spatial", "pull"), f"0 with pulls {SPATIAL}", NOT_BUILT),
-    Rule("rotation and pull", (), "nothing together with a pull", "each of them moves the clamps"),
-    Rule(
-        "gradient",
-        ("no multipliers",),
-        "nothing with solver.multipliers = false: the multipliers apply it",
-        "the multipliers apply it",
+    *(
+        Rule(trait, ("hook",), "write displacement and temperature alone", ENDS)
+        for trait in ("strain", "tension", "shear", "gradient", "pull", "rotation")
     ),
     *(
-        Rule(load, (trait,), STRAINS_ONLY, "a search for tension would be part of the load history")
+        Rule(trait, ("wires",), "write strains, tensions, shear and temperature alone", SIZE)
+        for trait in ("displacement", "gradient", "pull")
+    ),
+    *(Rule(trait, ("periodic",), LEAVE_OUT, NO_EDGE) for trait in ("gradient", "pull", "rotation")),
+    *(Rule(trait, ("ramp",), LEAVE_OUT, NOT_BUILT) for trait in ("gradient", "pull", "rotation", "cord")),
+    Rule("rotation", ("cord",), LEAVE_OUT, "the clamps hang on the cord"),
+    Rule("rotation", ("spatial", "pull"), LEAVE_OUT, NOT_BUILT),
+    Rule("rotation and pull", ("pull",), LEAVE_OUT, "each of them moves the clamps"),
+    Rule("gradient", ("no multipliers",), LEAVE_OUT, "the multipliers apply it"),
+    *(
+        Rule(load, (trait,), "write strains", SEARCHED)
         for load in ("tension", "sweep by tension")
         for trait in ("friction", "plastic")
     ),
-    Rule(
-        "path",
-        ("sweep",),
-        "in `warpknit map` alone, which runs only [load]",
-        "each strain of a map is loaded separately",
-        refused=False,
-    ),
+    Rule("path", ("sweep",), NO_EFFECT, "a map runs only [load]"),
     # the solver
-    Rule("single", ("hook",), "'double' with [hook], which has few nodes", "double precision costs nothing with few nodes"),
-    Rule("no multipliers", ("spatial",), f"true {SPATIAL}", NOT_BUILT),
-    Rule("focal length", ("spatial",), f"left out {SPATIAL}", NOT_BUILT),
-    Rule("target time step", ("relax",), REAL_TIME, FICTITIOUS),
-    Rule("loading time", ("relax",), REAL_TIME, FICTITIOUS),
-    Rule(
-        "mass scaling",
-        ("relax",),
-        "1 with drive = 'relax' (its masses are fictitious), 1 or more with drive = 'ramp'",
-        FICTITIOUS,
-    ),
-    Rule("damping", ("relax",), "as it applies only to a ramp", FICTITIOUS, refused=False),
-    Rule("max steps", ("ramp",), "as it applies only to a relaxation", "a ramp ends when its time is over", refused=False),
+    Rule("single", ("hook",), "write 'double'", "double precision costs nothing with few nodes"),
+    Rule("no multipliers", ("spatial",), "write true", NOT_BUILT),
+    Rule("focal length", ("spatial",), LEAVE_OUT, NOT_BUILT),
+    *(Rule(trait, ("relax",), LEAVE_OUT, FICTITIOUS) for trait in ("target time step", "loading time", "mass scaling")),
+    Rule("damping", ("relax",), NO_EFFECT, "it applies only to a ramp"),
+    Rule("max steps", ("ramp",), NO_EFFECT, "it applies only to a relaxation"),
     # rules for a whole table, after those for its keys
-    Rule("periodic", ("panel",), "'gripped' with [panel]: a periodic tile has no outline", "a tile has no outline"),
+    Rule("periodic", ("panel",), GRIPPED, "a tile has no outline"),
     # commands
-    Rule("wires", ("map",), "[knit] for maps and reports", NOT_BUILT),
-    Rule("wires", ("trade",), "[knit] or [hook] for a trade", NOT_BUILT),
-    Rule("wires", ("error",), "[knit] or [hook] with --error", "settings are tried on a smaller mesh, which requires a knit"),
-    Rule("hook", ("map",), "[knit] for maps and reports", "it has no strains"),
-    Rule("hook", ("ranks",), "[knit] for several ranks: run without mpirun", "two wires are too few for several ranks"),
-    Rule(
-        "no sweep",
-        ("map",),
-        "a table [sweep] of strains or of tensions, weft and warp, for `warpknit map`",
-        "it defines the loads",
-    ),
-    Rule("ramp", ("map",), "'relax' for maps and reports", "a map consists of equilibria"),
-    Rule("ramp", ("error",), "'relax' with --error", "errors are those of equilibria"),
-    Rule("spatial", ("error", "hook"), "'planar' for a hook with --error", "its errors were not measured for hooks in space"),
+    Rule("wires", ("map",), KNIT, NOT_BUILT),
+    Rule("wires", ("trade",), KNIT_OR_HOOK, NOT_BUILT),
+    Rule("wires", ("error",), KNIT_OR_HOOK, "settings are tried on a smaller mesh, which requires a knit"),
+    Rule("hook", ("map",), KNIT, "it has no strains"),
+    Rule("hook", ("ranks",), ONE_RANK, "two wires are too few for several ranks"),
+    Rule("no sweep", ("map",), "add [sweep], with strains or tensions in weft and warp", "[sweep] has its loads"),
+    Rule("ramp", ("map",), RELAX, "a map consists of equilibria"),
+    Rule("ramp", ("error",), RELAX, "errors are those of equilibria"),
+    Rule("spatial", ("error", "hook"), "write 'planar'", "its errors were not measured for hooks in space"),
+    *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "wires")),
+    Rule("gripped", ("report",), "write 'periodic'", "a card is for endless cloth"),
+    Rule("friction", ("report",), "write 0", "a card is for states that do not depend on the load history"),
+    Rule("friction", ("map", "planar"), LEAVE_OUT, NOT_BUILT),
     *(
-        Rule(trait, ("spatial", "ranks"), f"{allowed} {SPATIAL} on several ranks: run without mpirun", NOT_BUILT)
-        for trait, allowed in (("ramp", "'relax'"), ("cord", "nothing"), ("pull", "nothing"), ("wires", "nothing"))
-    ),
-    Rule("gripped", ("report",), "'periodic' for a report (a card is for endless cloth)", "a card is for endless cloth"),
-    Rule(
-        "friction",
-        ("report",),
-        "0 for a report (a card is for states that do not depend on the load history)",
-        "a card is for states that do not depend on the load history",
-    ),
-    Rule("friction", ("map", "planar"), ON_THE_PATH, NOT_BUILT),
-    *(
-        Rule(trait, ("map",), ON_THE_PATH, why)
+        Rule(trait, ("map",), LEAVE_OUT, why)
         for trait, why in (
             ("plastic", NOT_BUILT),
             ("pull", ALONE),
@@ -160,12 +117,7 @@ RULES = (
             ("cord", ALONE),
         )
     ),
-    Rule(
-        "cuda",
-        ("map",),
-        "cpu for maps and reports (its small meshes fit the caches of a CPU)",
-        "small meshes fit the caches of a CPU",
-    ),
-    Rule("ranks", ("trade",), "one rank for a trade: run it without mpirun", "its meshes are small"),
-    Rule("ranks", ("map",), "one rank for maps and reports: run it without mpirun", "its meshes are small"),
+    Rule("cuda", ("map",), "write --device cpu", "small meshes fit the caches of a CPU"),
+    Rule("ranks", ("trade",), ONE_RANK, "its meshes are small"),
+    Rule("ranks", ("map",), ONE_RANK, "its meshes are small"),
 )

@@ -87,7 +87,7 @@ class Scene:
         """
         remake = self.__dict__["_remake"]
         if remake is None:
-            raise SceneError(f"{self.path}: given a scene put together from parts, allowed: load_scene(scene, overrides)")
+            raise SceneError(f"{self.path}: a scene put together from parts cannot be changed; use load_scene(scene, overrides)")
         scene: Scene = remake(overrides, preset, command=command, ranks=ranks)
         return scene
 

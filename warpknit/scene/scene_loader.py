@@ -34,7 +34,7 @@ from warpknit.scene.units import has_unit, is_quantity, shown
 from warpknit.scene.values import Links
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import file_diameter, wire_file
-from warpknit.text import at_least, at_most, exact
+from warpknit.text import at_least, at_most, engineering, exact
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -76,7 +76,7 @@ def load_scene(
 
     Quantities are strings with their unit or numbers in SI; docs/scenes.md has all keys.
 
-    Raises SceneError: one line with the file, the key, what was given and what is allowed.
+    Raises SceneError: one line with the file, the key, what is wrong and what to write instead.
     """
     if isinstance(source, Scene):
         if not overrides and preset is None and (source.kind_reason == GIVEN or not source.is_as_written):
@@ -92,34 +92,33 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
     if isinstance(source, Mapping):
         return IN_CODE, source
     if not isinstance(source, str | os.PathLike) or (isinstance(source, str) and not source):
-        raise scene_error(IN_CODE, "the source", shown(source), "a path, TOML text, a dict or a scene")
+        raise scene_error(IN_CODE, "", f"{shown(source)} is not a scene", "give a path, TOML text, a dict or a scene")
     is_text = isinstance(source, str) and ("\n" in source or ("=" in source and not os.path.exists(source)))
-    path, expected = (IN_CODE, "a scene in TOML") if is_text else (Path(source), "a scene file in TOML")
-    what = "the text" if is_text else "the file"
+    path, expected = (IN_CODE, "give a scene in TOML") if is_text else (Path(source), "give a scene file in TOML")
     try:
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
         return path, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        given, quoted = _toml_fault(text, str(error))
-        raise scene_error(path, what, f"invalid TOML ({given})", quoted or expected) from error
+        fault, quoted = _toml_fault(text, str(error))
+        raise scene_error(path, "", f"invalid TOML ({fault})", quoted or expected) from error
     except OSError as error:
-        given = "a directory" if path.is_dir() else (error.strerror or "an unreadable file").lower()
-        raise scene_error(path, what, given, expected) from error
+        wrong = "a directory" if path.is_dir() else (error.strerror or "unreadable").lower()
+        raise scene_error(path, "", wrong, expected) from error
     except UnicodeDecodeError as error:
-        given = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"
-        raise scene_error(path, what, given, f"{expected} saved as UTF-8") from error
+        wrong = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"
+        raise scene_error(path, "", wrong, "save the file as UTF-8") from error
     except (ValueError, RecursionError) as error:
-        raise scene_error(path, what, f"invalid TOML ({error})", expected) from error
+        raise scene_error(path, "", f"invalid TOML ({error})", expected) from error
 
 
 def _toml_fault(text: str, fault: str) -> tuple[str, str]:
-    """What is wrong with a text that is not TOML, and what is allowed there, if it is a quantity without quotes."""
+    """What is wrong with a text that is not TOML, and what to write if it is a quantity without quotes."""
     place = re.search(r"at line (\d+)", fault)
     lines = text.splitlines()
     if place is not None and int(place[1]) <= len(lines):
         for quantity in map(str.strip, _UNQUOTED.findall(lines[int(place[1]) - 1])):
             if is_quantity(quantity):
-                return f"line {place[1]}: {quantity} without quotes", f'a quantity with its unit as text, "{quantity}"'
+                return f"line {place[1]}: {quantity} without quotes", f'write "{quantity}"'
     return fault, ""
 
 
@@ -212,11 +211,11 @@ def _wire(source: Source, table: Wire) -> Wire:
         left_out["hardness"] = surface.hardness
     wire = replace(table, **left_out)
     if wire.yield_stress > wire.tensile_strength:
-        allowed = f"at most the tensile strength, {exact(wire.tensile_strength, 'Pa')}"
-        raise source.refusal(("wire", "yield_stress"), wire.yield_stress, allowed)
+        instead = f"write at most {exact(wire.tensile_strength, 'Pa')}"
+        raise source.refusal(("wire", "yield_stress"), wire.yield_stress, "is above the tensile strength", instead)
     if wire.plating is not None and wire.plating.thickness > wire.radius:
-        allowed = f"at most the radius of the wire, {at_most(wire.radius, 'm')}"
-        raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, allowed)
+        instead = f"write at most {at_most(wire.radius, 'm')}"
+        raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, "is above the radius of the wire", instead)
     return wire
 
 
@@ -227,8 +226,8 @@ def _knit(source: Source, file: SceneFile, wire: Wire, panel: PanelOptions) -> K
         return knit
     repeats = covering_repeats(panel.shape(knit.size), knit.repeat)
     if file.knit.repeats not in ((1, 1), repeats):
-        allowed = f"left out with panel.outline = {panel.outline!r}, which sets the size of the mesh ({list(repeats)} cover it)"
-        raise source.refusal(("knit", "repeats"), list(file.knit.repeats), allowed)
+        wrong = f"do not fit panel.outline = {panel.outline!r}, which {list(repeats)} cover"
+        raise source.refusal(("knit", "repeats"), list(file.knit.repeats), wrong, "leave them out")
     return replace(knit, repeats=repeats)
 
 
@@ -240,18 +239,19 @@ def _one_knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
     ):
         spacing[key] = length if count is None else 1 / count
         if not 2 * wire.diameter <= spacing[key] < math.inf:
-            least = 2 * wire.diameter
-            allowed = f"at least {at_least(least, 'm')}, two diameters of the wire between loops"
-            raise source.refusal(("knit", key if count is None else count_key), spacing[key], allowed)
+            wrong = "puts loops less than two wire diameters apart" if spacing[key] < 1.0 else "puts loops too far apart"
+            instead = f"write {key} = '{at_least(2 * wire.diameter, 'm')}' or more"
+            raise source.refusal(("knit", key if count is None else count_key), spacing[key], wrong, instead)
     ratio = spacing["wale_spacing"] / spacing["course_spacing"]
     if not 1 / SPACING_RATIO <= ratio <= SPACING_RATIO:
         kind, count = ("course", table.courses) if ratio > 1.0 else ("wale", table.wales)  # the denser of both
         key = f"{kind}_spacing" if count is None else f"{kind}s"
-        allowed = (
-            f"wales and courses whose spacings differ by a factor of at most {SPACING_RATIO:g}; here wales are"
-            f" {spacing['wale_spacing'] * 1e3:.4g} mm and courses {spacing['course_spacing'] * 1e3:.4g} mm apart"
+        wrong = (
+            f"puts wales {engineering(spacing['wale_spacing'], 'm', 4)} and courses"
+            f" {engineering(spacing['course_spacing'], 'm', 4)} apart"
         )
-        raise source.refusal(("knit", key), spacing[f"{kind}_spacing"], allowed)
+        instead = f"write spacings that differ by a factor of at most {SPACING_RATIO:g}"
+        raise source.refusal(("knit", key), spacing[f"{kind}_spacing"], wrong, instead)
     return as_object(Knit, table, **spacing)
 
 
@@ -264,8 +264,8 @@ def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) ->
     nodes = numerics.nodes_per_loop if table.nodes_per_loop is None else table.nodes_per_loop
     radius = wire.diameter / 8 if table.body_radius is None else table.body_radius
     if radius > wire.diameter:
-        allowed = f"at most the diameter of the wire, {exact(wire.diameter, 'm')}"
-        raise source.refusal(("model", "body_radius"), radius, allowed)
+        wrong = "is above the diameter of the wire"
+        raise source.refusal(("model", "body_radius"), radius, wrong, f"write at most {exact(wire.diameter, 'm')}")
     return replace(table, nodes_per_loop=nodes, body_radius=radius)
 
 
@@ -273,8 +273,8 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     """[contact] with the defaults of its treatment; what the treatment does not have is None."""
     table = file.contact
     if table.ring_radius is not None and table.ring_radius < wire.radius:
-        allowed = f"at least the radius of the wire, {at_least(wire.radius, 'm')}: the wires pass through the ring"
-        raise source.refusal(("contact", "ring_radius"), table.ring_radius, allowed)
+        wrong = "is below the radius of the wires, which pass through the ring"
+        raise source.refusal(("contact", "ring_radius"), table.ring_radius, wrong, f"write at least {at_least(wire.radius, 'm')}")
     defaults: dict[str, Any] = {
         "spring_stiffness": 1e-3,
         "ring_radius": wire.diameter,
@@ -291,8 +291,7 @@ def _panel(source: Source, file: SceneFile) -> PanelOptions:
     try:
         panel = panel_options(file.panel, source.path.parent)
     except PanelError as error:
-        key = dotted(("panel", error.key))
-        raise scene_error(source.path, key, shown(error.given), error.allowed) from error
+        raise scene_error(source.path, dotted(("panel", error.key)), error.wrong, error.instead) from error
     return panel
 
 
@@ -307,6 +306,7 @@ def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: floa
     if file.hook is not None or (table.precision is None and not coarse):
         given["precision"] = "double"
     if given["precision"] == "single" and given["residual_tolerance"] < SINGLE_TOLERANCE:
-        allowed = f'{SINGLE_TOLERANCE:g} or more in single precision, whose round-off hides less; or precision = "double"'
-        raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], allowed)
+        wrong = "is below the round-off of single precision"
+        instead = f'write {SINGLE_TOLERANCE:g} or more, or solver.precision = "double"'
+        raise source.refusal(("solver", "residual_tolerance"), given["residual_tolerance"], wrong, instead)
     return replace(table, **given)

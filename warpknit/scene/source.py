@@ -19,11 +19,11 @@ class Source:
     path: Path
     table: dict[str, Any]
 
-    def refusal(self, location: Sequence[int | str], value: Any, allowed: str) -> SceneError:
-        """The error for a value that conflicts with another; `value` is shown if none was written."""
+    def refusal(self, location: Sequence[int | str], value: Any, wrong: str, instead: str) -> SceneError:
+        """The error for a value that conflicts with another, such as "is above 1"; `value` is shown if none was written."""
         given: Any = self.table
         for part in location:
             if not (part < len(given) if isinstance(part, int) else part in given):
-                return scene_error(self.path, dotted(location), value_text(location, value), allowed)
+                return scene_error(self.path, dotted(location), f"{value_text(location, value)} {wrong}", instead)
             given = given[part]
-        return scene_error(self.path, dotted(location), shown(given), allowed)
+        return scene_error(self.path, dotted(location), f"{shown(given)} {wrong}", instead)

@@ -52,24 +52,27 @@ def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[st
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
     there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
     if there.min() <= 0.0 or there.max() > 4000.0:
-        allowed = f"above 0 K and at most 4000 K on the whole edge; this gives {there.min():.6g} K to {there.max():.6g} K"
-        raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], allowed)
+        wrong = f"gives temperatures from {there.min():.6g} K to {there.max():.6g} K at the edge"
+        instead = "write one that keeps them above 0 K and at most at 4000 K"
+        raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], wrong, instead)
 
 
 def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline) -> None:
     size = float(outline.size.min())
     if math.hypot(*pull.by) > FARTHEST_PULL * size:
-        allowed = f"at most {FARTHEST_PULL:g} of the panel's width, {at_most(FARTHEST_PULL * size, 'm')}"
-        raise source.refusal((*location, "by"), pull.by, allowed)
+        wrong = f"is above {FARTHEST_PULL:g} of the panel's width"
+        raise source.refusal((*location, "by"), pull.by, wrong, f"write at most {at_most(FARTHEST_PULL * size, 'm')}")
     middle = outline.low + 0.5 * outline.size
     _, away = outline.nearest((middle + np.array(pull.at))[None])
     if away[0] > NEAR_EDGE * size:
         near, found = at_most(NEAR_EDGE * size, "m"), at_least(float(away[0]), "m")
-        allowed = f"a place within {near} of the edge of the panel; this is {found} away"
-        raise source.refusal((*location, "at"), pull.at, allowed)
+        wrong = f"is {found} away from the edge of the panel"
+        raise source.refusal((*location, "at"), pull.at, wrong, f"write a place within {near}")
     if (pull.width is None) == (file.panel.grip_pitch is None):
-        allowed = "left out with panel.grip_pitch (net nodes move)" if pull.width else "a length: the displaced part of the edge"
-        raise source.refusal((*location, "width"), pull.width or 0.0, allowed)
+        wrong, instead = "is missing", "write the length of the edge that is displaced"
+        if pull.width:
+            wrong, instead = "has no effect with panel.grip_pitch, where net nodes move", "leave it out"
+        raise source.refusal((*location, "width"), pull.width or "a width", wrong, instead)
 
 
 def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:
@@ -99,7 +102,7 @@ def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int |
     for number, (location, table) in enumerate(tables, start=1):
         name = table.name or ("load" if number == 1 else f"stage-{number}")
         if name in names:
-            raise source.refusal((*location, "name"), name, "a name that differs from those of other stages")
+            raise source.refusal((*location, "name"), name, "is the name of another stage", "write another name")
         names.add(name)
         yield location, name, table
 
@@ -116,9 +119,8 @@ def _displaced(source: Source, location: Sequence[int | str], displacement: floa
         try:
             STRAIN(strain)
         except PydanticCustomError as error:
-            allowed = (
-                f"a displacement with a strain {STRAIN.allowed.removeprefix('a number ')}; this gives {strain:.6g} in {side}"
-            )
-            raise source.refusal(location, displacement, allowed) from error
+            wrong = f"gives a strain of {strain:.6g} in {side}"
+            instead = f"write one that gives strains {STRAIN.allowed.removeprefix('a number ')}"
+            raise source.refusal(location, displacement, wrong, instead) from error
         load |= _direction(side, strain, None)
     return load

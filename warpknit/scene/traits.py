@@ -233,7 +233,9 @@ TRAITS = {
     "damping": _key("given damping", "solver.damping", "100 /s"),
     "max steps": _key("step limit", "solver.max_steps", 10_000),
     # the sweep
-    "no sweep": Trait("no sweep", "sweep", lambda case: [(("sweep",), Words("nothing"))] if case.scene.sweep is None else []),
+    "no sweep": Trait(
+        "no sweep", "sweep", lambda case: [(("sweep",), Words("a scene without [sweep]"))] if case.scene.sweep is None else []
+    ),
     "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
     "sweep by tension": Trait(
         "a sweep by tension", "sweep.tension_weft", _given("sweep.tension_weft"), {"sweep": TENSION_SWEEP}, ("sweep",)

@@ -10,11 +10,11 @@ from typing import Any
 
 
 class QuantityError(ValueError):
-    """A value that is not a finite quantity of the wanted dimension; `allowed` says what would be, `hint` what is near."""
+    """A value that is not a finite quantity of the `wanted` dimension; `hint`: what may have been meant."""
 
-    def __init__(self, given: object, allowed: str, hint: str = "") -> None:
-        super().__init__(f"given {shown(given)}, allowed: {allowed}{hint}")
-        self.allowed, self.hint = allowed, hint
+    def __init__(self, given: object, wanted: Dimension, hint: str = "") -> None:
+        super().__init__(f"{shown(given)} is not {wanted.noun}; write {wanted}{hint}")
+        self.hint = hint
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def si(value: object, dimension: str) -> float:
     else:
         number = None
     if number is None:
-        raise QuantityError(value, str(wanted), _case_hint(value, wanted) if isinstance(value, str) else "")
+        raise QuantityError(value, wanted, _case_hint(value, wanted) if isinstance(value, str) else "")
     return number + 0.0  # no negative zero: equal scenes have equal hashes
 
 

@@ -13,20 +13,32 @@ from pydantic_core import PydanticCustomError
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
 from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
-from warpknit.text import exact
+from warpknit.text import either, exact
 
 T = TypeVar("T")
 
 
-def refused(allowed: str, **context: Any) -> PydanticCustomError:
-    """The error that a check raises. `context` may hold `key` (below the value's own key) and `given` (as text)."""
-    return PydanticCustomError("refused", "{allowed}", {"allowed": allowed, **context})
+def refused(wrong: str, instead: str, **context: Any) -> PydanticCustomError:
+    """The error that a check raises: what is wrong with the value, such as "is above 1", and what to write instead.
+
+    `context` may hold `key` (below the value's own key), and `given`, the value of this key as text.
+    """
+    return PydanticCustomError("refused", "{wrong}; {instead}", {"wrong": wrong, "instead": instead, **context})
 
 
 class Check:
     """A callable value -> checked value, with `allowed`: the allowed values, in words."""
 
     allowed: str
+
+    @property
+    def instead(self) -> str:
+        """What to write, in words."""
+        return f"write {self.allowed}"
+
+    def refusal(self, wrong: str = "cannot be used", hint: str = "") -> PydanticCustomError:
+        """The error for a value; `hint` is added to what to write."""
+        return refused(wrong, self.instead + hint)
 
     def __call__(self, value: Any) -> Any:
         raise NotImplementedError
@@ -63,22 +75,22 @@ class Quantity(Check):
         return kind.noun + (" " + " and ".join(bounds) if bounds else "") + example
 
     def __call__(self, value: Any) -> float:
+        kind = DIMENSIONS[self.dimension]
         try:
             number = si(value, self.dimension)
         except QuantityError as error:
-            raise refused(self.allowed + (error.hint or self.hint)) from error
-        is_bare = not isinstance(value, str) or not has_unit(value)
+            raise self.refusal(f"is not {kind.noun}", error.hint or self.hint) from error
         if self.no_change and isinstance(value, str) and value.lstrip().startswith("+"):
-            raise refused(self.allowed + self.hint)
-        if (
-            (self.above is not None and number <= self.above)
-            or (self.least is not None and number < self.least)
-            or (self.most is not None and number > self.most)
-            or (is_bare and self.bare_least is not None and number < self.bare_least)
-        ):
-            unit = DIMENSIONS[self.dimension].unit
-            write = "; write its unit" if self.bare_least is not None else ""
-            raise refused(self.allowed + (f" (a bare number is in {unit}{write})" if is_bare and unit else self.hint))
+            raise self.refusal("is a change", self.hint)
+        bare = f" (a bare number is in {kind.unit})" if kind.unit and (not isinstance(value, str) or not has_unit(value)) else ""
+        if self.above is not None and number <= self.above:
+            raise self.refusal(f"is not above {exact(self.above, kind.unit)}{bare}", self.hint)
+        if self.least is not None and number < self.least:
+            raise self.refusal(f"is below {exact(self.least, kind.unit)}{bare}", self.hint)
+        if self.most is not None and number > self.most:
+            raise self.refusal(f"is above {exact(self.most, kind.unit)}{bare}", self.hint)
+        if bare and self.bare_least is not None and number < self.bare_least:
+            raise self.refusal(f"has no unit{bare}", self.hint)
         return number
 
 
@@ -92,9 +104,9 @@ class Unit(Check):
         try:
             number = si(f"1 {value}" if isinstance(value, str) and not value[:1].isdigit() else value, "length")
         except QuantityError as error:
-            raise refused(self.allowed) from error
+            raise self.refusal("is not a unit of length") from error
         if number <= 0.0:
-            raise refused(self.allowed)
+            raise self.refusal("is not above 0 m")
         return number
 
 
@@ -110,19 +122,24 @@ class Integer(Check):
         return f"a whole number from {self.least} to {self.most}"
 
     def __call__(self, value: Any) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not self.least <= value <= self.most:
-            raise refused(self.allowed)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.refusal("is not a whole number")
+        if not self.least <= value <= self.most:
+            raise self.refusal(f"is below {self.least}" if value < self.least else f"is above {self.most}")
         return value
 
 
 def both(pair: Check, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
     """The two values of a pair, each checked by itself; errors are reported for the pair."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise refused(pair.allowed)
-    try:
-        return each(value[0]), each(value[1])
-    except PydanticCustomError as error:
-        raise refused(pair.allowed) from error
+        raise pair.refusal("is not a pair")
+    found = []
+    for one in value:
+        try:
+            found.append(each(one))
+        except PydanticCustomError as error:
+            raise pair.refusal(f"has {shown(one)}, which {(error.context or {})['wrong']}") from error
+    return found[0], found[1]
 
 
 @dataclass(frozen=True)
@@ -159,15 +176,18 @@ class Choice(Check):
     """One of a few words."""
 
     options: tuple[str, ...]
-    remark: str = ""
 
     @property
     def allowed(self) -> str:  # type: ignore[override]
-        return ", ".join(repr(option) for option in self.options) + (f" ({self.remark})" if self.remark else "")
+        return ", ".join(map(repr, self.options))
+
+    @property
+    def instead(self) -> str:
+        return f"write {either([repr(option) for option in self.options])}"
 
     def __call__(self, value: Any) -> str:
         if not isinstance(value, str) or value not in self.options:
-            raise refused(self.allowed)
+            raise self.refusal("is unknown")
         return value
 
 
@@ -176,10 +196,11 @@ class Switch(Check):
     """true or false."""
 
     allowed: str = "true, false"
+    instead: str = "write true or false"
 
     def __call__(self, value: Any) -> bool:
         if not isinstance(value, bool):
-            raise refused(self.allowed)
+            raise self.refusal("is neither true nor false")
         return value
 
 
@@ -192,7 +213,7 @@ class Text(Check):
 
     def __call__(self, value: Any) -> str:
         if not isinstance(value, str) or not re.fullmatch(self.pattern, value):
-            raise refused(self.allowed)
+            raise self.refusal()
         return value
 
 
@@ -217,11 +238,8 @@ def exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
         given = [key for key in group if isinstance(data, dict) and key in data]
         if len(given) > 1:
             first, second = given[:2]
-            raise refused(
-                f"one of {', '.join(group)}",
-                key=second,
-                given=f"{shown(data[second])} beside {first} = {shown(data[first])}",
-            )
+            wrong = f"stands beside {first} = {shown(data[first])}"
+            raise refused(wrong, f"leave out one of {', '.join(group)}", key=second, given=shown(data[second]))
     return data
 
 

@@ -6,8 +6,10 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
+from warpknit.errors import BadValue
 from warpknit.scene.keys import Table, key
 from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, LoopLength, Number, Period, WireRepeats
+from warpknit.text import either
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
@@ -20,12 +22,11 @@ LOOP_LENGTH = 3.3  # of wire in a loop, over its size, as in the double atlas ne
 MOST_BYTES = 256 << 20  # of a file
 
 
-class WireFileError(Exception):
-    """An unusable file of wires; `key` of [wires], `given` and `allowed` are for the message."""
+class WireFileError(BadValue):
+    """An unusable file of wires, or another key of [wires]."""
 
-    def __init__(self, given: str, allowed: str, key: str = "file") -> None:
-        super().__init__(f"{key}: given {given}, allowed: {allowed}")
-        self.given, self.allowed, self.key = given, allowed, key
+    def __init__(self, wrong: str, instead: str, key: str = "file") -> None:
+        super().__init__(key, wrong, instead)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,17 +105,17 @@ class WireFile(WiresTable):
 
 def checked_bytes(path: Path) -> bytes:
     """Contents of a file of wires, after a check of its size. Raises `WireFileError`."""
-    allowed = f"a file of wires ({', '.join(SUFFIXES)})"
+    instead = f"name a file of wires: {either(SUFFIXES)}"
     if path.suffix.lower() not in SUFFIXES:
-        raise WireFileError(f"a file named {path.suffix}" if path.suffix else "a file without one of these", allowed)
+        raise WireFileError(f"ends in {path.suffix}" if path.suffix else "has no suffix", instead)
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
-            raise WireFileError("not a file", allowed)
+            raise WireFileError("is not a file", instead)
         if not 0 < found.st_size <= MOST_BYTES:
-            size = f"a file of {found.st_size:,} bytes"
-            raise WireFileError("an empty file" if found.st_size == 0 else size, f"{allowed} of at most {MOST_BYTES:,} bytes")
+            size = f"has {found.st_size:,} bytes, more than {MOST_BYTES:,}"
+            raise WireFileError("is empty" if found.st_size == 0 else size, instead)
         return path.read_bytes()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "unreadable"
-        raise WireFileError(reason.lower(), allowed) from error
+        reason = getattr(error, "strerror", None) or "it is unreadable"
+        raise WireFileError(f"cannot be read ({reason.lower()})", instead) from error

@@ -70,18 +70,18 @@ def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> 
     try:
         data = checked_bytes(path)
     except WireFileError as error:
-        raise source.refusal(("wires", "file"), table.file, f"{error.allowed}; this is {error.given}") from error
+        raise source.refusal(("wires", "file"), table.file, error.wrong, error.instead) from error
     suffix = path.suffix.lower()
     if table.unit is None and suffix in WITHOUT_UNIT:
-        raise source.refusal(("wires", "unit"), "nothing", f"a length unit, such as 'mm', with a {suffix} file, which has none")
+        raise scene_error(source.path, "wires.unit", f"missing: a {suffix} file has no unit", "write one, such as 'mm'")
     if table.unit is not None and suffix in USD:
-        raise source.refusal(("wires", "unit"), table.unit, f"nothing with a {suffix} file, which has a unit")
+        raise source.refusal(("wires", "unit"), table.unit, f"stands beside the unit of a {suffix} file", "leave it out")
     if table.closed and suffix not in POLYLINES:
-        raise source.refusal(("wires", "closed"), True, f"only with a {' or '.join(POLYLINES)} file; other formats contain it")
+        raise source.refusal(("wires", "closed"), True, f"stands beside a {suffix} file, which contains it", "leave it out")
     if table.period is not None and suffix == ".pyp":
-        raise source.refusal(("wires", "period"), table.period, "nothing with a .pyp file, which has a period")
+        raise source.refusal(("wires", "period"), table.period, "stands beside the period of a .pyp file", "leave it out")
     if table.time is not None and suffix not in USD:
-        raise source.refusal(("wires", "time"), table.time, f"only with a USD file ({', '.join(USD)})")
+        raise source.refusal(("wires", "time"), table.time, f"has no effect with a {suffix} file", "leave it out")
     return as_object(
         WireFile,
         table,

@@ -52,7 +52,7 @@ class Simulation:
         watch: Callable[[Progress], None] | None = None,
     ) -> None:
         if not hasattr(model, "scene"):
-            raise InputError(f"Simulation: given {model!r}, allowed: a model, such as build_model(scene)")
+            raise InputError(f"Simulation: {model!r} is not a model; give one, such as build_model(scene)")
         self.model = model
         self.state = initial_state(model) if state is None else state
         self.resumed = progress is not None
@@ -99,19 +99,19 @@ class Simulation:
         """
         set_load = getattr(self.state, "set_load", None)
         if set_load is None:
-            raise ModelError("forces on nodes: given for the planar model, allowed: model.kind = 'spatial'")
+            raise ModelError("forces on nodes: the planar model has none; write model.kind = 'spatial'")
         model: Any = self.model
         wanted = (model.global_model.node_count, 3)
         values = np.asarray(force)
         if values.dtype.kind not in "fiu":
-            raise ModelError(f"forces on nodes: given an array of {values.dtype}, allowed: finite numbers, {wanted}")
+            raise ModelError(f"forces on nodes: an array of {values.dtype} holds no numbers; give finite numbers, {wanted}")
         if values.shape != wanted or not np.all(np.isfinite(values)):
-            raise ModelError(f"forces on nodes: given an array of {values.shape}, allowed: finite numbers, {wanted}")
+            raise ModelError(f"forces on nodes: an array of {values.shape} does not fit; give finite numbers, {wanted}")
         resultant, total = np.abs(values.sum(axis=0)).max(), np.abs(values).sum()
         if not model.global_model.rods.held.any() and resultant > BALANCED * total:
             raise ModelError(
-                f"forces on nodes: given a resultant of {engineering(float(resultant), 'N')} on a tile that nothing holds,"
-                " allowed: forces that add up to zero"
+                f"forces on nodes: their resultant of {engineering(float(resultant), 'N')} acts on a tile that nothing holds;"
+                " give forces that add up to zero"
             )
         scale = float(np.sqrt(np.mean(np.sum(np.square(values, dtype=np.float64), axis=1))))
         set_load(values if model.strip is None else values[model.strip.nodes_of_mesh], scale)

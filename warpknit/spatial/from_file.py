@@ -43,10 +43,10 @@ def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float
     is_open = np.array([kind == "open" for kind in wires.kinds])
     if (count[is_open] < MIN_NODES).any():
         number = int(np.flatnonzero(is_open & (count < MIN_NODES))[0])
-        allowed = f"{MIN_NODES} or more, of which its clamps hold four"
-        raise ModelError(f"wires.node_spacing: wire {number + 1} has {count[number]} nodes, allowed: {allowed}")
+        wrong = f"wire {number + 1} has {count[number]} nodes, fewer than {MIN_NODES}, of which its clamps hold four"
+        raise ModelError(f"wires.node_spacing: {wrong}; write a smaller one")
     if wires.period is None and not is_open.any():
-        raise ModelError("wires: given closed rings only, allowed: at least one open wire, or periodic wires (wires.period)")
+        raise ModelError("wires.file: all wires are closed rings; add an open wire, or write wires.period")
     places, slack = find_places(wires, loop_length), SLIDE_ALLOWANCE * loop_length
     placed = _place_wires(wires, places, slack, first[is_open], count[is_open])
     thinnest = min(sections, key=lambda section: section.thickness)

@@ -266,8 +266,8 @@ def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
     """Refuse a node spacing below LEAST_SPACING: the fictitious masses allow for few contacts at a node."""
     least = LEAST_SPACING * thickness
     if scene.wires is not None and scene.wires.node_spacing < least * (1.0 - ROUND_OFF):
-        allowed = f"half the thickness of the wire or more, {at_least(least, 'm')}, to run"
-        raise scene_error(scene.path, "wires.node_spacing", exact(scene.wires.node_spacing, "m"), allowed)
+        wrong = f"{exact(scene.wires.node_spacing, 'm')} is below half the thickness of the wire"
+        raise scene_error(scene.path, "wires.node_spacing", wrong, f"write at least {at_least(least, 'm')}")
 
 
 def _assemble(

@@ -9,7 +9,7 @@ import numpy as np
 from .. import measure
 from ..errors import ModelError
 from ..kernels.banded_mass import HELD_NODE
-from ..text import engineering
+from ..text import engineering, place_text
 from .contacts import Contacts
 from .observables import SpatialObservables
 from .rods import Rods
@@ -33,8 +33,8 @@ def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip
     if least >= CLOSEST:
         return
     raise ModelError(
-        f"wires {first + 1} and {second + 1} pass through each other near x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm: their"
-        " centre lines intersect, so neither lies above the other; allowed: any distance between them, however small"
+        f"the centre lines of wires {first + 1} and {second + 1} intersect near {place_text(x, y)}, so"
+        " neither lies above the other; move one of them, by however little"
     )
 
 
@@ -71,8 +71,8 @@ def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.
     worst = int(np.argmax(contacts.overlap))
     nodes = contacts.first[worst], contacts.second[worst]
     first, second = (int(model.rods.wire_of[node]) for node in nodes)
-    x, y = 1e3 * measure.positions(observed)[0][nodes[0], :2]
-    return f"deepest now between wires {first} and {second} near x = {x:.4g} mm, y = {y:.4g} mm from the corner" + "".join(
+    place = place_text(*measure.positions(observed)[0][nodes[0], :2])
+    return f"deepest now between wires {first} and {second} near {place} from the corner" + "".join(
         f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
         for name, unit, now, of_scene in (
             ("contact penalty", "N/m", penalty[list(nodes)].mean(), model.contact_stiffness),

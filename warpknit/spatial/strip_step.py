@@ -87,7 +87,7 @@ class StripRodStepper(RodStepper):
         ranks = self.strip.ranks
         self._border = Border(self.strip, rods, self.arrays, self.state)
         if len({is_in_place(place) for place in ranks.everyone(str(device))}) > 1:
-            raise ModelError("--device: given CPUs for some ranks and GPUs for others, allowed: one of them for all")
+            raise ModelError("--device: some ranks run on CPUs and others on GPUs; use --device cpu, or a GPU for each rank")
         # rows of sums, for the wires of all ranks in their order; as many of each rank come over, the last ones of some empty
         own = slice(self.strip.wires.start, self.strip.wires.stop)
         wires = ranks.everyone(len(self.strip.wires))
@@ -155,8 +155,8 @@ class StripRodStepper(RodStepper):
         is_near[strip.wire] = False
         if strip.ranks.any(bool(is_near.any())):
             raise ModelError(
-                f"mpirun: given {strip.ranks.count} ranks, between whose strips wires have moved by more than {BORDER:g} of"
-                " knit.wale_spacing, allowed: one (without mpirun)"
+                f"mpirun: between the strips of {strip.ranks.count} ranks wires have moved by more than {BORDER:g} of"
+                " knit.wale_spacing; run without mpirun"
             )
 
 

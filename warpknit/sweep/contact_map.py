@@ -21,7 +21,7 @@ from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics import Model
 from ..runner.closings import DRIFT
-from ..text import alike
+from ..text import alike, between, both
 
 STEADY = "steady"
 SIDES = ("weft", "warp")
@@ -213,7 +213,7 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:
     """What the jumps of a map mean, in a line; None without any."""
     if not found:
         return None
-    loads = " and ".join(load_text(load, by_tension) for load in found[0])
+    loads = both(*(load_text(load, by_tension) for load in found[0]))
     kind = "tensions" if by_tension else "strains"
     where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
     return (
@@ -245,8 +245,8 @@ class Drift:
 
 def drift_text(drift: Mapping[str, Any]) -> str:
     """A `Drift`, as a table of its fields, in words."""
-    jumps = "; ".join(" and ".join(load_text(side, by_tension=True) for side in jump) for jump in drift.get("jumps", ()))
-    snaps = f"; beyond it the mesh jumps between {jumps}" if jumps else ""
+    jumps = "; ".join(between(*(load_text(side, by_tension=True) for side in jump)) for jump in drift.get("jumps", ()))
+    snaps = f"; beyond it the mesh jumps {jumps}" if jumps else ""
     if drift["low"] == drift["high"]:
         reasons = {"open": "beyond the edge of the map", "diverged": "where the next pair did not converge"}
         unknown = " and ".join(

@@ -104,7 +104,7 @@ def run_map(
 def _checked(scene: Scene, device: str | None) -> Sweep:
     refuse(scene, "map", device=None if device is None else find_device(device))
     if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
-        raise ModelError(f"knit.repeats: given {list(scene.knit.repeats)}, allowed for a map: about ten repeats a side")
+        raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
     assert scene.sweep is not None
     return scene.sweep
 
@@ -115,9 +115,8 @@ def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
     together = loads if mesh.has_replicas else thread_count(loads)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
-        raise MemoryNeeded(
-            f"sweep: {together} meshes of {nodes:,} nodes need {needed / 2**30:.3g} GiB, available {available / 2**30:.3g} GiB"
-        )
+        room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
+        raise MemoryNeeded(f"sweep: {together} meshes of {nodes:,} nodes need {room}; use fewer loads or a smaller mesh")
 
 
 class _Mapper:

@@ -72,7 +72,7 @@ def read_rows(path: Path) -> list[Row]:
     with open(path, newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
         if missing := set(COLUMNS) - set(reader.fieldnames or ()):
-            raise RunDirectoryError(f"{path}: not of this version (no {', '.join(sorted(missing))}): start over with --force")
+            raise RunDirectoryError(f"{path}: not of this version (no {', '.join(sorted(missing))}); start over with --force")
         return [_row(values) for values in reader]
 
 

@@ -75,7 +75,7 @@ class Viewer:
         try:
             socket.create_server((host, 0)).close()  # viser would try many ports
         except OSError as error:
-            raise InputError(f"--host: given {host!r}, allowed: a name or address of this machine") from error
+            raise InputError(f"--host: {host!r} is not this machine; give a name or address of it") from error
         with contextlib.redirect_stdout(io.StringIO()):  # a banner
             self.server = viser.ViserServer(host=host, port=port, label=f"warpknit: {directory.name}", verbose=False)
         self._build_page(last)
