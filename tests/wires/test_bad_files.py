@@ -25,7 +25,7 @@ def refused(path, **options) -> str:
     with pytest.raises(SceneError) as caught:
         read_wires(path, **({"node_spacing": 5e-5, "unit": UNITS.get(path.suffix)} | options))
     line = str(caught.value)
-    assert line.startswith(f"{path}: wires.") and ", allowed: " in line and "\n" not in line
+    assert line.startswith(f"{path}: wires.") and "; " in line and "\n" not in line
     return line
 
 
@@ -47,7 +47,7 @@ NOISE = (bytes(range(256)) * 8, b"\xff\xfe\x00nonsense", b"PK\x03\x04")
 def test_empty_files(tmp_path, suffix):
     path = tmp_path / f"wires{suffix}"
     path.touch()
-    assert "given an empty file" in refused(path)
+    assert "is empty" in refused(path)
 
 
 @pytest.mark.parametrize(
@@ -81,14 +81,14 @@ def test_what_is_no_file(tmp_path):
     assert "not a file" in refused(tmp_path / "pipe.csv")
     assert "no such file or directory" in refused(tmp_path / "none.csv")
     (tmp_path / "knit.obj").write_text("v 0 0 0", encoding="utf-8")
-    assert "given a file named .obj" in refused(tmp_path / "knit.obj")
+    assert "ends in .obj" in refused(tmp_path / "knit.obj")
 
 
 def test_sizes_are_looked_at_before_files_are_read(tmp_path):
     path = tmp_path / "huge.bcc"
     with path.open("wb") as file:
         file.truncate(limits.MOST_BYTES + 1)  # takes no room on the disk
-    assert f"a file of {limits.MOST_BYTES + 1:,} bytes" in refused(path)
+    assert f"{limits.MOST_BYTES + 1:,} bytes" in refused(path)
 
 
 def test_counts_are_looked_at_before_memory_is_taken(tmp_path):
@@ -211,13 +211,13 @@ def test_a_stage_that_the_library_never_finishes(tmp_path, monkeypatch):
 
 def test_keys_that_a_file_does_not_go_with(tmp_path):
     for suffix in (".bcc", ".npz"):
-        assert "wires.unit: given nothing" in refused(valid(tmp_path, suffix), unit=None)
-    assert "wires.unit: given 1 mm, allowed: nothing" in refused(valid(tmp_path, ".csv"), unit=1e-3)
-    assert "wires.unit: given 1000 km, by which wire 1" in refused(valid(tmp_path, ".bcc"), unit=1e6)
-    assert "wires.node_spacing: given 1 pm, which makes" in refused(valid(tmp_path, ".bcc"), node_spacing=1e-12)
-    assert "wires.period: given a period of which the ends of wire 1" in refused(valid(tmp_path, ".bcc"), period=(1e-3, 1e-3))
-    assert "wires.period: given a period, allowed: nothing" in refused(valid(tmp_path, ".pyp"), period=(1e-3, 1e-3))
-    assert "wires.period: given a repeat of 1e-09 x 1e-09" in refused(valid(tmp_path, ".bcc"), period=(1e-12, 1e-12))
+        assert "wires.unit: missing" in refused(valid(tmp_path, suffix), unit=None)
+    assert "wires.unit: 1 mm " in refused(valid(tmp_path, ".csv"), unit=1e-3)
+    assert "wires.unit: with 1000 km wire 1 " in refused(valid(tmp_path, ".bcc"), unit=1e6)
+    assert "wires.node_spacing: 1 pm " in refused(valid(tmp_path, ".bcc"), node_spacing=1e-12)
+    assert "wires.period: the ends of wire 1 " in refused(valid(tmp_path, ".bcc"), period=(1e-3, 1e-3))
+    assert "wires.period: stands beside" in refused(valid(tmp_path, ".pyp"), period=(1e-3, 1e-3))
+    assert "1e-09 x 1e-09" in refused(valid(tmp_path, ".bcc"), period=(1e-12, 1e-12))
     for key, value in (("node_spacing", 0.0), ("unit", -1.0), ("unit", float("nan")), ("period", (1.0, float("inf")))):
-        assert f"wires.{key}: given" in refused(valid(tmp_path, ".bcc"), **{key: value})
+        assert f"wires.{key}: " in refused(valid(tmp_path, ".bcc"), **{key: value})
     assert read.MOST_NODES > curve.MOST_POINTS

@@ -32,19 +32,19 @@ def refused(table, folder=SCENES) -> str:
 @pytest.mark.parametrize(
     ("keys", "line"),
     [
-        ({"file": "none.bcc"}, "wires.file: given 'none.bcc', allowed: a file of wires"),
-        ({"file": "plain_knit_cell.toml"}, "this is a file named .toml"),
-        ({}, "wires.file: given nothing, allowed: the name of a file"),
-        ({"file": "plain_knit.bcc"}, "wires.unit: given 'nothing', allowed: a length unit, such as 'mm', with a .bcc file"),
-        ({"file": "plain_knit.bcc", "unit": "kg"}, "wires.unit: given 'kg', allowed: a length above 0 m, such as 'mm'"),
-        ({"file": "plain_knit.usda", "unit": "mm"}, "wires.unit: given 'mm', allowed: nothing with a .usda file"),
-        ({"file": "plain_knit.pyp", "closed": True}, "wires.closed: given true, allowed: only with a .csv or .npz file"),
-        ({"file": "plain_knit.pyp", "period": ["1 mm", "1 mm"]}, "given ['1 mm', '1 mm'], allowed: nothing with a .pyp"),
-        ({"file": "plain_knit.csv", "period": ["1 mm", "0 mm"]}, "wires.period: given ['1 mm', '0 mm'], allowed: a pair"),
-        ({"file": "plain_knit.csv", "repeats": [2, 1]}, "wires.repeats: given [2, 1], allowed: [1, 1] unless model.boundary"),
-        ({"file": "plain_knit.csv", "time": 3}, "wires.time: given 3, allowed: only with a USD file"),
-        ({"file": "plain_knit.csv", "interpolation": "cubic"}, "wires.interpolation: given 'cubic', allowed: 'spline', 'linear'"),
-        ({"file": "plain_knit.csv", "node_spacing": 0}, "wires.node_spacing: given 0, allowed: a length above 0 m"),
+        ({"file": "none.bcc"}, "wires.file: 'none.bcc'"),
+        ({"file": "plain_knit_cell.toml"}, "ends in .toml"),
+        ({}, "wires.file: missing"),
+        ({"file": "plain_knit.bcc"}, "wires.unit: missing"),
+        ({"file": "plain_knit.bcc", "unit": "kg"}, "wires.unit: 'kg'"),
+        ({"file": "plain_knit.usda", "unit": "mm"}, "wires.unit: 'mm'"),
+        ({"file": "plain_knit.pyp", "closed": True}, "wires.closed: true"),
+        ({"file": "plain_knit.pyp", "period": ["1 mm", "1 mm"]}, "['1 mm', '1 mm']"),
+        ({"file": "plain_knit.csv", "period": ["1 mm", "0 mm"]}, "wires.period: ['1 mm', '0 mm']"),
+        ({"file": "plain_knit.csv", "repeats": [2, 1]}, "wires.repeats: [2, 1]"),
+        ({"file": "plain_knit.csv", "time": 3}, "wires.time: 3"),
+        ({"file": "plain_knit.csv", "interpolation": "cubic"}, "wires.interpolation: 'cubic'"),
+        ({"file": "plain_knit.csv", "node_spacing": 0}, "wires.node_spacing: 0"),
     ],
 )
 def test_keys(keys, line):
@@ -54,13 +54,13 @@ def test_keys(keys, line):
 @pytest.mark.parametrize(
     ("other", "line"),
     [
-        ({"knit": {}}, "wires: given {'file': 'plain_knit.csv'} beside knit = {}, allowed: one of knit, hook, wires"),
-        ({"hook": {}}, "beside hook = {}, allowed: one of knit, hook, wires"),
-        ({"panel": {"outline": "disc", "size": "10 mm"}}, "allowed: no [panel] with [wires]"),
-        ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "allowed: no [sweep] with [wires]"),
-        ({"solver": {"drive": "ramp"}}, "solver.drive: given 'ramp', allowed: 'relax' with [wires]"),
-        ({"load": {"displacement": "1 mm"}}, "load.displacement: given '1 mm', allowed: strains, tensions"),
-        ({"path": [{"temperature_gradient": [1.0, 0.0]}]}, "path[0].temperature_gradient: given [1.0, 0.0], allowed: "),
+        ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} stands beside knit = {}"),
+        ({"hook": {}}, "beside hook = {}; leave out one of knit, hook, wires"),
+        ({"panel": {"outline": "disc", "size": "10 mm"}}, "panel: {"),
+        ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "sweep: {"),
+        ({"solver": {"drive": "ramp"}}, "solver.drive: 'ramp'"),
+        ({"load": {"displacement": "1 mm"}}, "load.displacement: '1 mm'"),
+        ({"path": [{"temperature_gradient": [1.0, 0.0]}]}, "path[0].temperature_gradient: [1.0, 0.0]"),
     ],
 )
 def test_what_does_not_go_with_wires(other, line):
@@ -98,7 +98,8 @@ def test_what_a_file_says_wrong_is_said_with_the_scene(tmp_path):
     (tmp_path / "plain_knit.bcc").write_bytes(data[:-7])
     with pytest.raises(SceneError) as caught:
         rest_wires(load_scene(tmp_path / "knit.toml"))
-    assert str(caught.value).startswith(f"{tmp_path / 'knit.toml'}: wires.file: given 'plain_knit.bcc', {len(data) - 7:,} bytes")
+    assert str(caught.value).startswith(f"{tmp_path / 'knit.toml'}: wires.file: 'plain_knit.bcc' ")
+    assert f"({len(data) - 7:,} bytes" in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +107,7 @@ def test_what_a_file_says_wrong_is_said_with_the_scene(tmp_path):
     [(CELL, "gripped", "'periodic' for wires that repeat"), (PATCH, "periodic", "'gripped' for wires that do not repeat")],
 )
 def test_the_boundary_is_that_of_the_wires(scene, boundary, line):
-    with pytest.raises(SceneError, match=f"model.boundary: given '{boundary}', allowed: {line}"):
+    with pytest.raises(SceneError, match=f"model.boundary: '{boundary}'"):
         rest_wires(load_scene(scene, [f"model.boundary={boundary}"]))
 
 
@@ -153,7 +154,7 @@ def test_only_the_spatial_model_takes_wires(command, tmp_path):
     where = () if command == "plan" else ("--out", tmp_path / "out", "--quiet")
     result = call(command, CELL, "--set", "model.kind=planar", "--device", "cpu", *where)
     assert result.exit_code == 2
-    assert "model.kind: given 'planar', allowed: 'spatial' with [wires]" in result.stderr
+    assert "model.kind: 'planar'" in result.stderr
     assert not (tmp_path / "out").exists()
 
 
@@ -161,7 +162,7 @@ def test_only_the_spatial_model_takes_wires(command, tmp_path):
 def test_wires_from_a_file_are_planned_and_run_only(command, tmp_path):
     result = call(command, CELL, "--device", "cpu", "--out", tmp_path / "out", "--quiet")
     assert result.exit_code == 2
-    assert f"{CELL}: wires.file: given 'plain_knit.pyp', allowed: [knit]" in result.stderr
+    assert f"{CELL}: wires.file: 'plain_knit.pyp'" in result.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -12,17 +12,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..errors import BadValue
+
 _LINK = re.compile(r"(\d+)-(\d+)")
 
 
-class KnitError(ValueError):
-    """A knit that cannot be read or made: one key, what was given, what is allowed."""
-
-    def __init__(self, key: str, given: object, allowed: str) -> None:
-        super().__init__(f"{key}: given {given!r}, allowed {allowed}")
-        self.key = key
-        self.given = given
-        self.allowed = allowed
+class KnitError(BadValue, ValueError):
+    """A knit that cannot be read or made."""
 
 
 @dataclass(frozen=True)
@@ -54,28 +50,28 @@ def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
     [(0, -1), (1, 1), (2, 1), (1, -1)]
     """
     if not isinstance(text, str):
-        raise KnitError(key, text, "a string of links a-b joined by '/', for example '1-0/1-2'")
+        raise KnitError(key, f"{text!r} is not text", "write links a-b joined by '/', such as '1-0/1-2'")
     if not text.strip():
-        raise KnitError(key, text, "at least one link, for example '1-0/1-2'")
+        raise KnitError(key, f"{text!r} has no link", "write at least one, such as '1-0/1-2'")
     links = []
     for number, word in enumerate(text.split("/"), start=1):
         word = word.strip()
         if not word:
-            raise KnitError(key, text, f"a link a-b at place {number}, where one is missing")
+            raise KnitError(key, f"{text!r} has no link at place {number}", "write links a-b joined by '/'")
         match = _LINK.fullmatch(word)
         if match is None:
-            raise KnitError(key, text, f"two whole numbers a-b at place {number}, where {word!r} stands")
+            raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write two whole numbers a-b")
         link = Link(int(match[1]), int(match[2]))
         if abs(link.end - link.start) > 1:
-            raise KnitError(key, text, f"an overlap of one needle at place {number}, where {word!r} stands")
+            raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write an overlap of one needle")
         links.append(link)
     underlaps = [abs(after.start - link.end) for link, after in zip(links, links[1:] + links[:1], strict=True)]
     longest = max([1, *underlaps[:-1]])
     if underlaps[-1] > longest:
         raise KnitError(
             key,
-            text,
-            f"laps that return: the last underlap spans {underlaps[-1]} needles, the others at most {longest}",
+            f"the laps of {text!r} do not return: the last underlap spans {underlaps[-1]} needles, the others at most {longest}",
+            "write laps that end where they begin",
         )
     return tuple(links)
 
@@ -102,14 +98,14 @@ def parse_threading(text: object, key: str = "threading") -> tuple[bool, ...]:
     (True, False)
     """
     if not isinstance(text, str) or not text or set(text) - {"|", "."}:
-        raise KnitError(key, text, "a string of '|' (a wire) and '.' (none), for example '|.'")
+        raise KnitError(key, f"{text!r} is no threading", "write '|' for a wire and '.' for none, such as '|.'")
     if "|" not in text:
-        raise KnitError(key, text, "at least one '|': a bar without wires knits nothing")
+        raise KnitError(key, f"{text!r} has no wire", "write at least one '|'")
     return tuple(character == "|" for character in text)
 
 
 def parse_shift(value: object, key: str = "shift") -> int:
     """Needles by which a guide bar starts to the right."""
     if isinstance(value, bool) or not isinstance(value, int):
-        raise KnitError(key, value, "a whole number of needles")
+        raise KnitError(key, f"{value!r} is not a whole number", "write a number of needles")
     return value

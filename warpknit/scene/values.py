@@ -226,9 +226,10 @@ class Links(Check):
     def __call__(self, value: Any) -> str:
         text = re.sub(r"\s", "", value).removesuffix("//") if isinstance(value, str) else ""
         if three := re.search(r"(?<![\d-])(\d+-\d+)-\d+(?![\d-])", text):
-            raise refused(f"{self.allowed}; the third number of {three[0]} only divides the underlap: write {three[1]}")
+            wrong = f"has {three[0]}, whose third number only divides the underlap"
+            raise refused(wrong, f"write {three[1]}")
         if not isinstance(value, str) or not re.fullmatch(r"[0-9]{1,4}-[0-9]{1,4}(/[0-9]{1,4}-[0-9]{1,4})*", text):
-            raise refused(self.allowed)
+            raise self.refusal()
         return text
 
 

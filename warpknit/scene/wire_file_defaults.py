@@ -36,15 +36,17 @@ def file_diameter(source: Source, file: SceneFile) -> float | None:
     path = source.path.parent / table.file
     radius, fault = _file_radius(source, path, table) if path.suffix.lower() in WITH_WIDTHS else (None, "")
     if fault and not table.widths:
-        raise scene_error(source.path, "wire.diameter", "nothing", f"a diameter, as {path.name!r} has {fault}")
+        raise scene_error(source.path, "wire.diameter", f"missing: {path.name!r} has {fault}", "write one")
     if radius is None:
         if table.widths:
-            raise source.refusal(("wires", "widths"), True, f"left out with {path.name!r}, which has {fault or 'no widths'}")
+            wrong = f"does not fit {path.name!r}, which has {fault or 'no widths'}"
+            raise source.refusal(("wires", "widths"), True, wrong, "leave it out")
         return None
     thickest, thinnest = (2.0 * float(limit) for limit in (radius.max(), radius.min()))
     if thickest > MOST_THICKNESS or file.wire.with_thickness(thinnest).diameter <= 0.0:
-        given = f"{path.name!r}, with wires {exact(thinnest, 'm')} to {exact(thickest, 'm')} thick"
-        raise scene_error(source.path, "wires.file", given, f"at most {exact(MOST_THICKNESS, 'm')}, and thicker than the plating")
+        wrong = f"{path.name!r} has wires {exact(thinnest, 'm')} to {exact(thickest, 'm')} thick"
+        instead = f"use wires thicker than their plating, of at most {exact(MOST_THICKNESS, 'm')}"
+        raise scene_error(source.path, "wires.file", wrong, instead)
     return file.wire.with_thickness(thickest).diameter
 
 
@@ -55,7 +57,7 @@ def _file_radius(source: Source, path: Path, table: WiresTable) -> tuple[np.ndar
     try:
         return stated_radius(path, time=table.time)
     except WireFileError as error:
-        raise scene_error(source.path, "wires.file", f"{table.file!r}, {error.given}", error.allowed) from error
+        raise scene_error(source.path, "wires.file", f"{table.file!r} {error.wrong}", error.instead) from error
 
 
 def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> WireFile | None:

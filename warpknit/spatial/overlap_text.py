@@ -55,8 +55,7 @@ def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> No
     if most > CLAMPED * rods.section.thickness:
         raise ModelError(
             f"wires {first + 1} and {second + 1} overlap by {engineering(most, 'm')} where both are clamped, near"
-            f" x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm, and cannot part there; move their ends apart, or set a smaller"
-            " wire.diameter"
+            f" {place_text(x, y)}, and cannot part there; move their ends apart, or set a smaller wire.diameter"
         )
 
 

@@ -26,9 +26,9 @@ def curves_in(path: Path, interpolation: str, closed: bool, unit: float | None, 
             raise BadFile("a file without wires")
         return found, _metres(found, suffix, unit)
     except BadFile as error:
-        raise WireFileError(str(error), allowed_in(suffix)) from error
+        raise WireFileError(f"cannot be read ({error})", f"give {expected_in(suffix)}") from error
     except OSError as error:
-        raise WireFileError((error.strerror or "unreadable").lower(), allowed_in(suffix)) from error
+        raise WireFileError(f"cannot be read ({(error.strerror or 'it is unreadable').lower()})", "give another file") from error
 
 
 def stated_radius(path: Path, *, time: float | None = None) -> tuple[np.ndarray | None, str]:
@@ -47,7 +47,7 @@ def _reader(path: Path, suffix: str, interpolation: str, closed: bool, time: flo
     return (read_table if suffix == ".csv" else read_npz)(path, interpolation, closed=closed)
 
 
-def allowed_in(suffix: str) -> str:
+def expected_in(suffix: str) -> str:
     """What a file with this suffix is, in words."""
     names = dict.fromkeys(USD, "a USD stage with BasisCurves") | {
         ".bcc": "a BCC file of curves",
@@ -61,8 +61,9 @@ def allowed_in(suffix: str) -> str:
 def _metres(found: CurveFile, suffix: str, unit: float | None) -> float:
     """[m] of a unit of the file."""
     if found.metres is not None and unit is not None:
-        raise WireFileError(exact(unit, "m"), f"nothing: the file says {exact(found.metres, 'm')}", "unit")
+        wrong = f"{exact(unit, 'm')} stands beside the unit of the file, {exact(found.metres, 'm')}"
+        raise WireFileError(wrong, "leave it out", "unit")
     if found.metres is None and unit is None and suffix != ".pyp":
-        raise WireFileError("nothing", "a length, such as 'mm', with a file that has no unit", "unit")
+        raise WireFileError("missing: the file has no unit", "write one, such as 'mm'", "unit")
     metres = unit if found.metres is None else found.metres
     return 1.0 if metres is None else metres

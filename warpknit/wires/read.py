@@ -16,7 +16,7 @@ from warpknit.text import engineering, exact
 from warpknit.wires.arc_length import ArcLength, resample, segment_count
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.curve import BadFile, Curve, CurveFile
-from warpknit.wires.file_curves import allowed_in, curves_in
+from warpknit.wires.file_curves import curves_in, expected_in
 from warpknit.wires.natural_shape import natural_turns, twist_strains
 from warpknit.wires.repeat import repeated
 
@@ -51,14 +51,14 @@ def read_wires(
     try:
         return _read(path, node_spacing, unit, interpolation, closed, period, time)
     except WireFileError as error:
-        raise scene_error(path, f"wires.{error.key}", error.given, error.allowed) from error
+        raise scene_error(path, f"wires.{error.key}", f"{_subject(path, error)}{error.wrong}", error.instead) from error
 
 
 def rest_wires(scene: Scene) -> Wires:
     """The wires of a scene with [wires], in all its repeats, at rest. Raises `SceneError`."""
     options = scene.wires
     if options is None:
-        raise scene_error(scene.path, "wires", "nothing", "a table with a file")
+        raise scene_error(scene.path, "wires", "missing", "write a table with a file")
     try:
         wires = _read(
             options.path,
@@ -70,14 +70,15 @@ def rest_wires(scene: Scene) -> Wires:
             options.time,
         )
     except WireFileError as error:
-        given = f"{options.path.name!r}, {error.given}" if error.key == "file" else error.given
-        raise scene_error(scene.path, f"wires.{error.key}", given, error.allowed) from error
+        wrong = f"{_subject(options.path, error)}{error.wrong}"
+        raise scene_error(scene.path, f"wires.{error.key}", wrong, error.instead) from error
     if (wires.period is not None) != (scene.model.boundary == "periodic"):
-        allowed = "'periodic' for wires that repeat" if wires.period is not None else "'gripped' for wires that do not repeat"
-        raise scene_error(scene.path, "model.boundary", repr(scene.model.boundary), allowed)
+        repeat, other = ("repeat", "periodic") if wires.period is not None else ("do not repeat", "gripped")
+        wrong = f"{scene.model.boundary!r} does not fit the wires, which {repeat}"
+        raise scene_error(scene.path, "model.boundary", wrong, f"write {other!r}")
     if wires.node_count * math.prod(options.repeats) > MOST_NODES:
-        given = f"{list(options.repeats)}, which make {wires.node_count * math.prod(options.repeats):,} nodes"
-        raise scene_error(scene.path, "wires.repeats", given, f"what makes at most {MOST_NODES:,}")
+        wrong = f"{list(options.repeats)} make {wires.node_count * math.prod(options.repeats):,} nodes"
+        raise scene_error(scene.path, "wires.repeats", wrong, f"write repeats that make at most {MOST_NODES:,}")
     return repeated(_as_used(scene, wires), options.repeats)
 
 
@@ -104,6 +105,11 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
     return replace(wires, notes=tuple(notes))
 
 
+def _subject(path: Path, error: WireFileError) -> str:
+    """The name of the file, where the fault is its own."""
+    return f"{path.name!r} " if error.key == "file" else ""
+
+
 def _read(
     path: Path,
     node_spacing: float,
@@ -115,20 +121,20 @@ def _read(
 ) -> Wires:
     for key, value in (("node_spacing", (node_spacing,)), ("unit", (unit,)), ("period", period or ())):
         if not all(length is None or 0.0 < length < math.inf for length in value):
-            raise WireFileError(repr(value), "lengths above 0 m", key)
+            raise WireFileError(f"{value!r} is not above 0 m", "give lengths above 0 m", key)
     found, metres = curves_in(path, interpolation, closed, unit, time)
     if period is not None:
         found = _repeating(found, np.array(period) / metres)
     try:
         return _wires(found, metres, node_spacing)
     except BadFile as error:
-        raise WireFileError(str(error), allowed_in(path.suffix.lower())) from error
+        raise WireFileError(f"cannot be read ({error})", f"give {expected_in(path.suffix.lower())}") from error
 
 
 def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
     """The same with open curves whose ends are some repeats apart going on as periodic ones."""
     if found.period is not None:
-        raise WireFileError("a period", "nothing with a file that has one", "period")
+        raise WireFileError("stands beside the period of the file", "leave it out", "period")
     curves: list[Curve] = []
     for number, curve in enumerate(found.curves, start=1):
         _check_reach(number, curve, period)
@@ -139,8 +145,8 @@ def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
             if not repeats.any() or away > MEETS * period.min():
                 ends = ", ".join(f"{count:.3g}" for count in apart[:2] / period)
                 raise WireFileError(
-                    f"a period of which the ends of wire {number} are {ends} apart",
-                    "one of which the ends of all open wires are whole numbers apart",
+                    f"the ends of wire {number} are {ends} periods apart",
+                    "write one of which the ends of all open wires are whole numbers apart",
                     "period",
                 )
             curve = replace(curve, kind="periodic", shift=(int(repeats[0]), int(repeats[1])))
@@ -151,8 +157,8 @@ def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
 def _check_reach(number: int, curve: Curve, period: np.ndarray) -> None:
     """Refuse a repeat (2,) that is tiny beside a curve: of another unit, or damaged."""
     if (np.abs(curve.pieces[:, :, :2]).max(axis=(0, 1)) > MOST_REPEATS * period).any():
-        given = f"a repeat of {period[0]:.4g} x {period[1]:.4g} of the file's units, with wire {number} over more than"
-        raise WireFileError(f"{given} {MOST_REPEATS:g} of them", "a repeat of the size of the mesh's", "period")
+        wrong = f"wire {number} is over more than {MOST_REPEATS:g} of {period[0]:.4g} x {period[1]:.4g} of the file's units"
+        raise WireFileError(wrong, "write one repeat of the mesh", "period")
 
 
 def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
@@ -164,8 +170,8 @@ def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
         farthest = float(np.abs(curve.pieces).max()) * metres
         if not farthest <= LARGEST:
             raise WireFileError(
-                f"{exact(metres, 'm')}, by which wire {number} is {engineering(farthest, 'm')} away",
-                f"within {exact(LARGEST, 'm')}",
+                f"with {exact(metres, 'm')} wire {number} is {engineering(farthest, 'm')} away",
+                f"write one that keeps all wires within {exact(LARGEST, 'm')}",
                 "unit",
             )
         arc = ArcLength(curve)
@@ -174,8 +180,8 @@ def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
         arcs.append(arc)
     total = sum(arc.length * metres / node_spacing for arc in arcs)
     if not total <= MOST_NODES:
-        allowed = f"what makes at most {MOST_NODES:,}"
-        raise WireFileError(f"{exact(node_spacing, 'm')}, which makes {total:.3g} nodes", allowed, "node_spacing")
+        wrong = f"{exact(node_spacing, 'm')} makes {total:.3g} nodes"
+        raise WireFileError(wrong, f"write one that makes at most {MOST_NODES:,}", "node_spacing")
     points, rest, turns, twists = [], [], [], []
     for curve, arc in zip(found.curves, arcs, strict=True):
         places, free = resample(curve, arc, segment_count(arc.length * metres, curve.kind, node_spacing))
