@@ -21,7 +21,7 @@ def scene_of(boundary: str, **tables: dict) -> Scene:
     return make_scene(
         {
             "knit": {"repeats": repeats},
-            "model": {"boundary": boundary},
+            "model": {"kind": "planar", "boundary": boundary},
             "solver": {"preset": "draft"},
             "output": {"frames": 4},
         }

@@ -25,7 +25,7 @@ from warpknit.scene import make_scene
 Table = dict[str, dict[str, Any]]
 BASE: Table = {
     "load": {"strain_weft": 0.14, "strain_warp": 0.14},
-    "model": {"boundary": "periodic"},
+    "model": {"kind": "planar", "boundary": "periodic"},
     "solver": {"preset": "draft", "residual_tolerance": 3e-3},
     "output": {"frames": 2, "usd": False, "figures": False},
 }
@@ -126,7 +126,7 @@ def test_a_strain_at_the_limit_is_not_compression() -> None:
     """-0.5 % of a mesh whose grips are turned, whose strain is read with round-off."""
     table: Table = {
         "load": {"strain_weft": 0.27275892828694037, "strain_warp": -0.005, "clamp_rotation": 0.5},
-        "model": {"boundary": "gripped", "nodes_per_loop": 20},
+        "model": {"kind": "planar", "boundary": "gripped", "nodes_per_loop": 20},
         "solver": {"preset": "draft", "residual_tolerance": 0.003, "max_steps": 10000},
         "output": {"frames": 2, "usd": False, "figures": False},
         "wire": {"diameter": 1.558579007631804e-05},
@@ -171,7 +171,7 @@ def test_a_thin_wire_is_computed_in_double_precision() -> None:
     thin = merged(BASE, {"wire": {"diameter": 1e-6}})
     assert make_scene(thin).solver.precision == "double"
     assert make_scene(BASE).solver.precision == "single"
-    with_single = merged(thin, {"model": {"kind": "planar"}, "solver": {"precision": "single", "max_steps": 1000}})
+    with_single = merged(thin, {"solver": {"precision": "single", "max_steps": 1000}})
     found = run_of(with_single)
     assert found.exit_code == 3
     assert "round-off in single precision" in found.message

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from reference.planar import planar_scene
 from warpknit import measure
 from warpknit.measure.surface import find_surface
 from warpknit.measure.tiles import Tiles
@@ -13,7 +14,7 @@ from warpknit.mesh.rim import Rim, build_rim
 from warpknit.model import build_model, initial_state
 from warpknit.planar.observables import read
 from warpknit.planar.panel_map import PanelMap, find_panel_map
-from warpknit.scene import Cord, make_scene
+from warpknit.scene import Cord
 from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.simulate import Record, Simulation
 
@@ -23,7 +24,7 @@ LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}
 @cache
 def stretched(kind: str = "planar") -> Record:
     table = {"knit": {"repeats": [5, 4]}, "load": LOAD, "solver": {"preset": "draft"}, "output": {"frames": 1}}
-    model = build_model(make_scene(table | {"model": {"kind": kind}}))
+    model = build_model(planar_scene(table | {"model": {"kind": kind}}))
     *_, last = Simulation(model, initial_state(model)).run()
     return last
 
@@ -68,7 +69,7 @@ def test_a_uniform_motion_is_a_uniform_map(outline: str) -> None:
     if outline == "rectangle":
         reading = stretched().observables
     else:
-        model = build_model(make_scene({"panel": {"outline": "hexagon", "size": 0.012, "rotation": 0.2}}))
+        model = build_model(planar_scene({"panel": {"outline": "hexagon", "size": 0.012, "rotation": 0.2}}))
         reading = read(model, initial_state(model))
     panel = reading.model.panel
     slope = np.array([[0.02, 0.01], [-0.005, 0.03]])
@@ -159,7 +160,7 @@ def test_shear_tension_tilts_the_surface_of_a_slanted_ellipse(shear: float) -> N
 def test_the_tension_of_a_tile_is_the_force_per_current_width_under_shear() -> None:
     """P F^T / det F with the tile's own P and F, by its components. Under a shear of 0.1 P F, P^T F and P F^T differ."""
     table = {"knit": {"repeats": [4, 4]}, "load": {**LOAD, "shear": 0.1}, "solver": {"preset": "draft"}, "output": {"frames": 1}}
-    model = build_model(make_scene(table))
+    model = build_model(planar_scene(table))
     *_, last = Simulation(model, initial_state(model)).run()
     found = find_panel_map(last.observables)
     assert found.gradient[..., 0, 1].mean() == pytest.approx(0.1, abs=0.02)

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from reference.planar import planar_scene
 from warpknit import measure
 from warpknit.mesh.rim import Rim, build_rim
 from warpknit.model import build_model
@@ -14,7 +15,6 @@ from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.thermal import wire_thermal_strain
 from warpknit.runner.run import run_scene
-from warpknit.scene import make_scene
 from warpknit.solve.multilevel import EDGE_TOLERANCE, MEMBRANE_TOLERANCE
 from warpknit.solve.simulate import Record, Simulation
 
@@ -24,7 +24,7 @@ QUICK = {"preset": "draft"}
 
 
 def corded_rim() -> tuple[Model, Rim]:
-    scene = make_scene({"knit": {"repeats": [8, 8]}, "panel": CORD, "solver": QUICK})
+    scene = planar_scene({"knit": {"repeats": [8, 8]}, "panel": CORD, "solver": QUICK})
     model = build_model(scene)
     return model, build_rim(model.panel, scene)
 
@@ -73,7 +73,7 @@ def test_the_stiffness_of_the_cord_is_the_derivative_of_its_forces() -> None:
 
 @cache
 def corded() -> Record:
-    scene = make_scene({"knit": {"repeats": [6, 5]}, "panel": CORD, "load": LOAD, "solver": QUICK, "output": {"frames": 1}})
+    scene = planar_scene({"knit": {"repeats": [6, 5]}, "panel": CORD, "load": LOAD, "solver": QUICK, "output": {"frames": 1}})
     model = build_model(scene)
     *_, last = Simulation(model, initial_state(model)).run()
     return last
@@ -101,7 +101,7 @@ def test_the_cord_balances_the_mesh() -> None:
 def test_a_stiff_cord_is_solved_though_the_mesh_hardly_feels_it() -> None:
     """A cord that is stiff against a small mesh carries the string's load q L^2/(8 T) all the same."""
     panel = {"outline": "hexagon", "size": 0.014, "grip_pitch": 0.014, "cord": {"tension": 0.5, "stiffness": 50.0}}
-    model = build_model(make_scene({"panel": panel, "load": LOAD, "solver": QUICK, "output": {"frames": 1}}))
+    model = build_model(planar_scene({"panel": panel, "load": LOAD, "solver": QUICK, "output": {"frames": 1}}))
     *_, record = Simulation(model, initial_state(model)).run()
     rim = build_rim(model.panel, model.scene)
     wires = rim.clamps.T @ -record.observables.edge_force
@@ -118,7 +118,7 @@ def test_a_facet_converges_from_one_repeat() -> None:
     at the first check, would ask for a third of the size of the mesh and put it far out of balance."""
     panel = {"outline": "hexagon", "size": 0.015, "grip_pitch": 0.0075, "cord": {"tension": 0.5, "stiffness": 2000.0}}
     load = {"strain_weft": 0.025, "strain_warp": 0.025}
-    model = build_model(make_scene({"panel": panel, "load": load, "solver": QUICK, "output": {"frames": 1}}))
+    model = build_model(planar_scene({"panel": panel, "load": load, "solver": QUICK, "output": {"frames": 1}}))
     *_, record = Simulation(model, initial_state(model)).run()
     assert record.membrane_residual == 0.0
     assert record.steps < 10_000
@@ -127,7 +127,7 @@ def test_a_facet_converges_from_one_repeat() -> None:
 def test_every_place_on_an_outline_that_begins_at_a_mild_corner_has_stations() -> None:
     """The first corner turns too little for a net node, so that places before the first station belong to the last stretch."""
     corners = [[0.0, -0.012], [0.012, -0.011], [0.011, 0.012], [-0.012, 0.012], [-0.012, -0.011]]
-    scene = make_scene({"panel": {"outline": "polygon", "corners": corners, **CORD}})
+    scene = planar_scene({"panel": {"outline": "polygon", "corners": corners, **CORD}})
     rim = build_rim(build_model(scene).panel, scene)
     arc = np.linspace(0.0, rim.outline.length, 101, endpoint=False)
     weights = rim.weights(arc)
@@ -140,7 +140,7 @@ def test_every_place_on_an_outline_that_begins_at_a_mild_corner_has_stations() -
 
 def test_work_at_the_edge_is_on_the_books(tmp_path) -> None:
     """Energy balance of a run whose edge is pulled and hangs on a cord, with a gradient of temperature."""
-    scene = make_scene(
+    scene = planar_scene(
         {
             "knit": {"repeats": [3, 2]},
             "panel": {"grip_pitch": 0.01, "cord": {"tension": 0.5, "stiffness": 50.0}},
@@ -174,7 +174,7 @@ def test_the_ramp_takes_the_clamps_where_they_should_be() -> None:
 
 
 def hot(gradient: tuple[float, float]) -> tuple[Model, PlanarObservables]:
-    scene = make_scene({"knit": {"repeats": [3, 3]}, "solver": {"precision": "double"}})
+    scene = planar_scene({"knit": {"repeats": [3, 3]}, "solver": {"precision": "double"}})
     model = build_model(scene)
     state = initial_state(model)
     state.wire_thermal_strain.assign(wire_thermal_strain(model, scene.wire.reference_temperature, gradient))
@@ -200,7 +200,7 @@ def test_warmth_strains_as_the_length_factor_does() -> None:
     from warpknit.kernels import control as c
     from warpknit.planar.host_state import strains
 
-    scene = make_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
+    scene = planar_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
     model = build_model(scene)
     found = []
     for own in (False, True):
@@ -215,7 +215,7 @@ def test_warmth_strains_as_the_length_factor_does() -> None:
 
 
 def test_pulls_move_what_is_near_them() -> None:
-    scene = make_scene({"knit": {"repeats": [8, 8]}, "load": {"pull": [{"at": [13.6e-3, 0], "by": [1e-3, 0], "width": 8e-3}]}})
+    scene = planar_scene({"knit": {"repeats": [8, 8]}, "load": {"pull": [{"at": [13.6e-3, 0], "by": [1e-3, 0], "width": 8e-3}]}})
     model = build_model(scene)
     rim = build_rim(model.panel, scene)
     moved = rim.pulled(scene.stages[0].pull)
@@ -237,7 +237,7 @@ def test_a_pulled_edge_costs_few_steps_and_ends_where_more_care_ends(repeats: li
     for frames, tolerance in ((1, 0.01), (3, 0.001)):
         solver = {**QUICK, "residual_tolerance": tolerance}
         table = {"knit": {"repeats": repeats}, "load": {**LOAD, "pull": pull}, "solver": solver, "output": {"frames": frames}}
-        model = build_model(make_scene(table | {"model": {"nodes_per_loop": 12}}))
+        model = build_model(planar_scene(table | {"model": {"nodes_per_loop": 12}}))
         *_, last = Simulation(model, initial_state(model)).run()
         tensions.append(measure.mesh_tension(last.observables))
         steps.append(last.steps)

@@ -51,7 +51,7 @@ def test_counts_per_length_stand_for_spacings():
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_fills_in_what_the_scene_leaves_out(name):
-    scene, preset = make_scene({}, preset=name), PRESETS[name]
+    scene, preset = make_scene({"model": {"kind": "planar"}}, preset=name), PRESETS[name]
     assert scene.solver.preset == name
     assert scene.model.nodes_per_loop == preset.nodes_per_loop
     assert scene.solver.axial_softening == preset.axial_softening
@@ -60,7 +60,8 @@ def test_a_preset_fills_in_what_the_scene_leaves_out(name):
 
 
 def test_keys_of_the_scene_stand_before_the_preset():
-    scene = make_scene({"model": {"nodes_per_loop": 50}, "solver": {"preset": "draft", "precision": "double"}})
+    model = {"kind": "planar", "nodes_per_loop": 50}
+    scene = make_scene({"model": model, "solver": {"preset": "draft", "precision": "double"}})
     assert scene.model.nodes_per_loop == 50
     assert scene.solver.precision == "double"
     assert scene.solver.axial_softening == PRESETS["draft"].axial_softening
@@ -180,8 +181,9 @@ def test_the_size_of_the_panel_is_that_of_the_knit():
 
 def test_fine_nodes_are_double_unless_said():
     """Round-off of single precision grows as EI/h^2: many nodes a loop default to double."""
-    assert make_scene({"model": {"nodes_per_loop": 60}}).solver.precision == "double"
-    assert make_scene({"model": {"nodes_per_loop": 60}, "solver": {"precision": "single"}}).solver.precision == "single"
+    fine = {"kind": "planar", "nodes_per_loop": 60}
+    assert make_scene({"model": fine}).solver.precision == "double"
+    assert make_scene({"model": fine, "solver": {"precision": "single"}}).solver.precision == "single"
 
 
 def knit_of(*chains):

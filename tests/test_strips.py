@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reference.planar import planar_scene
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.errors import ModelError
@@ -24,7 +25,7 @@ from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.strip_step import StripStepper
 from warpknit.ranks.ranks import One, Ranks, exact_parts
-from warpknit.scene import Scene, load_scene, make_scene
+from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
 from warpknit.solve.membrane import Correction
 from warpknit.solve.simulate import Simulation
@@ -193,7 +194,7 @@ def test_strips_of_a_panel_on_cords() -> None:
     in another order than on one rank, so the clamps stand where they do there but for the last bits."""
     facet = {"outline": "hexagon", "size": 0.015, "grip_pitch": 0.0075, "cord": {"tension": 0.5, "stiffness": 50.0}}
     load = {"strain_weft": 0.05, "strain_warp": 0.05, "temperature": 330.0, "temperature_gradient": [800.0, 0.0]}
-    here = make_scene({"panel": facet, "load": load, "solver": {"preset": "draft"}, "output": {"frames": 1}})
+    here = planar_scene({"panel": facet, "load": load, "solver": {"preset": "draft"}, "output": {"frames": 1}})
     alone, steps, _ = last_reading(here, One())
     (shared, taken, _), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps

@@ -109,7 +109,7 @@ class Plan:
             ("scene", f"{self.scene}, on {self.device}"),
             *mesh,
             *self.loads,
-            ("model", f"{self.kind}, {self.kind_reason}"),
+            ("model", f"{self.kind} ({self.kind_reason})"),
             ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
             ("time step", step),
             ("steps", f"about {rounded(self.steps):,}"),

@@ -74,7 +74,7 @@ def test_ends_and_plating_conduct_side_by_side():
 
 def hooked(repeats: list[int], **wire: object):
     """A periodic mesh with active contacts at rest."""
-    table = {"knit": {"repeats": repeats}, "model": {"boundary": "periodic"}, "solver": {"preset": "draft"}}
+    table = {"knit": {"repeats": repeats}, "model": {"kind": "planar", "boundary": "periodic"}, "solver": {"preset": "draft"}}
     model = build_model(make_scene({**table, "wire": wire, "output": {"frames": 3}}))
     (state,) = states_at(model, [np.diag([1.16, 1.16])])
     return state

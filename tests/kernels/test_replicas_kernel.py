@@ -31,7 +31,7 @@ def test_replicas_step_to_the_bits_of_a_single_mesh(boundary, repeats, precision
     model = build_model(
         make_scene({
             "knit": {"repeats": repeats},
-            "model": {"boundary": boundary, "nodes_per_loop": 16},
+            "model": {"kind": "planar", "boundary": boundary, "nodes_per_loop": 16},
             "solver": {"precision": precision},
         })
     )  # fmt: skip
@@ -54,7 +54,7 @@ def test_replicas_step_to_the_bits_of_a_single_mesh(boundary, repeats, precision
 
 def test_a_frozen_replica_stays_as_it_is():
     """One that is stale stops where it is while the others go on."""
-    model = build_model(make_scene({"model": {"boundary": "periodic", "nodes_per_loop": 16}}))
+    model = build_model(make_scene({"model": {"kind": "planar", "boundary": "periodic", "nodes_per_loop": 16}}))
     replicas = Replicas(model, 2)
     for state in replicas.states:
         load(state, 0.001, 30)

@@ -10,7 +10,7 @@ def compile_kernels() -> None:
     """Load what relaxation in either model launches, in single and in double precision; what is in Warp's cache is read."""
     solver = {"preset": "draft"}
     for precision in ("single", "double"):
-        model = build_model(make_scene({"solver": {**solver, "precision": precision}}), "cpu")
+        model = build_model(make_scene({"model": {"kind": "planar"}, "solver": {**solver, "precision": precision}}), "cpu")
         Simulation(model, initial_state(model)).compile()
     in_space = {"model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 24}, "solver": solver}
     Simulation(build_model(make_scene(in_space))).compile()

@@ -35,6 +35,7 @@ def scene_with(**solver: object) -> Scene:
     return make_scene(
         {
             "wire": {"material": "tungsten", "diameter": "15 um"},
+            "model": {"kind": "planar"},
             "solver": {"drive": "ramp", "precision": "double", "axial_softening": 1.0, "multipliers": False, **solver},
         }
     )

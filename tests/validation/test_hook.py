@@ -40,7 +40,7 @@ def hook_scene(segments: int = 32, frames: int = 8, displacement: float = DISPLA
         {
             "hook": {},
             "load": {"displacement": displacement},
-            "model": {"nodes_per_loop": segments},
+            "model": {"kind": "planar", "nodes_per_loop": segments},
             "output": {"frames": frames},
             "contact": tables.get("contact", {}),
             "solver": solver | tables.get("solver", {}),

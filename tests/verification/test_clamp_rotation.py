@@ -76,7 +76,7 @@ TURN = 0.15  # [rad]
 def patch(turn: float, **tables: Any) -> dict[str, Any]:
     """A gripped patch at 5 % whose clamps turn."""
     return {
-        "knit": {"repeats": [2, 2]}, "model": {"boundary": "gripped"}, "solver": {"preset": "draft"},
+        "knit": {"repeats": [2, 2]}, "model": {"kind": "planar", "boundary": "gripped"}, "solver": {"preset": "draft"},
         "load": {"strain_weft": 0.05, "strain_warp": 0.05, "clamp_rotation": turn},
         "output": {"frames": 4, "usd": False, "figures": False}, **tables,
     }  # fmt: skip

@@ -20,7 +20,7 @@ from warpknit.scene import make_scene
 from warpknit.solve.simulate import Simulation
 
 CYCLE = {
-    "model": {"boundary": "periodic"},
+    "model": {"kind": "planar", "boundary": "periodic"},
     "load": {"strain_weft": 0.1, "strain_warp": 0.1},
     "path": [
         {"name": "unload", "strain_weft": 0.06, "strain_warp": 0.06},
@@ -34,7 +34,7 @@ CYCLE = {
 def pressed(friction: float, by_pair: bool, repeats: list[int] | None = None, threads: int | None = None):
     """A periodic mesh whose bodies are pressed into one of their wires, which then stick, and are moved along it."""
     knit = {"repeats": repeats or [1, 1]}
-    options = {"boundary": "periodic", "nodes_per_loop": 24}
+    options = {"kind": "planar", "boundary": "periodic", "nodes_per_loop": 24}
     scene = make_scene(
         {**CYCLE, "model": options, "knit": knit, "contact": {"friction": friction}, "solver": {"precision": "double"}}
     )

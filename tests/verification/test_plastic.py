@@ -16,7 +16,7 @@ from warpknit.scene import make_scene
 from warpknit.solve.simulate import Simulation
 
 CYCLE = {
-    "model": {"boundary": "periodic"},
+    "model": {"kind": "planar", "boundary": "periodic"},
     "wire": {"plastic": True, "yield_stress": 80e6, "hardening": 0.2},
     "load": {"strain_weft": 0.11, "strain_warp": 0.11},
     "path": [
@@ -122,7 +122,8 @@ def test_stress_beyond_yield_grows_by_the_hardening() -> None:
 
 def test_a_wire_that_never_yields_is_elastic() -> None:
     """To the residual tolerance of the draft preset: levels on a path start from each other, others from where two point to."""
-    table = {"model": {"boundary": "periodic"}, "load": {"strain_weft": 0.05, "strain_warp": 0.05}, "output": {"frames": 1}}
+    model = {"kind": "planar", "boundary": "periodic"}
+    table = {"model": model, "load": {"strain_weft": 0.05, "strain_warp": 0.05}, "output": {"frames": 1}}
     ends, tensions = [], []
     for wire in ({"plastic": True, "yield_stress": 3e9}, {"plastic": False}):
         # as many levels on the way as where the path counts

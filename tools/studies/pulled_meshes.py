@@ -71,7 +71,7 @@ class Row:
     bound_strong: float
     measured_strain: float
     measured_force: float
-    model: str  # that model.kind = "auto" takes
+    model: str  # model.kind
     steps: int
     seconds: float
 
@@ -114,7 +114,7 @@ def row_of(mesh: Mesh, direction: str, case: str, scene: Scene, pulled: Pull, se
         last.strain, last.strain_across, last.force, last.axial, last.fibre, pulled.strain_at(STIFF),
         straight_strain(scene, axis), pulled.force_at(weak), pulled.force_at(strong),
         strongest(scene, axis, weak), strongest(scene, axis, strong), measured.strain, measured.force / measured.width,
-        scene.changed({"model.kind": "auto"}).model.kind, pulled.steps, seconds,
+        scene.model.kind, pulled.steps, seconds,
     )  # fmt: skip
 
 

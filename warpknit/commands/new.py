@@ -114,7 +114,7 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
         ("", plan.knit),
         ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{_plated(wire)}"),
-        ("model", f"{plan.kind}, {plan.kind_reason}"),
+        ("model", f"{plan.kind} ({plan.kind_reason})"),
         ("mesh", f"{plan.nodes:,} nodes, {plan.bodies:,} {plan.hooked_by}"),
         *(("warning", warning) for warning in plan.warnings),
         ("next", f"warpknit plan {shlex.quote(str(path))}"),

@@ -141,7 +141,7 @@ def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, s
     """Row on whether the model is good for the mesh, with its warnings, which model it is and why, and what the mesh is."""
     said = "; ".join(model_warnings) or "1 if the model is good for the knit, else 0"
     mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *preset_cautions(scene)])
-    return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind}, {scene.kind_reason}; {mesh}"
+    return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind} ({scene.kind_reason}); {mesh}"
 
 
 def earlier_state(out: Path) -> str | None:

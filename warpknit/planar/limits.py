@@ -1,4 +1,4 @@
-"""Warnings where a planar result may differ much from a spatial one."""
+"""Warnings where a planar result differs much from a spatial one."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from typing import Any
 
 from ..knit.cloth import Cloth
 from ..knit.lens_width import way_left
+from ..mesh.tight_loops import TIGHT, first_touch
 from ..scene import Scene
-from ..scene.model_choice import PLANE_IS_GOOD, first_touch
 from ..text import percent
 
-SLID = 0.5  # diameters of sliding between wires: the double atlas cell has 1e-3
-CHECK = "compare with model.kind = 'spatial'"
+SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
+INSTEAD = "use model.kind = 'spatial'"
+
+
+def slid_wires(scene: Scene, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Warning where wires slid along each other, which invalidates the result."""
+    slid = max((stage["wire"]["slid_max_m"] for stage in stages), default=0.0) / scene.wire.thickness
+    if slid > SLID:
+        yield (
+            f"this planar result is not valid: wires slid along each other by {slid:.2g} diameters, which only the spatial model"
+            f" resists; {INSTEAD}"
+        )
 
 
 def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[str]:
     """Warning where wires in space touch long before the lenses of the plane close."""
     share, loops = first_touch(scene), "tight loops"
-    if share >= PLANE_IS_GOOD and scene.knit.scatter:
+    if share >= TIGHT and scene.knit.scatter:
         wire, loops = scene.wire, "the tightest of the scattered loops"
         share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
-    if share < PLANE_IS_GOOD:
+    if share < TIGHT:
         yield (
             f"{loops}: wires in space touch after {percent(share, 0)} of the planar approach, so they hook earlier and carry"
-            f" more; {CHECK}"
-        )
-
-
-def slid_wires(scene: Scene, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Warning where wires have slid along each other."""
-    slid = max((stage["wire"]["slid_max_m"] for stage in stages), default=0.0) / scene.wire.diameter
-    if slid > SLID:
-        yield (
-            f"wires slid along each other by {slid:.2g} diameters: in space their contact would limit this, so they hook"
-            f" earlier and carry more; {CHECK}"
+            f" more; {INSTEAD}"
         )

@@ -190,10 +190,10 @@ class Model:
         return "wrinkle out of its plane, which the planar model cannot represent"
 
     def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
-        """Warnings where wires in space may hook much earlier, one line each."""
+        """Warnings where the planar model is not valid, one line each, the gravest first."""
         if self.cloth is not None:
-            yield from tight_loops(self.scene, self.cloth)
             yield from slid_wires(self.scene, stages)
+            yield from tight_loops(self.scene, self.cloth)
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:

@@ -84,8 +84,8 @@ from itertools import pairwise
 from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import classes_of
+from ..mesh.tight_loops import tension_error
 from ..scene import Stage
-from ..scene.model_choice import tension_error
 from ..solve.tension import TOLERANCE
 from .best_tension import best_tension, margin
 from .branches import Jump, is_heated

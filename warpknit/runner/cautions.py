@@ -12,10 +12,10 @@ from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
 from ..mesh.smaller import smaller_scene
+from ..mesh.tight_loops import is_tight
 from ..numerics import FOLLOWED_INCREMENT
 from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS
-from ..scene.model_choice import PLANE_IS_GOOD, first_touch
 from ..text import celsius, engineering, exact, percent
 from .history import Row
 
@@ -83,7 +83,7 @@ def _is_loaded(scene: Scene, stage: Stage) -> bool:
 
 def preset_cautions(scene: Scene) -> Iterator[str]:
     """What `plan` says of the accuracy of tight knits, beside a result or a card of one."""
-    if scene.hook is not None or scene.wires is not None or first_touch(scene) >= PLANE_IS_GOOD:
+    if scene.hook is not None or scene.wires is not None or not is_tight(scene):
         return
     if scene.preset_caveat:
         yield f"preset {scene.preset_in_force}: {scene.preset_caveat}"
@@ -169,7 +169,7 @@ def _largest_change(scene: Scene) -> float:
 
 def _about_increments(scene: Scene) -> Iterator[str]:
     largest = _largest_change(scene)
-    if largest > FOLLOWED_INCREMENT * scene.output.frames * (1.0 + 1e-6) and first_touch(scene) < PLANE_IS_GOOD:
+    if largest > FOLLOWED_INCREMENT * scene.output.frames * (1.0 + 1e-6) and is_tight(scene):
         yield (
             f"increments of {percent(largest / scene.output.frames)} strain are large for a tight knit, which may end in another"
             f" equilibrium than on its path: set output.frames = {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more"

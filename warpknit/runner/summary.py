@@ -10,9 +10,10 @@ Keys beside the measures (measure/table.py), a panel (panel_report.py) and the a
                                              `diverged`, `interrupted`
     message                                  why a run stopped early
     warnings                                 limits to the use of this result
-    model.kind                               the model that was taken
-    model.kind_reason                        why it was taken
+    model.kind                               planar or spatial
+    model.kind_reason                        why: chosen in the scene, the default, or what exists only in the planar model
     model.source                             table of the scene that gives the wires: `knit`, `hook` or `wires`
+    model.warnings                           why the model is not valid for this mesh, the gravest first; also in `warnings`
     model.boundary                           `periodic`, `gripped` or that of wires from a file
     model.precision                          `single` or `double`
     model.wires                              wires of the mesh
@@ -147,7 +148,7 @@ def run_summary(
 ) -> dict[str, Any]:
     """All of summary.json, with the values of the last stage on top. `notes` come from the drive."""
     estimate = estimate or Estimate(None)
-    scene, panel, jumps = model.scene, model.panel, jumps_of(model, rows)
+    scene, panel, jumps, of_model = model.scene, model.panel, jumps_of(model, rows), list(model.warnings(stages))
     last = {key: value for key, value in stages[-1].items() if key != "name"} if stages else {}
     if "quality" in last:
         last["quality"] = {**last["quality"], "estimated_error": estimate.error, "estimated_errors": {
@@ -160,11 +161,12 @@ def run_summary(
         "device": model.device,
         "stop_reason": stop_reason,
         "message": message,
-        "warnings": [*notes, *warnings_of(model, rows, stages), *([estimate.warning] if estimate.warning else [])],
+        "warnings": [*of_model, *notes, *warnings_of(model, rows, stages), *([estimate.warning] if estimate.warning else [])],
         "model": {
             "kind": scene.model.kind,
             "kind_reason": scene.kind_reason,
             "source": "hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",
+            "warnings": of_model,
             "boundary": scene.model.boundary,
             "precision": model.precision.name,
             "wires": len(panel.wire_first),

@@ -27,6 +27,8 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
             entry = entry.get(key) if isinstance(entry, Mapping) else None
         return entry
 
+    of_model = value("model", "warnings") or []
+    yield from (("warning", warning) for warning in of_model)
     yield from model_rows(value("model"))
     stages = value("stages") or []
     diverged = value("stop_reason") == "diverged"
@@ -91,8 +93,7 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
         before = f"; before it {duration(compiling, 3)} to compile the kernels" if compiling and compiling > 1.0 else ""
         yield "wall time", f"{duration(wall, 3)} {TIMED}{before}"
     yield "stopped", str(value("stop_reason"))
-    for warning in value("warnings") or []:
-        yield "warning", str(warning)
+    yield from (("warning", str(warning)) for warning in value("warnings") or [] if warning not in of_model)
     yield "results in", str(directory)
 
 
@@ -123,7 +124,7 @@ def _earlier_stage(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def model_rows(model: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
     """Row of the kind of model, from the section `model` of a summary; none for one without a reason."""
     if model is not None and "kind_reason" in model:
-        yield "model", f"{model['kind']}, {model['kind_reason']}"
+        yield "model", f"{model['kind']} ({model['kind_reason']})"
 
 
 def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

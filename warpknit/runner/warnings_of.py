@@ -32,14 +32,13 @@ Stages = Sequence[dict[str, Any]]
 
 
 def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[str]:
-    """Warnings, one line each, from the rows of history.csv and the stages of summary.json."""
+    """Warnings, one line each, from the rows of history.csv and the stages of summary.json, beside those of the model."""
     return [
         *model.panel.notes,
         *_overstressed(model, rows, stages),
         *_taut_between_grips(model, stages),
         *_compressed(model, rows),
         *cautions(model, list(rows)),
-        *model.warnings(stages),
         *_unevenly_pulled(model, stages),
         *_out_of_range(stages),
         *_contacts_as_knitted(model, rows),

@@ -2,7 +2,8 @@
 
 `TRAITS` (traits.py) are features that a scene or a command may request, `RULES` (rules.py) the combinations that are excluded.
 From these follow the refusals (`refuse`, called when a scene is read and by each command), the keys without effect
-(`without_effect`, shown by `warpknit plan`), what a kind of model lacks (`lacking`), and docs/capabilities.md (reference.py).
+(`without_effect`, shown by `warpknit plan`), the kind of model of `model.kind = "auto"` (`kind_of_model`), and
+docs/capabilities.md (reference.py).
 Limits that depend on a size, a file or values of a model are checked where these are known: in wires/read.py, mesh/,
 planar/model.py, spatial/.
 """
@@ -10,11 +11,13 @@ planar/model.py, spatial/.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 from warpknit.errors import SceneError
 from warpknit.scene.keys import Table
 from warpknit.scene.messages import dotted, scene_error, value_text
+from warpknit.scene.options import AUTO, DEFAULT, GIVEN
 from warpknit.scene.rules import RULES, Rule
 from warpknit.scene.traits import AT_COMMAND, GROUPS, TRAITS, Case, Location, Place, Words
 
@@ -48,11 +51,30 @@ def without_effect(scene: Scene) -> Iterator[str]:
                 yield f"without effect: {dotted(location)} ({rule.why})"
 
 
-def lacking(case: Case, kind: str, *, at_command: bool = False) -> Iterator[str]:
-    """Features of a scene, or those that its command adds, that are refused with a kind of model, by their words."""
-    for rule in RULES:
-        if rule.refused and kind in rule.traits and at_command == bool(rule.traits & AT_COMMAND) and list(_places(rule, case)):
-            yield " and ".join(TRAITS[name].words for name in TRAITS if name in rule.traits - {kind})
+def kind_of_model(file: SceneFile, *, command: str = "", ranks: int = 1) -> tuple[str, str]:
+    """Kind of model of a scene file, `auto` resolved, and the reason in a few words.
+
+    `auto` is spatial, unless the spatial model lacks a feature of the scene or the command that the planar model has.
+    command, ranks: as in `refuse`.
+    """
+    if file.model.kind != AUTO:
+        return file.model.kind, GIVEN
+    spatial, planar = (
+        [rule for rule in RULES if kind in rule.traits and list(_places(rule, Case(_of_kind(file, kind), command, ranks=ranks)))]
+        for kind in ("spatial", "planar")
+    )
+    if not spatial or any(rule.refused for rule in planar):
+        return "spatial", DEFAULT
+    return "planar", f"only in the planar model: {', '.join(dict.fromkeys(map(_other_traits, spatial)))}"
+
+
+def _of_kind(file: SceneFile, kind: str) -> SceneFile:
+    return replace(file, model=replace(file.model, kind=kind))
+
+
+def _other_traits(rule: Rule) -> str:
+    """The traits of a rule beside the spatial model, in words."""
+    return " with ".join(TRAITS[name].words for name in TRAITS if name in rule.traits - {"spatial"})
 
 
 def _places(rule: Rule, case: Case) -> Iterable[Place]:

@@ -46,6 +46,9 @@ from warpknit.scene.values import (
 )
 from warpknit.text import either
 
+AUTO = "auto"  # model.kind, resolved by capabilities.py
+GIVEN, DEFAULT = "chosen in the scene", "the default"  # reasons for the kind of model
+
 # Keys of [contact] that only some treatments have.
 TREATMENT_KEYS = {
     "spring_stiffness": ("spring-point", "spring-cylinder", "ring"),
@@ -64,10 +67,10 @@ class ModelOptions(Table):
 
     kind: Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
-        " contact of round wires ([theory](theory/contact.md#round-wires-in-space)); required with `[wires]`. `auto`: the plane"
-        " where it is good for the knit, else space ([below](#the-kind-of-model)). See [capabilities.md](capabilities.md) for the"
-        " features of each.",
-        "auto",
+        " contact of round wires ([theory](theory/contact.md#round-wires-in-space)); required with `[wires]`. `auto`: spatial,"
+        " unless only the planar model has what the scene or the command asks for ([below](#the-kind-of-model)). See"
+        " [capabilities.md](capabilities.md) for the features of each.",
+        AUTO,
     )
     boundary: Boundary = key(
         "`gripped`: cut along an outline, with every cut wire end clamped. `periodic`: one tile of an endless mesh.", "gripped"

@@ -73,8 +73,8 @@ CAPABILITIES = """# Compatibility of features
 
 Generated from `warpknit/scene/traits.py` and `warpknit/scene/rules.py` by `python -m warpknit.scene.reference docs`. Excluded
 combinations are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model
-are not in this table; the message states them. `model.kind = "auto"` takes a model that has
-what the scene and the command ask for.
+are not in this table; the message states them. `model.kind = "auto"` is
+spatial, and planar only for what the spatial model lacks.
 
 Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
 with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.

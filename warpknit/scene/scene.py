@@ -17,7 +17,7 @@ from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
 from warpknit.scene.knit import Knit
 from warpknit.scene.loads import Stage, Sweep
-from warpknit.scene.options import Contact, ModelOptions, Output, Solver
+from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Solver
 from warpknit.scene.panel_options import PanelOptions
 from warpknit.scene.presets import PRESETS, preset_like, tight_knits
 from warpknit.scene.wire import Wire
@@ -53,7 +53,7 @@ class Scene:
     solver: Solver
     output: Output
     sweep: Sweep | None
-    kind_reason: str = field(default="as given", compare=False)  # of `model.kind`, which is resolved (model_choice.py)
+    kind_reason: str = field(default=GIVEN, compare=False)  # of `model.kind`, see capabilities.py
     assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys of the wire with the value of its material
     is_empty: bool = field(default=False, compare=False)  # whether its file holds no key
     bare_temperatures: tuple[float, ...] = field(default=(), compare=False)  # [K] that were given as numbers without a unit

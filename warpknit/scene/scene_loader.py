@@ -14,15 +14,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpknit.scene.capabilities import refuse
+from warpknit.scene.capabilities import kind_of_model, refuse
 from warpknit.scene.file import SceneFile, checked_file
 from warpknit.scene.hook_defaults import hook_of
 from warpknit.scene.keys import as_object
 from warpknit.scene.knit import Knit, KnitTable
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, first_error, scene_error
-from warpknit.scene.model_choice import GIVEN, choose_model
-from warpknit.scene.options import TREATMENT_KEYS, Contact, ModelOptions, Solver
+from warpknit.scene.options import GIVEN, TREATMENT_KEYS, Contact, ModelOptions, Solver
 from warpknit.scene.overrides import as_list, with_overrides
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
@@ -72,7 +71,7 @@ def load_scene(
         of (key, value) pairs. A strain set this way takes the place of the file's tension in that direction, and so for other
         ways to say the same.
     preset: takes the place of `solver.preset`; keys that the file gives still stand.
-    command, ranks: what the scene is for, as in `refuse`; `model.kind = "auto"` takes a model that has it.
+    command, ranks: what the scene is for, as in `refuse`; they may decide the model of `model.kind = "auto"`.
 
     Quantities are strings with their unit or numbers in SI; docs/scenes.md has all keys.
 
@@ -147,8 +146,8 @@ def make_scene(
     wire = _wire(source, file.wire if diameter is None else replace(file.wire, diameter=diameter))
     panel = _panel(source, file)
     knit = _knit(source, file, wire, panel) if file.hook is None and file.wires is None else None
-    choice = choose_model(file, wire, knit, command=command, ranks=ranks)
-    file = replace(file, model=replace(file.model, kind=choice.kind))
+    kind, kind_reason = kind_of_model(file, command=command, ranks=ranks)
+    file = replace(file, model=replace(file.model, kind=kind))
     refuse(file, source=source)  # with the kind of model
     hook = None if file.hook is None else hook_of(source, file, wire)
     wires = wire_file(source, file, wire, has_widths=diameter is not None)
@@ -178,7 +177,7 @@ def make_scene(
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
         sweep=file.sweep,
-        kind_reason=choice.reason,
+        kind_reason=kind_reason,
         assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
         is_empty=is_empty,
         bare_temperatures=tuple(_bare_temperatures(table)),
