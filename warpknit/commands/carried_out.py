@@ -16,7 +16,7 @@ from ..runner.progress_display import Progress, progress_for
 from ..runner.run_directory import CommandResult, directory_of
 from ..scene import Scene
 from ..scene.messages import scene_error
-from ..scene.options import GIVEN
+from ..scene.options import DEFAULT, GIVEN
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
 Directory = str | os.PathLike[str]
@@ -58,5 +58,5 @@ def naming_the_file(scene: Scene) -> Iterator[None]:
     except KnitError as error:
         raise scene_error(scene.path, error.key, error.wrong, error.instead) from error
     except ModelError as error:
-        chosen = "" if scene.kind_reason == GIVEN else f" (model.kind = '{scene.model.kind}': {scene.kind_reason})"
+        chosen = "" if scene.kind_reason in (GIVEN, DEFAULT) else f" (model.kind = '{scene.model.kind}': {scene.kind_reason})"
         raise type(error)(f"{scene.path}: {error}{chosen}") from error

@@ -103,7 +103,7 @@ def report_command(
     begin, known = time.perf_counter(), asked.known
     loaded = report_scene(scene)
     fitted = Fitted(loaded)
-    if known.openings or known.loop_length:  # another knit, for which auto may take another model
+    if known.openings or known.loop_length:  # another knit, on which defaults may depend
         fitted = with_known(loaded, Known(known.openings, known.loop_length))
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass), progress))

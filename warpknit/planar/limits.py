@@ -17,7 +17,7 @@ INSTEAD = "use model.kind = 'spatial'"
 
 def slid_wires(scene: Scene, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
     """Warning where wires slid along each other, which invalidates the result."""
-    slid = max((stage["wire"]["slid_max_m"] for stage in stages), default=0.0) / scene.wire.thickness
+    slid = max((stage["wire"]["slid_max_m"] for stage in stages), default=0.0) / scene.wire.diameter
     if slid > SLID:
         yield (
             f"this planar result is not valid: wires slid along each other by {slid:.2g} diameters, which only the spatial model"
