@@ -252,9 +252,7 @@ def _knit_table(request: SceneRequest) -> Iterator[str]:
 
 def _model(request: SceneRequest) -> Iterator[str]:
     yield "[model]"
-    yield _key(
-        "kind", _toml(request.model), "planar, spatial, or auto: spatial unless a key exists only in the planar model"
-    )
+    yield _key("kind", _toml(request.model), "planar, spatial, or auto: spatial unless a key exists only in the planar model")
     yield _key("boundary", '"periodic"', 'one tile of an endless mesh; "gripped": a patch, which needs more repeats')
     yield _off("nodes_per_loop", "48", "instead of the preset's")
 
