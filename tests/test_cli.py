@@ -1,7 +1,9 @@
 """The command line: exit statuses, one line for an error, what reaches the modules behind it."""
 
 import errno
+import itertools
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -254,12 +256,32 @@ def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
     assert shown == [bar.format("0.250"), smaller, bar.format("0.251"), ""]
 
 
-def test_the_time_left_is_told_when_a_tenth_is_done(monkeypatch, caplog):
-    clock = iter([0.0, 0.0, 100.0, 200.0, 300.0])
+def lines_of(monkeypatch, caplog, of_updates):
+    """The lines of a stage with these updates, 100 s apart: done, load factor."""
+    clock = itertools.count(0.0, 100.0)
     monkeypatch.setattr(progress_display.time, "monotonic", lambda: next(clock))
     lines = StageLines()
     with caplog.at_level("INFO", logger="warpknit.runner.progress_display"):
         lines.stage("load", number=1, of=1)
-        for done in (0.0, 0.02, 0.5):
-            lines.update(done=done, load_factor=0.05)
-    assert [("left" in line) for line in caplog.messages[1:]] == [False, False, True]
+        for done, load in of_updates:
+            lines.update(done=done, load_factor=load)
+    return caplog.messages[1:]
+
+
+def test_the_time_left_is_told_when_a_tenth_is_done(monkeypatch, caplog):
+    """Half in 200 s leaves 200 s; before, the time so far."""
+    told = lines_of(monkeypatch, caplog, [(0.0, 0.05), (0.02, 0.05), (0.5, 0.05)])
+    assert [line.rpartition(", ")[2] for line in told] == ["0 s so far", "100 s so far", "3.3 min left"]
+
+
+def test_progress_never_runs_backwards(monkeypatch, caplog):
+    """An increment that is halved, and an equilibrium that a search adds, begin anew: what was shown stays."""
+    told = lines_of(monkeypatch, caplog, [(0.5, 0.5), (0.65, 0.7), (0.5, 0.6), (0.7, 0.7)])
+    shown = [[int(number) for number in re.findall(r"(\d+) %", line)] for line in told]
+    assert shown == [[50, 50], [65, 70], [65, 70], [70, 70]]
+
+
+def test_a_search_shows_the_time_so_far_and_none_that_is_left(monkeypatch, caplog):
+    """How many equilibria a tension takes is not known: neither a share of the work nor the time left."""
+    told = lines_of(monkeypatch, caplog, [(None, 0.2), (None, 0.5), (None, 0.4)])
+    assert [line.strip() for line in told] == ["load 20 %, 0 s so far", "load 50 %, 100 s so far", "load 50 %, 3.3 min so far"]

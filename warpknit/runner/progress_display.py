@@ -11,6 +11,7 @@ import logging
 import multiprocessing
 import sys
 import time
+from dataclasses import dataclass
 from html import escape
 from types import TracebackType
 from typing import Any
@@ -25,6 +26,35 @@ LEFT_OF_STAGE = "of this stage"  # the time that is told to be left, where there
 NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
+@dataclass
+class Course:
+    """How far a stage is, from what is reported of it: never less than before."""
+
+    of_stage: str = ""  # LEFT_OF_STAGE where there are several
+    begin: float | None = None  # [s] of the clock, at the first report
+    clock: float = 0.0  # [s] at the last report
+    done_before: float = 0.0  # at the first report: a stage may go on from a checkpoint
+    done: float = 0.0
+    load_factor: float = 0.0
+    is_search: bool = False  # how much work is left is unknown
+
+    def report(self, done: float | None, load_factor: float) -> None:
+        """The share of the work that is done, None where it is unknown, and of the load."""
+        self.clock, self.is_search = time.monotonic(), done is None
+        self.load_factor = max(self.load_factor, load_factor)
+        self.done = max(self.done, min(self.load_factor if done is None else done, 1.0))
+        if self.begin is None:
+            self.begin, self.done_before = self.clock, self.done
+
+    @property
+    def time(self) -> str:
+        """The time left; in a search, and before LEAST_GAINED of the work, the time so far."""
+        elapsed, gained = self.clock - (self.begin or self.clock), self.done - self.done_before
+        if self.is_search or gained < LEAST_GAINED:
+            return f"{duration(elapsed)} so far"
+        return f"{duration(elapsed * (1.0 - self.done) / gained)} left{self.of_stage}"
+
+
 class Progress:
     """The interface; this one shows nothing."""
 
@@ -37,36 +67,30 @@ class Progress:
     def stage(self, name: str, *, number: int, of: int) -> None:
         """A stage of the loading begins; stages are numbered from 1."""
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        """Within the stage: the share of the expected work that is `done`, and of the load that is applied (0 to 1); what is done
-        now, where that is not the whole."""
+    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+        """Within the stage: the share of the expected work that is `done`, None in a search of unknown length, and of the load
+        that is applied (0 to 1); what is done now, where that is not the whole."""
 
 
 class StageLines(Progress):
     """Log lines, without a terminal: one a stage and one every LINE_INTERVAL."""
 
     def __init__(self) -> None:
-        self._last_line = self._begin = time.monotonic()
-        self._done_before, self._of_stage = 0.0, ""
+        self._last_line, self._course = time.monotonic(), Course()
 
     def stage(self, name: str, *, number: int, of: int) -> None:
-        self._begin, self._done_before = time.monotonic(), -1.0
-        self._of_stage = f" {LEFT_OF_STAGE}" if of > 1 else ""
+        self._course = Course(f" {LEFT_OF_STAGE}" if of > 1 else "")
         _log.info("stage %d of %d: %s", number, of, name)
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        clock = time.monotonic()
-        if self._done_before < 0.0:  # a stage may go on from a checkpoint
-            self._begin, self._done_before = clock, done
-        if clock - self._last_line > LINE_INTERVAL:
-            self._last_line = clock
+    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+        course = self._course
+        course.report(done, load_factor)
+        if course.clock - self._last_line > LINE_INTERVAL:
+            self._last_line = course.clock
+            share = "" if course.is_search else f"{percent(course.done, 0)} done, now at "
             rate = "" if node_steps_per_s is None else f", {rounded(node_steps_per_s):,} node-steps/s"
-            gained = done - self._done_before
-            left = ""
-            if gained >= LEAST_GAINED:
-                left = f", {duration((clock - self._begin) * (1.0 - done) / gained)} left{self._of_stage}"
             part = f", {now}" if now else ""
-            _log.info("  %.0f %% done, now at load %.0f %%%s%s%s", 100 * done, 100 * load_factor, rate, left, part)
+            _log.info("  %sload %s%s, %s%s", share, percent(course.load_factor, 0), rate, course.time, part)
 
 
 class Bar(Progress):
@@ -74,7 +98,7 @@ class Bar(Progress):
 
     def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, TextColumn
         from rich.progress import Progress as RichProgress
 
         self._bar = RichProgress(
@@ -82,12 +106,12 @@ class Bar(Progress):
             BarColumn(),
             TextColumn("load {task.fields[load_factor]:4.0%}"),
             TextColumn("{task.fields[rate]}"),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[of_stage]}"),
+            TextColumn("{task.fields[time]}"),
             console=Console(stderr=True),
             transient=True,
         )
         self._task: Any = None
+        self._course = Course()
 
     def __enter__(self) -> Bar:
         self._bar.start()
@@ -99,15 +123,15 @@ class Bar(Progress):
     def stage(self, name: str, *, number: int, of: int) -> None:
         if self._task is not None:
             self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(
-            f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="", of_stage=LEFT_OF_STAGE if of > 1 else ""
-        )
+        self._course = Course(f" {LEFT_OF_STAGE}" if of > 1 else "")
+        self._task = self._bar.add_task(f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="", time="")
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
         if self._task is None:
             return
-        rate = now if node_steps_per_s is None else f"{rounded(node_steps_per_s):,} node-steps/s"
-        self._bar.update(self._task, completed=min(max(done, 0.0), 1.0), load_factor=load_factor, rate=rate)
+        rate, course = now if node_steps_per_s is None else f"{rounded(node_steps_per_s):,} node-steps/s", self._course
+        course.report(done, load_factor)
+        self._bar.update(self._task, completed=course.done, load_factor=course.load_factor, rate=rate, time=course.time)
 
 
 class NotebookBar(Progress):
@@ -116,21 +140,23 @@ class NotebookBar(Progress):
     def __init__(self) -> None:
         from IPython.display import HTML, display
 
-        self._html, self._text, self._shown, self._now = HTML, "", -1.0, ""
+        self._html, self._text, self._shown, self._now, self._course = HTML, "", -1.0, "", Course()
         self._place = display(HTML(""), display_id=True)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         self._place.update(self._html(""))
 
     def stage(self, name: str, *, number: int, of: int) -> None:
-        self._text, self._shown = f"{escape(name)} ({number}/{of})", -1.0
+        self._text, self._shown, self._course = f"{escape(name)} ({number}/{of})", -1.0, Course()
 
-    def update(self, *, done: float, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        if abs(done - self._shown) >= NOTEBOOK_STEP or now != self._now:
-            self._shown, self._now = done, now
-            bar = f'<progress value="{done:.3f}" max="1"></progress>'
+    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
+        course = self._course
+        course.report(done, load_factor)
+        if course.done - self._shown >= NOTEBOOK_STEP or now != self._now:
+            self._shown, self._now = course.done, now
+            bar = f'<progress value="{course.done:.3f}" max="1"></progress>'
             part = f", {escape(now)}" if now else ""
-            self._place.update(self._html(f"{self._text} {bar} load {percent(load_factor, 0)}{part}"))
+            self._place.update(self._html(f"{self._text} {bar} load {percent(course.load_factor, 0)}{part}"))
 
 
 def in_notebook() -> bool:

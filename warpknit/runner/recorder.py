@@ -230,8 +230,10 @@ class Recorder:
         before, begin = self._counted_from
         rate = (progress.steps - before) * self.model.node_count / (clock - begin) if progress.steps > before else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
+        is_search = self.scene.solver.drive == "relax" and any(stages[progress.stage_index].by_tension)
+        done = (max(0, records) + progress.level_share) / max(1, self.scene.output.frames)
         self.display.update(
-            done=min(1.0, (max(0, records) + progress.level_share) / max(1, self.scene.output.frames)),
+            done=None if is_search else done,
             load_factor=progress.load_factor,
             node_steps_per_s=rate,
             now=self.simulation.solving,
