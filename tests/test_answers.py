@@ -10,8 +10,9 @@ import pytest
 
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
 from warpknit.runner.answers import heat_of
-from warpknit.runner.answers_table import advice_rows, answer_rows
+from warpknit.runner.answers_table import advice_rows, ahead_texts, answer_rows
 from warpknit.runner.branches import jumps_in_heat
+from warpknit.runner.closings import state_of
 from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
@@ -58,8 +59,43 @@ def test_a_limit_of_the_solver_is_told_as_such(monkeypatch: pytest.MonkeyPatch) 
     text = dict(answer_rows(found([row(0.1 * k) for k in range(6)], monkeypatch), LIMIT, gave_up=True))
     assert text["first yield at"].startswith("not up to 500 mN/m, beyond which the relaxation did not converge: 500 MPa")
     assert "did not converge" in text["contacts B close at"]
-    assert text["best tension"].partition(": 25.0 %")[0].endswith("incomplete: the relaxation did not converge beyond its end")
+    assert text["best tension"].endswith("; not known beyond 500 mN/m, where the relaxation did not converge")
     assert text["  may drift"].endswith("to at least 500 mN/m (+37 %), beyond which the relaxation did not converge")
+
+
+def test_the_best_tension_of_a_path_that_ended_early_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever its range is: in the last record alone, in the middle of the records, or none. Not behind first yield."""
+    for rows in ([row(0.1 * k) for k in range(4)], [row(0.0), row(0.25)], [row(0.01 * k) for k in range(3)]):
+        text = dict(answer_rows(found(rows, monkeypatch), LIMIT, gave_up=True))["best tension"]
+        top = f"{1e3 * rows[-1].tension_weft_N_per_m:.0f} mN/m"
+        assert text.endswith(f"; not known beyond {top}, where the relaxation did not converge")
+        assert "not known" not in dict(answer_rows(found(rows, monkeypatch), LIMIT))["best tension"]
+    yielded = found([row(0.1 * k) for k in range(11)], monkeypatch)
+    assert "not known" not in dict(answer_rows(yielded, LIMIT, gave_up=True))["best tension"]
+
+
+def test_the_margin_is_told_where_the_wire_yields_in_a_snap_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 0.6 to 0.8 N/m the mesh snaps through, and the wire yields at 0.7 N/m or at once: at 0.6 N/m or more."""
+    rows = [row(0.1 * k) for k in (0, 1, 2, 3, 4, 5, 6, 8, 9)]
+    best = (answers := found(rows, monkeypatch, jumps=[(rows[6], rows[7])]))["best"]
+    assert [one["tension_weft_N_per_m"] for one in best["next_jump"]] == pytest.approx([0.6, 0.8])
+    assert best["first_yield_over_tension"] is None
+    times = 0.6 / best["tension_weft_N_per_m"]
+    text = dict(answer_rows(answers, LIMIT))["  margin"]
+    assert text.endswith(f"; first yield at 600 to 800 mN/m, where the mesh snaps through, {times:.3g} times this tension")
+
+
+def test_the_margin_is_to_the_next_snap_through_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh that snaps through from 0.2 to 0.3 and from 0.5 to 0.6 N/m, whose best tension of the records up to 0.6 N/m is
+    between both; with those up to 0.8 N/m it is above them. The wire yields at 0.7 N/m."""
+    rows = [row(0.1 * k) for k in range(9)]
+    jumps = [(rows[2], rows[3]), (rows[5], rows[6])]
+    sides = [state_of(one) for one in jumps[1]]
+    best, all_rows = found(rows[:7], monkeypatch, jumps=jumps)["best"], found(rows, monkeypatch, jumps=jumps)
+    assert 0.3 < best["tension_weft_N_per_m"] < 0.5 and best["next_jump"] == sides
+    assert all_rows["best"]["tension_weft_N_per_m"] > 0.6 and all_rows["best"]["next_jump"] is None
+    told = [*ahead_texts(state_of(rows[4]), all_rows["first_yield"], sides)]
+    assert told == ["snap-through at 500 to 600 mN/m, 1.25 times this tension", "first yield at 1.75 times this tension"]
 
 
 def test_a_service_tension_that_was_asked_for_is_told_where_it_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,6 +59,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     best.stress_over_limit            the stress away from the grips over the elastic limit
     best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire
                                       does not yield, at an unknown tension, a smaller one, or at another temperature
+    best.next_jump                    the states on both sides of the first snap-through at a larger tension, up to first yield;
+                                      null without one
     best.stage                        the stage of this state
     best.stages                       number of stages among the records up to first yield, all of which are searched
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along

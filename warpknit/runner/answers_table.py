@@ -287,22 +287,25 @@ def _change(begin: State, end: State) -> str:
 
 def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]]:
     best = answers["best"]
+    is_short = gave_up and answers["first_yield_interior"] is None
+    top = _tension(answers["largest_tension"])
+    short = f"; not known beyond {top}, where the relaxation did not converge" if is_short else ""
     if best is None:
-        yield "best tension", "none: no tensile state with an active contact is below the elastic limit"
+        yield "best tension", f"none: no tensile state with an active contact is below the elastic limit{short}"
         return
     low, high = best["low"], best["high"]
-    end = "the relaxation did not converge beyond its end" if gave_up else "the records end within it"
-    cut = " and ".join(text for name, text in (("low", "the records begin within it"), ("high", end)) if best[f"open_{name}"])
+    begins, ends = best["open_low"], best["open_high"] and not short
+    cut = " and ".join(["the records begin within it"] * begins + ["the records end within it"] * ends)
     incomplete = f", incomplete: {cut}" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
     away = " away from the grips" if is_at_grips(best["stress_max_Pa"], best["stress_with_grips_Pa"]) else ""
     stage = f" in stage '{best['stage']}'" if best["stages"] > 1 else ""
-    yield "best tension", f"{_tension(best)}{stage}{middle}: {percent(0.01 * best['active_percent'])} active, {stress}{away}"
-    times = best["first_yield_over_tension"]
-    first_yield = "" if times is None else f"; first yield{_inside(answers)} at {times:.3g} times this tension"
+    active = percent(0.01 * best["active_percent"])
+    yield "best tension", f"{_tension(best)}{stage}{middle}: {active} active, {stress}{away}{short}"
     share = f"stress{away} at {percent(best['stress_over_limit'], 0)} of the elastic limit"
-    yield "  margin", f"{share}{f'; {_at_grips(answers)}' if away else ''}{first_yield}"
+    ahead = ahead_texts(best, answers["first_yield_interior"], best["next_jump"], _inside(answers))
+    yield "  margin", "; ".join((share, *([_at_grips(answers)] if away else []), *ahead))
     if low == high and not best["grows"]:
         yield "  may drift", "unknown: a single record has this share; more output.frames tell"
         return
@@ -324,6 +327,36 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     nearest = min(abs(_mean(one) / _mean(best) - 1.0) for one in (low, high))
     if error is not None and nearest < 0.01 * error:
         yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: a finer solver.preset tells"
+
+
+def ahead_texts(
+    here: State, first_yield: Mapping[str, Any] | None, jump: Sequence[State] | None, inside: str = ""
+) -> Iterator[str]:
+    """Distance in tension from a state to the next snap-through and to first yield, where they are above it.
+
+    jump: the states on both sides of that snap-through. inside: where the first yield is, in words.
+    """
+    at_jump = first_yield is not None and jump is not None and [*jump] == first_yield["between"]
+    if jump is not None and not at_jump:
+        yield f"snap-through at {_span(*jump)}, {_times(jump[0], here)}"
+    if first_yield is None or first_yield["between"][1]["temperature_K"] != here["temperature_K"]:
+        return
+    low, high = first_yield["between"]
+    if first_yield["resolved"] and _mean(first_yield) >= (1.0 - SAME) * _mean(here):
+        yield f"first yield{inside} at {_times(first_yield, here)}"
+    if not first_yield["resolved"] and _mean(high) > _mean(here):
+        where = ", where the mesh snaps through" if first_yield["jump"] else ""
+        yield f"first yield{inside} at {_span(low, high)}{where}, {_times(low, here)}"
+
+
+def _span(low: State, high: State) -> str:
+    """The mean tensions of two states: 4.0 to 4.3 N/m."""
+    first, second = alike([_mean(low), _mean(high)], "N/m")
+    return f"{first.split()[0] if first.split()[1] == second.split()[1] else first} to {second}"
+
+
+def _times(there: State, here: State) -> str:
+    return f"{_mean(there) / _mean(here):.3g} times this tension"
 
 
 def _at_grips(answers: Mapping[str, Any]) -> str:

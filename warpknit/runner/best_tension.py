@@ -104,6 +104,9 @@ def _best_of(
                 return (before, after) if mean_tension(before) <= mean_tension(after) else (after, before)
         return None
 
+    recorded = [jump for jump in jumps if all(id(row) in recorded_at for row in jump)]
+    above = [jump for jump in recorded if mean_tension(jump[1]) > max(mean_tension(jump[0]), mean_tension(best))]
+    following = min(above, key=lambda jump: mean_tension(jump[1]), default=None)
     passed = [sorted(jump, key=mean_tension) for jump in jumps if all(id(row) in inside for row in jump)]
     between: Answer = {}
     for name, row in (("low", low), ("high", high)):
@@ -116,6 +119,7 @@ def _best_of(
         "low": state_of(low), "high": state_of(high), "grows": grows,
         "open_low": any(low is one for one in (states[0], states[-1])),
         "open_high": any(high is one for one in (states[0], states[-1])),
+        "next_jump": None if following is None else [state_of(row) for row in following],
         "jumps": [[state_of(row) for row in jump] for jump in passed],
     }  # fmt: skip
 
