@@ -10,7 +10,10 @@ from warpknit.design.equal_tension import YIELDED, EqualTensionPath, service_poi
 from warpknit.design.report import _another
 from warpknit.design.sections import outside_text
 from warpknit.design.service import REFINED, ServicePoint, equal_tension
+from warpknit.design.two_equilibria import branches_at
+from warpknit.runner.history import Row
 from warpknit.scene import load_scene
+from warpknit.sweep.contact_map import MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -89,13 +92,38 @@ def test_unknown_states_carry_nothing():
     assert equal_tension(rows, 1e9).largest == 0.0
 
 
-def test_a_card_in_another_equilibrium_than_the_path_is_told() -> None:
+def state(strain: float, stress: float, active: float = 50.0, **more) -> Row:
+    return Row(strain_weft=strain, strain_warp=0.059, active_percent=active, stress_max_Pa=stress, stage="equal tension", **more)
+
+
+@pytest.mark.parametrize(("stress", "strain", "same"), [(364e6, 0.076, True), (370e6, 0.077, True), (306e6, 0.0755, False),
+                                                        (364e6, 0.072, False)])  # fmt: skip
+def test_a_card_in_another_equilibrium_than_the_path_is_told(stress, strain, same) -> None:
     """The state of a card is found to a smaller tolerance from that of the path; beside a jump it may leave it."""
-    row = SimpleNamespace(strain_weft=0.076, strain_warp=0.059, active_percent=50.0, stress_max_Pa=364e6, stage="equal tension")
+    row, card = state(0.076, 364e6), SimpleNamespace(row=state(strain, stress))
     scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=2 GPa"])
-    path = EqualTensionPath(at={2.0: row})
-    for stress, strain, same in ((364e6, 0.076, True), (370e6, 0.077, True), (306e6, 0.0755, False), (364e6, 0.072, False)):
-        card = SimpleNamespace(strain_weft=strain, strain_warp=0.059, active_percent=50.0, stress_max=stress)
-        (point,) = (each for each in service_points(scene, path, [], 2.0, card) if each.tension == 2.0)
-        assert point.resolved == same and point.stress_max == stress
-        assert same or "364 MPa at 7.6 % / 5.9 % on the curves under equal tensions" in point.stress
+    points = service_points(scene, EqualTensionPath(at={2.0: row}), [], 2.0, card)
+    (point,) = (each for each in points if each.tension == 2.0)
+    assert point.resolved == same and point.stress_max == stress
+    assert same or point.stress.endswith("another equilibrium than under equal tensions")
+    told = branches_at(2.0, row, (), card)
+    assert same == (told == "") and (
+        same or "364 MPa under equal tensions" in told and f"{1e-6 * stress:.0f} MPa on the card" in told
+    )
+
+
+def test_two_equilibria_of_a_page_at_one_tension_are_told() -> None:
+    """A map has 11.6 / 9.5 % and 50 % at 4 N/m, the path 6.2 / 10.0 % and 66.7 %: both, with the place that shows it."""
+    target = dict.fromkeys(("target_tension_weft_N_per_m", "target_tension_warp_N_per_m"), 4.0)
+    cell = MapRow(strain_weft=0.116, strain_warp=0.095, active_percent=50.0, stress_max_Pa=6e8, stop_reason="steady", seeds=1)
+    vars(cell).update(target)
+    row = Row(strain_weft=0.062, strain_warp=0.1, active_percent=200.0 / 3.0, stress_max_Pa=5.9e8)
+    mine, theirs = "strain 6.2 % / 10.0 %, 66.7 % active, 590 MPa", "strain 11.6 % / 9.5 %, 50.0 % active, 600 MPa in the map"
+    begin = "the mesh has two equilibria at 4 N/m: "
+    assert branches_at(4.0, row, [cell]) == f"{begin}{mine} under equal tensions; {theirs}"
+    card = SimpleNamespace(row=row)
+    assert branches_at(4.0, row, [cell], card) == f"{begin}{mine} on the card and under equal tensions; {theirs}"
+    assert branches_at(4.0, None, [cell], card) == f"{begin}{mine} on the card; {theirs}"
+    assert branches_at(4.0, Row(**vars(cell)), [cell]) == "" and branches_at(3.0, row, [cell]) == ""
+    of_several = MapRow(**{**vars(cell), "seeds": 3})
+    assert branches_at(4.0, row, [of_several]) == "", "a mean over meshes is no equilibrium"

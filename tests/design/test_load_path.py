@@ -8,13 +8,14 @@ import pytest
 
 from warpknit import measure
 from warpknit.design.curves import tension_strain
-from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
+from warpknit.design.equal_tension import load_equally, service_points, with_state_at
 from warpknit.design.fine_states import exact_model
+from warpknit.design.kept_states import KeptStates, read_states, write_states
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
 from warpknit.model import build_model
-from warpknit.runner.history import row_of
+from warpknit.runner.history import mean_tension, row_of
 from warpknit.scene import load_scene
 from warpknit.solve.simulate import Simulation
 
@@ -78,18 +79,13 @@ def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
     assert gradient == pytest.approx(np.diag([1.05, 1.02]), abs=1e-12)
 
 
-def test_a_path_ends_behind_first_yield_unless_more_is_requested():
+def test_a_path_ends_behind_first_yield():
     """The double atlas of 15 um yields at 0.6 N/m: service tensions beyond have no point; a larger map adds nothing."""
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
-    path = load_equally(
-        exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress), None
-    )
+    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
     above = [row.stress_max_Pa > scene.wire.yield_stress for row in path.rows]
     assert above == [False] * (len(above) - 2) + [True, True]
     assert {point.why for point in service_points(scene, path, (), None, None)} == {"beyond first yield"}
-    assert (
-        load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.0, 0.0, 1.0), None) == EqualTensionPath()
-    )
 
 
 @pytest.mark.parametrize("failing", [1, 2, 99])
@@ -107,9 +103,7 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
 
     monkeypatch.setattr("warpknit.design.equal_tension.LoadPath", Failing)
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
-    path = load_equally(
-        exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress), None
-    )
+    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
     tensions = [row.tension_weft_N_per_m for row in path.rows]
     assert tensions == sorted(tensions)
     if failing == 99:
@@ -117,3 +111,23 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
     else:
         assert list(path.states)[:2] == [tried[0], tried[1 + failing]]
         assert path.ended == "beyond first yield"
+
+
+def test_a_path_gets_the_state_at_a_further_tension(tmp_path):
+    """Of a double atlas that yields at 0.6 N/m: 0.13 N/m lies on its path, 0.8 N/m beyond. The path itself stays the same, as it
+    does on the disk, from where a state goes on bit for bit."""
+    scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
+    model = exact_model(scene, scene.solver.residual_tolerance)
+    path = load_equally(model, EqualTension(0.2, 0.2, scene.wire.yield_stress))
+    write_states(scene, tmp_path, KeptStates([], path))
+    kept = read_states(scene, tmp_path).path
+    assert (kept.rows, kept.at, kept.ended, list(kept.states)) == (path.rows, path.at, path.ended, list(path.states))
+    assert read_states(load_scene(SCENES / "contact_map.toml", ["output.frames=5"], "draft"), tmp_path) is None
+    between, beyond = (with_state_at(model, path, tension) for tension in (0.13, 0.8))
+    for longer, tension in ((between, 0.13), (beyond, 0.8)):
+        row = longer.at[tension]
+        assert (row.tension_weft_N_per_m, row.tension_warp_N_per_m) == pytest.approx((tension, tension), rel=3e-3)
+        assert longer.rows.index(row) == sum(mean_tension(one) < tension for one in longer.rows)
+    assert [row for row in between.rows if row is not between.at[0.13]] == path.rows
+    assert set(between.states) - set(path.states) == {0.13} and with_state_at(model, between, 0.13) is between
+    assert with_state_at(model, kept, 0.13).at[0.13] == between.at[0.13]

@@ -5,6 +5,7 @@ import html
 import json
 import os
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,16 +19,19 @@ from warpknit.cli import main
 from warpknit.commands.report import make_report as run_report
 from warpknit.design import curves
 from warpknit.design.curves import CurvePoint
-from warpknit.design.equal_tension import load_equally, service_points
+from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
 from warpknit.design.fe import CODES
 from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.design.fine_states import exact_model
+from warpknit.design.report import _card
 from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
 from warpknit.plan import make_plan
 from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene
+from warpknit.sweep.contact_map import map_row
+from warpknit.sweep.states import states_of
 from warpknit.text import duration
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -179,10 +183,10 @@ def test_the_loads_of_the_default_map_are_said_to_be_so():
 
 def test_curves_with_missing_states_are_told_on_the_terminal():
     point = CurvePoint("equal", 0.1, 0.1, 0.01, 0.01, 50.0, 1e8, 1.0, 1.0, 0)
-    curves = [point, replace(point, tension_weft_N_per_m=None)]
-    (text,) = Findings.warnings.fget(SimpleNamespace(card=None, limit_of_curves=None, curves=curves))
+    curves, bare = [point, replace(point, tension_weft_N_per_m=None)], {"card": None, "branch_notes": [], "limit_of_curves": None}
+    (text,) = Findings.warnings.fget(SimpleNamespace(**bare, curves=curves))
     assert text.startswith("1 of 2 states of the curves of tension against strain did not converge")
-    assert Findings.warnings.fget(SimpleNamespace(card=None, limit_of_curves=None, curves=curves[:1])) == []
+    assert Findings.warnings.fget(SimpleNamespace(**bare, curves=curves[:1])) == []
 
 
 def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
@@ -255,9 +259,7 @@ def test_service_points_are_equilibria_and_not_interpolated(reports):
     values = found["0.06 N/m"][1]["values"]
     scene = load_scene(out / "scene.toml")
     scene = replace(scene, output=replace(scene.output, service_tension=0.06))
-    path = load_equally(
-        exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.06, 0.06, scene.wire.yield_stress), None
-    )
+    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.06, 0.06, scene.wire.yield_stress))
     point = service_points(scene, path, (), None, None)[0]
     assert point.strains == pytest.approx((values["prestrain1"], values["prestrain2"]), abs=5e-4)
     assert 0.01 * point.active_percent == pytest.approx(values["active"])
@@ -266,6 +268,42 @@ def test_service_points_are_equilibria_and_not_interpolated(reports):
 def test_the_map_that_is_there_is_used_again(reports):
     _, found, _ = reports
     assert found[""][2] == found["0.06 N/m"][2]
+
+
+def test_a_further_tension_uses_the_states_that_are_there(reports, tmp_path, monkeypatch):
+    """Neither the curves nor the path under equal tensions are computed again; the card is that of a report of this tension
+    alone, whose path is the same."""
+    out, found, _ = reports
+
+    def again(*_, **__):
+        raise AssertionError("computed again")
+
+    kept = tmp_path / "r"
+    shutil.copytree(out, kept)
+    for name in ("tension_strain", "load_equally"):
+        monkeypatch.setattr(f"warpknit.design.report.{name}", again)
+    done = make_report(kept, "--tension", "0.06 N/m", "--cards", "nastran")
+    assert done.exit_code == 0, done.output
+    values = json.loads((kept / "material_card.json").read_text(encoding="utf-8"))["values"]
+    assert values == found["0.06 N/m"][1]["values"]
+    assert (kept / "tension_strain.csv").read_bytes() == (out / "tension_strain.csv").read_bytes()
+
+
+def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
+    """The path under equal tensions ended at once; the map has 60 mN/m in weft and warp."""
+    sweep = ['sweep={tension_weft=["60 mN/m"], tension_warp=["60 mN/m"]}', "output.frames=3"]
+    scene = load_scene(SCENES / "contact_map.toml", sweep, "draft")
+    model = exact_model(scene, scene.solver.residual_tolerance)
+    pair = scene.sweep.pairs[0]
+    (outcome,) = states_of(model, [scene.sweep.stage(scene.stages[0], pair)]).run()
+    cell = map_row(pair, outcome.observables, steps=1, by_tension=True)
+    path = EqualTensionPath(ended="level 1 did not converge")
+    card, _, text, loading = _card(model, [cell], None, path, [], 0.06, lambda _: None)
+    assert text == "60 mN/m in both directions" and card.branch == ""
+    assert (card.strain_weft, card.strain_warp) == pytest.approx((cell.strain_weft, cell.strain_warp), abs=1e-12)
+    assert (card.tension_weft, card.tension_warp) == pytest.approx((0.06, 0.06), rel=scene.solver.residual_tolerance)
+    assert loading[-2].strain_weft == cell.strain_weft
+    assert _card(model, [], None, path, [], 0.06, lambda _: None)[0] is None
 
 
 def test_the_curves_are_a_table(reports):

@@ -26,6 +26,7 @@ import numpy as np
 
 from .. import measure
 from ..measure import Observables
+from ..runner.history import Row
 from ..scene import Stage
 from ..sweep.states import Mesh
 from .load_path import LoadPath, PathState, under_strain
@@ -55,6 +56,14 @@ class MaterialCard:
     temperature: float  # [K] of the mesh
     difference_step: float = STEP  # strain step of the differences
     jumps: str = ""  # sentence on those of the load on the way to the mesh
+    branch: str = ""  # sentence on another equilibrium that the report found under its load
+    ahead: str = ""  # distance to the next snap-through and to first yield, in words
+
+    @property
+    def row(self) -> Row:
+        """Strains, active contacts and largest stress by their names in history.csv."""
+        strains = {"strain_weft": self.strain_weft, "strain_warp": self.strain_warp}
+        return Row(**strains, active_percent=self.active_percent, stress_max_Pa=self.stress_max)
 
     @property
     def poissons_ratios(self) -> tuple[float, float]:

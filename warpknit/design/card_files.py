@@ -11,7 +11,11 @@ import numpy as np
 from scipy.constants import inch
 
 from ..files import write_aside, write_table
+from ..runner.answers_table import ahead_texts
+from ..runner.branches import Jump
 from ..runner.cautions import preset_cautions
+from ..runner.closings import Answer, state_of
+from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
 from ..text import celsius, engineering, exact, percent
@@ -84,11 +88,27 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
     yield from preset_cautions(scene)
     if card.jumps:
         yield f"on the way to the state of the material card {card.jumps}"
+    if card.branch:
+        yield card.branch
     if card.shear_coupling > AGREEMENT:
         coupling = f"{percent(card.shear_coupling, 0)} of the largest stiffness"
         yield f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent"
     if beyond := exceeded_text(scene, card.stress_max):
         yield f"at the tension of the card the largest wire stress is {engineering(card.stress_max, 'Pa')}, {beyond}"
+
+
+def ahead_of_card(card: MaterialCard, first_yield: Answer | None, jumps: Sequence[Jump]) -> str:
+    """How far its tension is from the next snap-through and from first yield, in words.
+
+    first_yield, jumps: under equal tensions, from smaller to larger ones.
+    """
+    here = {"tension_weft_N_per_m": card.tension_weft, "tension_warp_N_per_m": card.tension_warp} | {
+        "temperature_K": card.temperature
+    }
+    tension = 0.5 * (card.tension_weft + card.tension_warp)
+    following = next((jump for jump in jumps if mean_tension(jump[1]) > tension), None)
+    sides = None if following is None else [state_of(row) for row in following]
+    return "; ".join(ahead_texts(here, first_yield, sides))
 
 
 def _unstable(card: MaterialCard) -> str:
@@ -173,6 +193,7 @@ def write_card(
         "warnings": [*model_warnings, *card_warnings(card, scene)],
         "model": {"kind": scene.model.kind, "kind_reason": scene.kind_reason},
         "state": where,
+        "margin": card.ahead,
         "temperature_K": card.temperature,
         "axes": AXES,
         "definition": DEFINITION,

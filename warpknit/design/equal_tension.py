@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
 
 from ..errors import Diverged
 from ..runner.answers import SERVICE_TENSIONS
@@ -17,10 +18,11 @@ from ..runner.history import Row, mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from ..sweep.states import Mesh
-from ..text import engineering, percent
+from ..text import engineering
 from .card import MaterialCard
-from .load_path import LoadPath, PathState, part_of, under_tension
+from .load_path import AS_KNITTED, LoadPath, PathState, part_of, under_tension
 from .service import EqualTension, ServicePoint
+from .two_equilibria import is_other
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
@@ -28,11 +30,11 @@ LEAST_LEVELS = 2  # of a stage that doubles the tension, which has half the leve
 APART = 1.05  # ratio of the tensions at the ends of two stages, at least, but for those that are wanted
 YIELDED = "beyond first yield"
 BROKEN = "beyond the strength of the wire"
+LEFT = "another equilibrium than under equal tensions"
 NO_PATH = "no strains of equal tension in the map"
 MISSES = 2  # stages in a row that may fail
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
 JUMPS_TOLD = 4
-SAME_STRESS, SAME_STRAIN = 0.05, 0.003  # largest differences of one state to two tolerances: relative, and strain
 
 
 @dataclass(frozen=True)
@@ -58,20 +60,14 @@ class EqualTensionPath:
         return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
 
 
-def load_equally(
-    model: Mesh, largest: EqualTension, requested: float | None, watch: Callable[[float], None] = lambda _: None
-) -> EqualTensionPath:
-    """The path over the `requested` tension [N/m] to first yield, or up to the strength of the wire, else to the largest of the
-    service tensions and of the map, doubled DOUBLINGS times.
+def load_equally(model: Mesh, largest: EqualTension, watch: Callable[[float], None] = lambda _: None) -> EqualTensionPath:
+    """The path to first yield, else to the largest of the service tensions and of the map, doubled DOUBLINGS times.
 
-    Empty without a requested tension where the `largest` of the map is zero. A stage that does not converge is tried with the end
-    of the next one, MISSES times in a row; then the path ends with the records before. `watch` is called with the share that is
-    done. model: in double precision.
+    A stage that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
+    records before. `watch` is called with the share that is done. model: in double precision.
     """
     scene = model.scene
-    if largest.largest == 0.0 and requested is None:
-        return EqualTensionPath()
-    wanted = service_tensions(scene, requested)
+    wanted = service_tensions(scene, None)
     top = max(largest.largest, *wanted)
     ends = [*_ends(wanted, largest.largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
     path = LoadPath(model)
@@ -86,21 +82,57 @@ def load_equally(
                 under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends))
             ):
                 rows.append(row_of(record))
-                if record.load_factor == 1.0:
-                    at[high] = rows[-1]
-                if low >= (requested or 0.0) and _has_passed(scene.wire.yield_stress, rows):
+                if record.load_factor < 1.0 and _has_passed(scene.wire.yield_stress, rows):
                     return EqualTensionPath(rows, states, at, YIELDED)
-                if _has_passed(scene.wire.tensile_strength, rows):
-                    return EqualTensionPath(rows, states, at, BROKEN)
         except Diverged as error:
             missed += 1
             if missed > MISSES or high == ends[-1]:
                 return EqualTensionPath(rows, states, at, str(error))
             del rows[before:]
         else:
-            states[high] = path.state
+            states[high], at[high] = path.state, rows[-1]
+            if _has_passed(scene.wire.yield_stress, rows):
+                return EqualTensionPath(rows, states, at, YIELDED)
             low, missed = high, 0
     return EqualTensionPath(rows, states, at)
+
+
+def with_state_at(
+    model: Mesh, path: EqualTensionPath, tension: float, watch: Callable[[float], None] = lambda _: None
+) -> EqualTensionPath:
+    """The path with its state at `tension` [N/m], from the state at the next smaller tension.
+
+    Beyond its end the path goes on to this tension, or up to the strength of the wire. Without the state where the mesh does not
+    converge. model: of the path.
+    """
+    if tension in path.states:
+        return path
+    scene, rows = model.scene, list[Row]()
+    low = max((one for one in path.states if one < tension), default=0.0)
+    way, ended, is_found = LoadPath(model, path.states.get(low, AS_KNITTED)), path.ended, False
+    try:
+        for record in way.load(under_tension(scene, tension), levels_between(scene, low, tension), watch):
+            rows.append(row_of(record))
+            if _has_passed(scene.wire.tensile_strength, rows):
+                ended = BROKEN
+                break
+        else:
+            is_found = True
+    except Diverged as error:
+        ended = str(error)
+    top = max(map(mean_tension, path.rows), default=0.0)
+    if tension < top:
+        if not is_found:
+            return path
+        below = [*takewhile(lambda row: mean_tension(row) < tension, path.rows)]
+        joined = [*below, rows[-1], *path.rows[len(below) :]]
+    else:
+        begin = next((number for number, row in enumerate(path.rows, 1) if row is path.at.get(low)), 0)
+        joined = [*path.rows[:begin], *rows]
+        if not is_found:
+            return replace(path, rows=joined if max(map(mean_tension, joined), default=0.0) > top else path.rows, ended=ended)
+    path = replace(path, rows=joined)
+    return replace(path, states={**path.states, tension: way.state}, at={**path.at, tension: rows[-1]})
 
 
 def unreached_text(scene: Scene, path: EqualTensionPath, tension: float) -> str:
@@ -150,30 +182,15 @@ def service_points(
     """The mesh at `service_tensions`: on the path, which has these jumps, and by the `card` of the requested tension."""
     points = []
     for tension in service_tensions(scene, requested):
-        if (row := path.at.get(tension)) is None:
+        row, own = path.at.get(tension), card if tension == requested else None
+        if (shown := row if own is None else own.row) is None:
             points.append(ServicePoint(tension, why=_unreached(path, jumps, tension)))
             continue
-        strains, active, stress = (row.strain_weft, row.strain_warp), row.active_percent, row.stress_max_Pa
-        left = ""
-        if tension == requested and card is not None:
-            strains, active, stress = (card.strain_weft, card.strain_warp), card.active_percent, card.stress_max
-            left = left_path(row, card)
-        why = ", ".join(part for part in (YIELDED if stress > scene.wire.yield_stress else "", left) if part)
-        points.append(ServicePoint(tension, strains, active, stress, why, row.stage, not left))
+        left = LEFT if row is not None and is_other(shown, row) else ""
+        why = ", ".join(part for part in (YIELDED if shown.stress_max_Pa > scene.wire.yield_stress else "", left) if part)
+        strains, stage = (shown.strain_weft, shown.strain_warp), "" if row is None else row.stage
+        points.append(ServicePoint(tension, strains, shown.active_percent, shown.stress_max_Pa, why, stage, not left))
     return points
-
-
-def left_path(row: Row, card: MaterialCard) -> str:
-    """Whether the state of a card, found to a smaller tolerance, is another than that of the path at its tension, in words."""
-    stress, strain = (
-        card.stress_max / max(row.stress_max_Pa, 1e-300),
-        max(abs(card.strain_weft - row.strain_weft), abs(card.strain_warp - row.strain_warp)),
-    )
-    if abs(stress - 1.0) <= SAME_STRESS and strain <= SAME_STRAIN:
-        return ""
-    strains = f"{percent(row.strain_weft)} / {percent(row.strain_warp)}"
-    there = f"{engineering(row.stress_max_Pa, 'Pa')} at {strains} on the curves under equal tensions"
-    return f"another equilibrium than {there}: found to a smaller tolerance, beside a jump"
 
 
 def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) -> str:

@@ -25,6 +25,7 @@ from .heat import HeatedMesh, later_temperatures
 from .opening_size import Opening
 from .sections import missing_text
 from .service import EqualTension, ServicePoint
+from .two_equilibria import branches_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
 DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)  # of the map where the scene has no [sweep]
@@ -103,7 +104,8 @@ class Findings:
         if self.card is not None:
             beyond = exceeded_text(self.scene, self.card.stress_max)
             stress = f", with a wire stress of {engineering(self.card.stress_max, 'Pa')}, {beyond}" if beyond else ""
-            return f"{self.where}, at {celsius(self.card.temperature)}{stress}"
+            ahead = f"; {self.card.ahead}" if self.card.ahead else ""
+            return f"{self.where}, at {celsius(self.card.temperature)}{stress}{ahead}"
         return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
 
     @property
@@ -131,7 +133,17 @@ class Findings:
         return None if self.card is None else limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump)
 
     @property
+    def branch_notes(self) -> list[str]:
+        """Sentences on service tensions at which the map has another equilibrium; that of the card is in its own warnings."""
+        others = (tension for tension in self.path.at if self.card is None or tension != self.requested)
+        return [text for tension in others if (text := branches_at(tension, self.path.at[tension], self.rows))]
+
+    @property
     def warnings(self) -> list[str]:
         """Limits to the use of the card and of the curves, for a terminal."""
         of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
-        return [*of_card, *(limit for limit in (self.limit_of_curves, missing_text(self.curves)) if limit is not None)]
+        return [
+            *of_card,
+            *self.branch_notes,
+            *(limit for limit in (self.limit_of_curves, missing_text(self.curves)) if limit is not None),
+        ]

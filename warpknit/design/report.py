@@ -6,7 +6,7 @@ What was not found is told in words: a tension that the mesh does not reach, a s
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import Diverged
+from ..estimate import levels_of_pairs
 from ..measure import Observables
 from ..runner.answers import answers_of
 from ..runner.branches import Jump as RowJump
@@ -21,32 +22,37 @@ from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage
+from ..solve.progress import Record
 from ..sweep.contact_map import MapRow, Optimum, find_jumps, find_optimum, model_warnings
 from ..sweep.states import Mesh, mesh_of
 from ..text import exact
 from .card import MaterialCard, find_card
-from .card_files import CARD
+from .card_files import CARD, ahead_of_card
 from .curves import tension_strain
 from .equal_tension import (
+    LEFT,
     EqualTensionPath,
     jump_text,
-    left_path,
     load_equally,
     service_points,
     service_tensions,
     unreached_text,
     with_service,
+    with_state_at,
 )
 from .fe import CODES
 from .findings import Findings
-from .fine_states import ROUGH_TOLERANCE, exact_model, states_at
+from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .heat import heat, later_temperatures, tension_held
-from .load_path import LoadPath, PathState, under_strain, under_tension
+from .kept_states import KeptStates, read_states, write_states
+from .load_path import LoadPath, PathState, part_of, under_strain, under_tension
 from .opening_size import openings
 from .report_files import write_files
 from .service import equal_tension
+from .two_equilibria import branches_at, is_other, map_cell, two_equilibria
 
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
+SEARCHES = ("equal tensions", "heat")  # of these, whose length is not known before
 WAY = 0.6  # of the time of a card: the way to the optimum
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
 
@@ -76,19 +82,32 @@ def write_report(
         if name in stages:
             begins[name] = time.perf_counter()
             show.stage(name, number=stages.index(name) + 1, of=len(stages))
-        return lambda share: show.update(done=share, load_factor=share)
+        return lambda share: show.update(done=None if name in SEARCHES else share, load_factor=share)
 
     model = mesh_of(scene)
     weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
-    curves = tension_strain(model, weft, warp, begin("tension-strain curves"))
-    jumps = find_jumps(model, rows)
-    optimum, largest = find_optimum(rows, scene.wire.yield_stress, jumps), equal_tension(rows, scene.wire.yield_stress)
+    largest = equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
-    path = load_equally(double, largest, tension, begin("equal tensions"))
+    watch = begin("tension-strain curves")
+    kept = read_states(scene, out)
+    curves = tension_strain(model, weft, warp, watch) if kept is None else kept.curves
+    jumps = find_jumps(model, rows)
+    optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
+    watch = begin("equal tensions")
+    path = EqualTensionPath() if kept is None else kept.path
+    if not path.rows and (largest.largest > 0.0 or tension is not None):
+        path = load_equally(double, largest, part_of(watch, 0, 2))
+    if kept is None or path is not kept.path:
+        write_states(scene, out, KeptStates(curves, path))
+    if tension is not None:
+        path = with_state_at(double, path, tension, part_of(watch, 1, 2))
     found_jumps = jumps_under_tension(double, path.rows)
-    card, tensioned, where, loading = _card(double, optimum, path, found_jumps, tension, begin("material card"))
-    service = service_points(scene, path, found_jumps, tension, card)
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
+    card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, begin("material card"))
+    if card is not None and tension is not None:
+        yields = None if answers is None else answers["first_yield_interior"]
+        card = replace(card, ahead=ahead_of_card(card, yields, found_jumps))
+    service = service_points(scene, path, found_jumps, tension, card)
     best = None if answers is None else answers["best"]
     held = tension_held(path, tension, None if best is None else mean_tension(Row(**best)))
     heated, no_heat = heat(scene, path, held, begin("heat"))
@@ -130,6 +149,7 @@ def write_report(
 
 def _card(
     model: Mesh,
+    cells: Sequence[MapRow],
     optimum: Optimum | None,
     path: EqualTensionPath,
     path_jumps: Sequence[RowJump],
@@ -138,43 +158,56 @@ def _card(
 ) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
     """The card, its mesh, its state in words, and states on the way to it and beyond; or None and the reason.
 
-    The states end before the first jump. path: of the model under equal tensions, with its jumps, for a card at a `tension`
-    [N/m]. `watch` is called with the share that is done.
+    A card at a `tension` [N/m] is of the state that the path under equal tensions has there, else of that of the map's `cells`.
+    It keeps the strains of this state, so that it is the same equilibrium. The states end before the first jump. path_jumps: of
+    the path. `watch` is called with the share that is done.
     """
     scene = model.scene
+    row = None if tension is None else path.at.get(tension)
     if tension is not None:
-        text = f"{exact(tension, 'N/m')} in both directions"
-        load, beyond = (under_tension(scene, factor * tension) for factor in (1.0, BEYOND))
+        text, cell = f"{exact(tension, 'N/m')} in both directions", map_cell(cells, tension)
     elif optimum is not None:
-        text, strains = "the optimum of the map", np.array([optimum.strain_weft, optimum.strain_warp])
-        load, beyond = (under_strain(scene, np.diag(1.0 + factor * strains)) for factor in (1.0, BEYOND))
+        text, cell = "the optimum of the map", next(one for one in cells if one.load == optimum.load)
     else:
         return None, None, f"no card: the map has no optimum; {_another(scene, path)}, or widen [sweep]", ()
     try:
-        if tension is not None:
-            begin, rows = path.states.get(tension), list(path.rows)
-            jumps = path_jumps
+        if tension is not None and row is not None:
+            begin, rows, jumps = path.states[tension], list(path.rows), path_jumps
             passed = [jump for jump in jumps if mean_tension(jump[0]) < tension]
-        else:
+        elif cell is not None:
             way = LoadPath(model)
-            rows = [row_of(record) for record in way.load(load, scene.output.frames, lambda share: watch(WAY * share))]
+            rows = [row_of(record) for record in _way_of_map(way, cell, lambda share: watch(WAY * share))]
             begin, jumps = way.state, jumps_of(model, rows)
             passed = jumps
-        if begin is None:
+        else:
             raise Diverged(unreached_text(scene, path, tension or 0.0))
+        here = rows[-1] if row is None else row
+        strains = np.array([[here.strain_weft, here.shear], [0.0, here.strain_warp]])
+        load, beyond = (under_strain(scene, np.eye(2) + factor * strains) for factor in (1.0, BEYOND))
         card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         if tension is None:
             return None, None, f"no card for {text}, which was not found again: {error}; {_another(scene, path)}", ()
         return None, None, f"no card for {text}: {error}", ()
     if jumps:
-        rows = rows[: next(k for k, row in enumerate(rows, 1) if row is jumps[0][0])]
+        rows = rows[: next(k for k, each in enumerate(rows, 1) if each is jumps[0][0])]
     else:
         with suppress(Diverged):
-            rows.append(row_of(LoadPath(model, begin).to(beyond)))
-    left = "" if tension is None else left_path(path.at[tension], card)
-    told = "; ".join(part for part in (jump_text(passed), left and f"its state is {left}") if part)
-    return replace(card, jumps=told), mesh, text, rows
+            rows.append(row_of(LoadPath(model, begin).to(beyond if tension is None else under_tension(scene, BEYOND * tension))))
+    left = row is not None and is_other(card.row, row)
+    if tension is not None:
+        branch = branches_at(tension, row, cells, card)
+    else:
+        branch = "" if cell is None or cell.seeds > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
+    told = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
+    return replace(card, jumps=told, branch=branch), mesh, text, rows
+
+
+def _way_of_map(way: LoadPath, cell: MapRow, watch: Callable[[float], None]) -> Iterator[Record]:
+    """Records on the way to a load of the map, in the levels of the map. Raises `Diverged`."""
+    scene = way.model.scene
+    levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.output.frames), strict=True))
+    return way.load(scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load], watch)
 
 
 def _another(scene: Scene, path: EqualTensionPath) -> str:
@@ -187,7 +220,7 @@ def _another(scene: Scene, path: EqualTensionPath) -> str:
 
 def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[float], None]) -> tuple[MaterialCard, Observables]:
     """The card under `load`, from a state under it that has converged to the tolerance of the scene. Raises `Diverged`."""
-    try:
-        return find_card(exact_model(scene), begin, load, watch)
-    except Diverged:
-        return find_card(exact_model(scene, ROUGH_TOLERANCE), begin, load, watch)
+    for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
+        with suppress(Diverged):
+            return find_card(exact_model(scene, tolerance), begin, load, watch)
+    return find_card(exact_model(scene, scene.solver.residual_tolerance), begin, load, watch)

@@ -95,7 +95,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
     map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, found.found_again, figures["map"])
     page.text(f"The map has {found.sweep_text}.")
-    for of_map in (unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)):
+    limits = unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)
+    for of_map in (*limits, *found.branch_notes):
         if of_map is not None:
             page.warning(f"{of_map[0].upper()}{of_map[1:]}.")
     curve_section(page, found.curves, figures["curves"])

@@ -245,6 +245,8 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
         f"Valid at {where}: {tensions} and strains of {strains} in weft / warp, with {percent(0.01 * card.active_percent)} of the"
         f" contacts active, at {celsius(card.temperature)}."
     )
+    if card.ahead:
+        page.text(f"Margin: {card.ahead}.")
     values = [*card_values(card), *strength_values(card, scene)]
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in values]
     page.table(rows, ("", "value", "unit", "meaning"))

@@ -19,6 +19,7 @@ OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scen
         "map.csv", "map.json", "map_details.csv", "seeds",
         "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "answers.json", "fit.json", "material_card.csv", "material_card.json", "tension_strain.csv",
+        "report_states.npz",
         "material_card_nastran.bdf", "material_card_abaqus.inp", "material_card_calculix.inp", "material_card_ansys.inp",
         "material_card_lsdyna.k", "material_card_radioss.inc")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}

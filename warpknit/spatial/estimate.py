@@ -45,8 +45,10 @@ SLOW_LEVELS = "a level at which contacts of a tight knit come and go may take te
 
 STEPS_A_LEVEL = 600.0  # however many nodes
 MEASURED_TOLERANCE, TOLERANCE_POWER = 1e-2, 0.12
-# times the steps of a level that goes by strain, and of the first one beside: 40 runs of one repeat within a factor of 3
-TENSION_STATES, FIRST_STATES = 2, 9
+# times the steps of a level that goes by strain, and of the first one beside: 40 runs of one repeat within a factor of 3;
+# tight knits, where the search goes on beyond snap-throughs, within 2
+TENSION_STATES, FIRST_STATES = 3, 9
+MAP_STATES = 1.8  # times the steps of a level, of a map to 20 %: 1.4 on a double atlas, 1.9 on a tricot, 2.4 on a reverse locknit
 FREE_STATES = 2  # the same of a direction without tension: 0.6 to 8 on tight knits
 GRIPPED = 3.0  # times the steps of a tile, of levels that go by strain: those by tension take as many
 FROM_SMALLER = 1.4  # the same of a gripped mesh that starts from a smaller one: 775 steps
@@ -56,7 +58,7 @@ HOOKED = 2.0  # the same of two hooked wires
 FROM_FILE = 0.7  # the same of wires from a file, by their loop_size
 
 # time [s] of a step on one core
-STEP_TIME = 36e-6  # however few nodes, with its share of a convergence check
+STEP_TIME = 80e-6  # however few nodes, with its share of a convergence check
 NODE_TIME = 0.12e-6
 PAIR_TIME = 0.01e-6  # of two segments that are near each other, most of which sleep
 CLOSE_TIME = 0.3e-6  # more of two that touch or nearly do so, at rest
@@ -132,7 +134,8 @@ def map_time(scene: Scene, size: Size, levels: Sequence[int]) -> float:
     if not levels:
         return 0.0
     one = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
-    return START_TIME + sum(levels) / scene.output.frames / thread_count(len(levels)) * cost_of(one, size).seconds
+    far = 1.0 if scene.sweep.by_tension else MAP_STATES
+    return START_TIME + far * sum(levels) / scene.output.frames / thread_count(len(levels)) * cost_of(one, size).seconds
 
 
 def notes(scene: Scene, size: Size) -> Notes:
