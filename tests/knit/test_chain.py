@@ -62,7 +62,7 @@ def test_shift_is_a_whole_number(value):
 
 
 def test_empty_needles_are_refused():
-    with pytest.raises(KnitError, match="needle 1 of 2 has none in course 0"):
+    with pytest.raises(KnitError, match="needle 1 of 2 has no loop in course 0"):
         lapping_table([Bar("1-0/0-1", "|.")])
     with pytest.raises(KnitError):
         lapping_table([PAPER[0], Bar(PAPER[1].chain, "|.", 0)])

@@ -111,7 +111,7 @@ def test_widths_are_the_thickness_of_the_yarn(tmp_path):
     plating = {"material": "gold", "thickness": "1 um"}
     wire = scene_of(tmp_path, "float[] widths = [0.2]", wire={"ends": 4, "plating": plating}).wire
     assert wire.thickness == pytest.approx(0.2e-3) and wire.diameter == pytest.approx(98e-6)
-    with pytest.raises(SceneError, match="thicker than the plating"):
+    with pytest.raises(SceneError, match="thicker than their plating"):
         scene_of(tmp_path, "float[] widths = [0.001]", wire={"ends": 4, "plating": plating})
 
 

@@ -24,7 +24,7 @@ from warpknit.scene.wire_file import (
     WiresTable,
     checked_bytes,
 )
-from warpknit.text import exact
+from warpknit.text import both, exact
 
 
 def file_diameter(source: Source, file: SceneFile) -> float | None:
@@ -44,7 +44,7 @@ def file_diameter(source: Source, file: SceneFile) -> float | None:
         return None
     thickest, thinnest = (2.0 * float(limit) for limit in (radius.max(), radius.min()))
     if thickest > MOST_THICKNESS or file.wire.with_thickness(thinnest).diameter <= 0.0:
-        wrong = f"{path.name!r} has wires {exact(thinnest, 'm')} to {exact(thickest, 'm')} thick"
+        wrong = f"{path.name!r} has wires {both(exact(thinnest, 'm'), exact(thickest, 'm'))} thick"
         instead = f"use wires thicker than their plating, of at most {exact(MOST_THICKNESS, 'm')}"
         raise scene_error(source.path, "wires.file", wrong, instead)
     return file.wire.with_thickness(thickest).diameter
