@@ -8,16 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from warpknit.knit import Thread
+from warpknit.knit.cloth import Cloth
 from warpknit.knit.straight_wires import ROUNDED, least_length
 from warpknit.mesh.layout import knit_scene
 from warpknit.model import build_model
 from warpknit.plan import make_plan
-from warpknit.runner.cautions import cautions, scene_cautions, sweep_cautions
+from warpknit.runner.cautions import cautions, release_cautions, scene_cautions, sweep_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
-from warpknit.runner.warnings_of import _overstressed, _taut_between_grips, warnings_of
-from warpknit.scene import load_scene
+from warpknit.runner.warnings_of import _contacts_as_knitted, _overstressed, _taut_between_grips, warnings_of
+from warpknit.scene import load_scene, make_scene
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back
 OVERLOAD = SCENE.with_name("overload.toml")  # molybdenum that yields at 0.6 GPa
@@ -82,6 +84,72 @@ def test_a_plastic_wire_says_how_much_of_it_has_yielded() -> None:
     assert said.endswith("3.1 % of the wire has yielded in bending, to a plastic strain of up to 0.21 %")
     (said,) = stressed(True, 7e8, plastic_fraction=0.0, plastic_strain_max=0.0)
     assert said.endswith("the model yields in bending alone, which stays below")
+
+
+TRICOT = {
+    "wire": {"material": "molybdenum", "diameter": "17 um", "ends": 4},
+    "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+    "model": {"boundary": "periodic", "kind": "spatial"},
+    "load": {"tension_weft": "2 N/m", "tension_warp": "2 N/m"},
+}
+
+
+def released(fraction: float, rows: list[Row]) -> list[str]:
+    """Warnings of a run of the tricot about its state before the load."""
+    scene = make_scene(TRICOT | {"wire": TRICOT["wire"] | {"set_fraction": fraction}})
+    return list(_contacts_as_knitted(SimpleNamespace(scene=scene), rows))
+
+
+def as_released(stress: float, strain_warp: float, tension_weft: float = 0.1) -> list[Row]:
+    """The record before the load, and the first one under tension."""
+    first = Row(stage="load", load_factor=0.0, steady=True, stress_max_Pa=stress, active_pairs=20)
+    first.tension_weft_N_per_m, first.tension_warp_N_per_m = -2.68, -0.64
+    second = Row(stage="load", load_factor=0.05, strain_weft=0.25, strain_warp=strain_warp)
+    second.tension_weft_N_per_m, second.tension_warp_N_per_m = tension_weft, 0.1
+    return [first, second]
+
+
+def test_release_beyond_the_strength_is_told_with_the_fraction_of_the_elastic_limit() -> None:
+    """Stress is proportional to 1 - set_fraction: 3 GPa at 0.5 is 600 MPa at 1 - 0.5 0.6/3 = 0.9."""
+    (said,) = released(0.5, as_released(3.0e9, -0.19))
+    assert said.startswith(
+        "wire.set_fraction = 0.5 alone, before the load, stresses the wire to 3 GPa, above the strength of 800 MPa"
+    )
+    assert "closes the knit by 19.0 % in warp at 100 mN/m" in said and said.endswith("set wire.set_fraction = 0.9 or more")
+    (said,) = released(0.9, as_released(5.3e8, -0.03))
+    assert said.startswith("20 pairs are active as knitted")
+
+
+@pytest.mark.parametrize(("strain", "tension_weft", "says"), [(-0.11, 0.1, True), (-0.09, 0.1, False), (-0.11, 0.3, False)])
+def test_release_that_closes_the_knit_is_told(strain: float, tension_weft: float, says: bool) -> None:
+    """Below the strength, by more than 10 % under the first tension; a larger tension across contracts any mesh."""
+    (said,) = released(0.8, as_released(5.3e8, strain, tension_weft))
+    assert ("closes the knit" in said) == says == said.endswith("raise wire.set_fraction")
+
+
+def test_mean_curvature_of_a_wave() -> None:
+    """x = a sin(2 pi y): the direction swings by 4 atan(2 pi a) a period."""
+    y = np.arange(2000) / 2000
+    points = np.stack([0.2 * np.sin(2 * np.pi * y), y, 0 * y], axis=1)
+    length = float(np.linalg.norm(np.diff(np.vstack([points, [0.0, 1.0, 0.0]]), axis=0), axis=1).sum())
+    cloth = Cloth(np.ones(2), 1, 1, "general", (Thread(points, length, np.zeros(2000, dtype=int), 0),), (), None, (), None)
+    assert cloth.mean_curvature * length == pytest.approx(4 * math.atan(2 * math.pi * 0.2), rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "says"), [(1.01, True), (0.99, False)])
+def test_a_natural_curvature_that_no_wire_holds_is_told_by_the_plan(share: float, says: bool) -> None:
+    """E d/2 (1 - f) k against a fully plastic round section at the strength, 16/(3 pi) times the stress at first yield."""
+    scene = make_scene(TRICOT)
+    cloth, wire = knit_scene(scene), scene.wire
+    bent = wire.youngs_modulus * 0.5 * wire.diameter * cloth.mean_curvature
+    released = replace(
+        scene, wire=replace(wire, set_fraction=1.0 - share * 16.0 / (3.0 * math.pi) * wire.tensile_strength / bent)
+    )
+    found = list(release_cautions(released, cloth))
+    assert bool(found) == says and list(release_cautions(scene, cloth)) == []
+    least = 1.0 - 16.0 / (3.0 * math.pi) * wire.yield_stress / bent
+    assert all(line.endswith(f"set wire.set_fraction = {math.ceil(100 * least) / 100:g} or more") for line in found)
+    assert (found == []) or found[0] in make_plan(released, "cpu").warnings
 
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])

@@ -61,11 +61,10 @@ def test_a_scene_without_a_sweep_is_refused(tmp_path):
     assert len(done.stderr.splitlines()) == 1 and ": sweep: " in done.stderr
 
 
-@pytest.mark.parametrize(("setting", "said"), [("solver.drive=ramp", "solver.drive"), ("knit.scatter=0.15", "knit.scatter")])
-def test_what_a_map_cannot_do_is_refused(tmp_path, setting, said):
-    """A ramp has no steady levels; at seed 3 loops scattered by 15 % hook otherwise than meant."""
-    done = make_map(tmp_path / "m", "--set", setting, "--set", "knit.seed=3")
-    assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
+def test_what_a_map_cannot_do_is_refused(tmp_path):
+    """A ramp has no steady levels."""
+    done = make_map(tmp_path / "m", "--set", "solver.drive=ramp")
+    assert done.exit_code == 2 and "solver.drive" in done.stderr and len(done.stderr.splitlines()) == 1
 
 
 def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_map, tmp_path, monkeypatch):

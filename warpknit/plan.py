@@ -24,7 +24,7 @@ from .memory import available_memory, required_memory
 from .mesh.layout import knit_scene, refuse_large_mesh
 from .mesh.rim import net_nodes
 from .model import build_model, estimates_of
-from .runner.cautions import scene_cautions, sweep_cautions
+from .runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from .scene import Scene
 from .scene.capabilities import without_effect
 from .solve.simulate import Simulation
@@ -179,6 +179,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
         warnings=(
             *(note for note in size.notes if file is None or note not in file.warnings),
             *scene_cautions(scene, cloth),
+            *release_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),
             *(() if cloth is None else estimates.overlaps_as_knitted(scene, _one_repeat(scene))),
         ),

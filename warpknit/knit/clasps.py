@@ -93,7 +93,7 @@ def find_lenses(threads: Sequence[Thread], crossings: Crossings, size: NDArray[n
                     continue
                 opposed = bool(arcs[q, 1] < start[1])
                 side = int(crossings.turn[member[p]]) * (-1 if opposed else 1)
-                outline = _outline(threads, (first, second), column, low, high, opposed, size)
+                outline = lens_outline(threads, (first, second), column, low, high, opposed, size)
                 if polygon_area(outline) * side > 0.0:
                     corners = (int(member[p]), int(member[q % len(member)]))
                     lenses.append(Lens((int(first), int(second)), int(column), low, high, side, opposed, outline, corners))
@@ -111,7 +111,7 @@ def _tightest(lenses: list[Lens]) -> list[Lens]:
     return kept
 
 
-def _outline(
+def lens_outline(
     threads: Sequence[Thread],
     pair: tuple[int, int],
     column: int,
@@ -126,15 +126,14 @@ def _outline(
     return np.concatenate([along[:-1], back[:-1] if opposed else back[:0:-1]])
 
 
-def make_clasps(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64], merge: bool) -> tuple[Clasp, ...]:
-    """One clasp a lens, or one a bunch of nested lenses, ordered by position from bottom to top and left to right."""
-    bunches = _bunches(threads, lenses, size) if merge else [[lens] for lens in lenses]
+def make_clasps(threads: Sequence[Thread], bunches: Sequence[list[Lens]], size: NDArray[np.float64]) -> tuple[Clasp, ...]:
+    """One clasp for each bunch of lenses, ordered by position from bottom to top and left to right."""
     clasps = [_clasp(threads, bunch, size) for bunch in bunches]
     return tuple(sorted(clasps, key=lambda c: tuple(np.round(c.position[::-1] / size[::-1], 6))))
 
 
-def _bunches(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64]) -> list[list[Lens]]:
-    """Lenses gathered by the head that they hold, the smallest of each bunch first.
+def nested_lenses(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64]) -> list[list[Lens]]:
+    """Lenses gathered by the head that they hold.
 
     The nearest are joined first. Two bunches that each have a lens of one kind, of wires that run alike or opposed, are the
     holds of two heads, however near they are, unless these lenses belong together themselves. So what is symmetric in the knit
@@ -162,7 +161,7 @@ def _bunches(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np
         bunches[staying] += joining
         del bunches[leaving]
         home |= {k: (staying, r + shift) for k, (bunch, r) in home.items() if bunch == leaving}
-    return [sorted(bunch, key=lambda lens: abs(polygon_area(lens.outline))) for bunch in bunches.values()]
+    return list(bunches.values())
 
 
 def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.float64]) -> Lens:
@@ -187,6 +186,7 @@ def _gap(lens: Lens, other: Lens) -> float | None:
 
 def _clasp(threads: Sequence[Thread], bunch: list[Lens], size: NDArray[np.float64]) -> Clasp:
     """The clasp of a bunch of lenses: its body lies deepest within all of them, else within the smallest."""
+    bunch = sorted(bunch, key=lambda lens: abs(polygon_area(lens.outline)))
     inner = bunch[0]
     position = deepest_point([lens.outline for lens in bunch])
     if position is None:

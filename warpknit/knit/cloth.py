@@ -15,16 +15,20 @@ from numpy.typing import NDArray
 from ..text import short_repr
 from .centreline import Thread, thread_line
 from .chain import KnitError
-from .clasps import Clasp, find_lenses, make_clasps
+from .clasps import Clasp, Lens, find_lenses, make_clasps, nested_lenses
 from .crossings import Crossings, find_crossings
 from .keypoints import LoopFrame
-from .lapping import Stitch, lapping_table
+from .lapping import Lapping, Stitch, lapping_table
 from .loops import LoopProportions, Shape, loop_shape
+from .near_wires import near_wires
 from .openings import Rhombus, find_rhombus
+from .same_hooks import Knitted, lenses_of_scattered
 from .scatter import scattered_proportions
 
 ALIKE = 0.999  # of the largest opening's area: openings that count as equal
 SCATTERED_ALIKE = 0.5  # the same where loops differ
+NEARER = 0.1  # of the thickness, by which wires of scattered loops may be nearer than those of equal loops that overlap
+LEAST_SHARE = 0.1  # of the deviation of a loop, below which the loop is a mean one
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,16 @@ class Cloth:
         """[m] wire in space that a guide bar takes a course."""
         lengths = [self._length_in_space(thread) for thread in self.threads if thread.bar == bar]
         return sum(lengths) / len(lengths) / self.courses
+
+    @property
+    def mean_curvature(self) -> float:
+        """[1/m] of the wires in plan view: all angles by which they turn, either way, over their length."""
+        turned = 0.0
+        for thread in self.threads:
+            steps = np.diff(thread.stretch(0.0, thread.length + thread.spacing, float(self.size[1]))[:, :2], axis=0)
+            angles = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+            turned += float(np.abs(np.diff(angles)).sum())
+        return turned / sum(thread.length for thread in self.threads)
 
     def _length_in_space(self, thread: Thread) -> float:
         """[m] of a period."""
@@ -93,24 +107,63 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
             raise KnitError(key, f"{value!r} is not above 0", "write a length above 0 m")
     lapping = lapping_table(knit.bars, tiles)
     shape = loop_shape(lapping, proportions)
-    layers = 1 + max(stitch.layer for stitch in lapping.stitches)
     scatter = float(getattr(knit, "scatter", 0.0))
     sizes = [float(getattr(bar, "loop_scale", 1.0)) for bar in knit.bars]
     by_bar = [proportions.sized(size, shape, f"knit.bars[{bar}].loop_scale") for bar, size in enumerate(sizes)]
-    loops: tuple[LoopProportions, ...] = ()
-    if scatter or any(size != 1.0 for size in sizes):
+
+    def frame_of(lapping: Lapping) -> LoopFrame:
         loops = tuple(by_bar[stitch.bar] for stitch in lapping.stitches)
-    if scatter:
-        loops = scattered_proportions(loops, scatter, knit.seed)
-    frame = LoopFrame(shape, proportions, wale, course, diameter, layers, loops, lapping.courses)
+        return LoopFrame(shape, proportions, wale, course, diameter, lapping, loops)
+
+    frame = frame_of(lapping)
     frame.check()
-    threads = tuple(
-        thread_line(number * lapping.courses, stitches, lapping.courses, frame) for number, stitches in enumerate(lapping.threads)
-    )
-    size = np.array([lapping.wales * wale, lapping.courses * course])
-    crossings = find_crossings(threads, size)
-    stitch_length = sum(thread.length for thread in threads) / len(lapping.stitches)
-    lenses = find_lenses(threads, crossings, size, stitch_length)
-    clasps = make_clasps(threads, lenses, size, merge_lenses)
+    if scatter:
+        repeat = _knitted(frame_of(lapping_table(knit.bars)))
+        knitted = _knitted(_scattered(frame, scatter, knit.seed, repeat))
+        found = lenses_of_scattered(knitted, repeat, _lenses(repeat, merge_lenses))
+        if found is None:
+            wrong = f"with {scatter!r} and seed {knit.seed} some loops hook otherwise than equal loops"
+            raise KnitError("knit.scatter", wrong, "write less, or another knit.seed")
+    else:
+        knitted = _knitted(frame)
+        found = _lenses(knitted, merge_lenses)
+    threads, crossings, size = knitted.threads, knitted.crossings, knitted.size
+    clasps = make_clasps(threads, found, size)
     rhombus = find_rhombus(threads, lapping.stitches, crossings, clasps, size, SCATTERED_ALIKE if scatter else ALIKE)
     return Cloth(size, lapping.wales, lapping.courses, shape, threads, lapping.stitches, crossings, clasps, rhombus)
+
+
+def _knitted(frame: LoopFrame) -> Knitted:
+    """The wires of one repeat and their crossings."""
+    threads = _threads(frame)
+    return Knitted(frame.lapping, threads, frame.size, find_crossings(threads, frame.size))
+
+
+def _threads(frame: LoopFrame) -> tuple[Thread, ...]:
+    courses = frame.lapping.courses
+    return tuple(thread_line(number * courses, stitches, courses, frame) for number, stitches in enumerate(frame.lapping.threads))
+
+
+def _scattered(frame: LoopFrame, scatter: float, seed: int, repeat: Knitted) -> LoopFrame:
+    """The frame with scattered loops; repeat: one repeat of equal loops.
+
+    Where wires would lie in each other, the deviations of both loops are halved until they do not.
+    """
+    share = np.ones(len(frame.loops))
+    together = np.array(frame.lapping.formed_together)
+    closest = near_wires(repeat.threads, repeat.size, (1.0 + NEARER) * frame.diameter)[0].min(initial=np.inf)
+    reach = min(frame.diameter, closest - NEARER * frame.diameter)
+    while True:
+        loops = scattered_proportions(frame.loops, share[together] * scatter, seed, together)
+        scattered = frame.with_room(loops)
+        crowded = np.unique(together[near_wires(_threads(scattered), frame.size, reach)[1]])
+        if not share[crowded].any():
+            return scattered
+        share[crowded] *= np.where(share[crowded] > LEAST_SHARE, 0.5, 0.0)
+
+
+def _lenses(knitted: Knitted, merge: bool) -> list[list[Lens]]:
+    """The lenses of each clasp of equal loops: one, or all that are nested."""
+    threads, size = knitted.threads, knitted.size
+    lenses = find_lenses(threads, knitted.crossings, size, knitted.lengths.sum() / len(knitted.lapping.stitches))
+    return nested_lenses(threads, lenses, size) if merge else [[lens] for lens in lenses]

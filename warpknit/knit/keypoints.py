@@ -9,7 +9,9 @@ diameter d.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..text import at_most, engineering
 from .chain import KnitError
-from .lapping import Stitch
+from .lapping import Lapping, Stitch
 from .loops import RANGES, LoopProportions, Shape
 
 EXIT_ARC = np.radians([200.0, 245.0, 290.0, 325.0])  # angles of the points that round an exit foot
@@ -72,20 +74,36 @@ HEIGHTS: dict[str, Heights] = {
 
 @dataclass(frozen=True)
 class LoopFrame:
-    """All that the loops of one cloth have in common."""
+    """The loops of one cloth, and all that they have in common."""
 
     shape: Shape
-    proportions: LoopProportions
+    proportions: LoopProportions  # that decide on which side of its loop an underlap leaves
     wale: float  # wale spacing [m]
     course: float  # course spacing [m]
     diameter: float  # wire diameter [m]
-    layers: int  # largest number of loops on one needle and course
-    loops: tuple[LoopProportions, ...] = ()  # of each course of each thread, where loops differ
-    courses: int = 1  # of a thread, to find a stitch among them
+    lapping: Lapping
+    loops: tuple[LoopProportions, ...]  # of each stitch
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """(2,) [m] width and height of the repeat."""
+        return np.array([self.lapping.wales * self.wale, self.lapping.courses * self.course])
+
+    @cached_property
+    def layers(self) -> int:
+        """Largest number of loops on one needle and course."""
+        return 1 + max(stitch.layer for stitch in self.lapping.stitches)
 
     def proportions_of(self, stitch: Stitch) -> LoopProportions:
         """Proportions of one loop."""
-        return self.loops[stitch.thread * self.courses + stitch.course] if self.loops else self.proportions
+        return self.loops[self._number(stitch)]
+
+    def proportions_below(self, stitch: Stitch) -> LoopProportions:
+        """Proportions of the loop whose head this loop is drawn through."""
+        return self.loops[self.lapping.heads_below[self._number(stitch)]]
+
+    def _number(self, stitch: Stitch) -> int:
+        return stitch.thread * self.lapping.courses + stitch.course
 
     @property
     def heights(self) -> Heights:
@@ -94,27 +112,35 @@ class LoopFrame:
 
     def check(self) -> None:
         """Raise `KnitError` where loops of neighbouring wales, or the feet of a loop, would run into each other."""
-        loops = self.loops or (self.proportions,)
-        if self.shape == "circular-oval":
-            key, given = "knit.loop.closed_radius", max(loop.closed_radius for loop in loops)
-            half, share = (0.5 - max(abs(loop.lateral_shift) for loop in loops)) * self.wale, 0.5
-            spacing, unit = self.course, "course spacings"
-        else:
-            key, given = "knit.loop.leg_half_width", max(loop.leg_half_width for loop in loops)
-            half, share = 0.5 * self.wale, 0.5 + NEST_STEP * (self.layers - 1)
-            spacing, unit = self.wale, "wale spacings"
-            narrowest = 2.0 * min(loop.foot_half_width for loop in loops) * self.wale
+        if self.shape == "general":
+            narrowest = 2.0 * min(loop.foot_half_width for loop in self.loops) * self.wale
             if self.diameter > narrowest:
                 wrong = f"with a wire {engineering(self.diameter, 'm')} thick the feet of a loop run into each other"
                 raise KnitError("wire.diameter", wrong, f"use a thickness of at most {at_most(narrowest, 'm')} with these wales")
+        name, spacing, half, share = self._room(self.loops)
+        unit = "course spacings" if self.shape == "circular-oval" else "wale spacings"
         largest, meet = (half - share * self.diameter) / spacing, "loops of neighbouring wales run into each other"
+        given = max(getattr(loop, name) for loop in self.loops)
         if given > largest:
-            least = RANGES[key.rpartition(".")[2]][0]
+            least = RANGES[name][0]
             if largest < least < half / spacing:  # no loop of any shape has room for a wire so thick
                 thinnest = at_most((half - least * spacing) / share, "m")
                 wrong = f"with a wire {engineering(self.diameter, 'm')} thick {meet}"
                 raise KnitError("wire.diameter", wrong, f"use a thickness of at most {thinnest} with these wales and courses")
-            raise KnitError(key, f"with {given!r} {meet}", f"write at most {at_most(largest, unit)}")
+            raise KnitError(f"knit.loop.{name}", f"with {given!r} {meet}", f"write at most {at_most(largest, unit)}")
+
+    def with_room(self, loops: Sequence[LoopProportions]) -> LoopFrame:
+        """The frame with other loops, no wider than neighbouring wales allow."""
+        name, spacing, half, share = self._room(loops)
+        largest = (half - share * self.diameter) / spacing
+        return replace(self, loops=tuple(replace(loop, **{name: min(getattr(loop, name), largest)}) for loop in loops))
+
+    def _room(self, loops: Sequence[LoopProportions]) -> tuple[str, float, float, float]:
+        """The proportion that makes a loop wide, its unit [m], half the room of a loop [m], and the wires that share it."""
+        if self.shape == "circular-oval":
+            shift = max(abs(loop.lateral_shift) for loop in loops)
+            return "closed_radius", self.course, (0.5 - shift) * self.wale, 0.5
+        return "leg_half_width", self.wale, 0.5 * self.wale, 0.5 + NEST_STEP * (self.layers - 1)
 
 
 class LoopKeys(NamedTuple):
@@ -188,11 +214,12 @@ def _general_loop(stitch: Stitch, turn: int, frame: LoopFrame) -> LoopKeys:
     a = proportions.foot_half_width * frame.wale + grow
     b = proportions.leg_half_width * frame.wale + grow
     h = proportions.head_height * course + grow
+    waist = frame.proportions_below(stitch).head_height * course + grow  # in front of that head
     half = np.array(
         [
             [a, 0.0, heights.entry_foot(stitch, frame.layers)],
-            [a, h, heights.front(heights.waist, stitch, frame.layers)],
-            [b, 0.55 * course + 0.45 * h, heights.front(heights.leg, stitch, frame.layers)],
+            [a, waist, heights.front(heights.waist, stitch, frame.layers)],
+            [b, 0.55 * course + 0.45 * waist, heights.front(heights.leg, stitch, frame.layers)],
             [b, course, heights.back(heights.shoulder, stitch)],
             [b, course + 0.55 * h, heights.back(heights.head, stitch)],
             [a, course + h, heights.back(heights.head, stitch)],

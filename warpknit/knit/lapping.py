@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import lcm
 from typing import Any, Literal
 
@@ -44,6 +45,29 @@ class Lapping:
         """Stitches of each thread, course by course."""
         count = len(self.stitches) // self.courses
         return tuple(self.stitches[t * self.courses : (t + 1) * self.courses] for t in range(count))
+
+    @property
+    def formed_together(self) -> tuple[int, ...]:
+        """[stitch] number of the first loop on its needle in its course; an inlay has its own."""
+        return tuple(n if s.kind == "inlay" else self._loop_at[self._place(s, layer=0)] for n, s in enumerate(self.stitches))
+
+    @cached_property
+    def heads_below(self) -> tuple[int, ...]:
+        """[stitch] number of the loop whose head it is drawn through, of its layer or the last there; an inlay has its own."""
+        return tuple(n if s.kind == "inlay" else self._head_below(s) for n, s in enumerate(self.stitches))
+
+    def _head_below(self, stitch: Stitch) -> int:
+        places = (self._place(stitch, layer, course=stitch.course - 1) for layer in range(stitch.layer, -1, -1))
+        return next(self._loop_at[place] for place in places if place in self._loop_at)
+
+    def _place(self, stitch: Stitch, layer: int, course: int | None = None) -> tuple[int, int, int]:
+        """Needle in the repeat, course in the repeat, layer."""
+        return stitch.needle % self.wales, (stitch.course if course is None else course) % self.courses, layer
+
+    @cached_property
+    def _loop_at(self) -> dict[tuple[int, int, int], int]:
+        """Number of the loop of each place."""
+        return {self._place(s, s.layer): n for n, s in enumerate(self.stitches) if s.kind != "inlay"}
 
 
 def lap_kind(link: Link, after: Link) -> Kind:

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..knit.chain import KnitError
 from ..knit.clasp_classes import clasp_classes
 from ..knit.cloth import Cloth, same_cloth
 from ..memory import refuse_beyond_memory
@@ -38,7 +37,6 @@ def knit_scene(scene: Scene, device: str = "cpu") -> Cloth:
     otherwise."""
     knit = scene.knit if scene.knit.scatter else scene.knit.even
     cloth = same_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
-    _refuse_other_hooks(scene, cloth)
     refuse_large_mesh(scene, cloth, device)
     return cloth
 
@@ -57,16 +55,6 @@ def contact_classes(scene: Scene) -> np.ndarray:
 def _tiles(scene: Scene) -> tuple[int, int]:
     """Pattern repeats that form one repeat of the cloth."""
     return scene.knit.repeats if scene.knit.scatter else (1, 1)
-
-
-def _refuse_other_hooks(scene: Scene, cloth: Cloth) -> None:
-    if not scene.knit.scatter:
-        return
-    even = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
-    meant, found = len(even.clasps) * math.prod(_tiles(scene)), len(cloth.clasps)
-    if found != meant:
-        wrong = f"with {scene.knit.scatter!r} and seed {scene.knit.seed} loops hook {found} times where {meant} are meant"
-        raise KnitError("knit.scatter", wrong, "write less, or another knit.seed")
 
 
 def _size_of(scene: Scene) -> str:

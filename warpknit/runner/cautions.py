@@ -18,6 +18,7 @@ from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS
 from ..text import celsius, engineering, exact, percent
 from .history import Row
+from .strength import strength_text
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
 METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
@@ -30,6 +31,7 @@ SEVERAL = (
     "a tight knit without friction has several equilibria under one load, and this is one of them: compare with other"
     " model.nodes_per_loop and output.frames"
 )
+FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields throughout, over that of first yield
 SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
 CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
@@ -72,6 +74,25 @@ def _about_bars(scene: Scene) -> Iterator[str]:
                 f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires; for one yarn of"
                 " parallel wires set wire.ends"
             )
+
+
+def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    """Warning where no wire of this strength holds the loops against its natural curvature.
+
+    The wire keeps its turns, so its moment is EI (1 - set_fraction) times its mean curvature on average.
+    """
+    wire = scene.wire
+    if cloth is None or wire.plastic or wire.set_fraction == 1.0:
+        return
+    bent = wire.youngs_modulus * wire.radius * cloth.mean_curvature  # [Pa] nominal stress of the straight wire bent to the loops
+    needed, held = (1.0 - wire.set_fraction) * bent, FULLY_PLASTIC * wire.tensile_strength
+    if needed > held:
+        least = 1.0 - FULLY_PLASTIC * wire.yield_stress / bent
+        yield (
+            f"wire.set_fraction = {wire.set_fraction:g} alone exceeds the {strength_text(scene)}: the loops need a bending stress"
+            f" of {engineering(needed, 'Pa')}, and a wire that yields throughout holds {engineering(held, 'Pa')};"
+            f" set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more"
+        )
 
 
 def _is_loaded(scene: Scene, stage: Stage) -> bool:

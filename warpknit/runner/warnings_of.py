@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
@@ -26,6 +27,8 @@ PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direc
 PRESTRESS = 0.01  # of the largest tension: less at zero load is not told
 CARRIED = 0.2  # of the tension, by wires of less than a loop
 TAUT = 3.0  # largest stress over that away from the grips, of wires that are taut between two grips
+CLOSED = -0.1  # strain under tension below which the release of the wires counts as closing the knit
+EVEN_LOAD = 0.5  # least tension there over the largest, as a larger one across contracts a mesh too
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
 Stages = Sequence[dict[str, Any]]
@@ -151,7 +154,9 @@ def _out_of_range(stages: Stages) -> Iterator[str]:
 
 
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
-    if model.scene.wires is not None:
+    if release := _release(model, rows):
+        yield release
+    elif model.scene.wires is not None:
         yield from _prestressed(rows)
     elif rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
@@ -160,6 +165,37 @@ def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]
             f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
             f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}"
         )
+
+
+def _release(model: MeshModel, rows: Sequence[Row]) -> str:
+    """What `wire.set_fraction` does before any load, if that exceeds the strength or closes the knit; empty otherwise."""
+    wire = model.scene.wire
+    if wire.set_fraction == 1.0 or not rows or rows[0].load_factor > 0.0 or not rows[0].steady:
+        return ""
+    stress, closed = rows[0].stress_max_Pa, _contraction(model, rows)
+    breaks = stress > wire.tensile_strength
+    if not breaks and not closed:
+        return ""
+    above = f", above the {strength_text(model.scene)}" if breaks else ""
+    least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / stress)) / 100.0
+    return (
+        f"wire.set_fraction = {wire.set_fraction:g} alone, before the load, stresses the wire to {engineering(stress, 'Pa')}"
+        f"{above}{closed}: wire that yields as it is knitted keeps more of its curvature;"
+        + (f" set wire.set_fraction = {least:g} or more" if least > wire.set_fraction else " raise wire.set_fraction")
+    )
+
+
+def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
+    """By how much the mesh is shorter than knitted under its first tension, in words; empty below CLOSED."""
+    if len(rows) < 2 or rows[1].is_hook:
+        return ""
+    row = rows[1]
+    strain, tension = np.array([row.strain_weft, row.strain_warp]), np.array([row.tension_weft_N_per_m, row.tension_warp_N_per_m])
+    shorter = _driven_by_tension(model, row.stage) & (strain < CLOSED) & (tension > EVEN_LOAD * tension.max())
+    sides = [
+        f"{percent(-strain[k])} in {('weft', 'warp')[k]} at {engineering(tension[k], 'N/m')}" for k in np.flatnonzero(shorter)
+    ]
+    return f", and closes the knit by {' and '.join(sides)}" if sides else ""
 
 
 def _prestressed(rows: Sequence[Row]) -> Iterator[str]:

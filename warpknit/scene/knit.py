@@ -112,7 +112,10 @@ class Knit(Table):
     course_spacing: LoopLength = key("Distance between courses (along warp, y).", 1.0e-3)
     repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: Scatter = key(
-        "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each loop of the mesh.", 0.0
+        "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
+        " Deviations end at 2.5 times it, and where wires have no room. This makes it 5 % smaller, and up to 20 % in tight"
+        " knits at 0.1.",
+        0.0,
     )
     seed: Seed = key("Random seed of the scatter.", 0)
     loop: Loop = key("The shape of the loops.", Loop())
