@@ -113,7 +113,7 @@ class Knit(Table):
     repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
-        " Deviations end at 2.5 times it, and where wires have no room. This makes it 5 % smaller, and up to 20 % in tight"
+        " Deviations end at 2.5 times it, and where wires have no room. This makes it 5 % smaller, and up to 25 % in tight"
         " knits at 0.1.",
         0.0,
     )
