@@ -48,7 +48,7 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text["contacts B close at"].startswith("not closed up to 500 mN/m")
     assert text["first yield at"].startswith("not up to 500 mN/m: 500 MPa, 71 % of the limit, in the head of a closed loop")
     assert text["active at 2 N/m"] == "not reached; up to 500 mN/m"
-    middle = "the middle of its range, incomplete: the records end within it"
+    middle = "the middle of its range (the range goes on beyond the last record)"
     assert text["best tension"] == f"365 mN/m, {middle}: 25.0 % active, 365 MPa"
     assert text["  margin"] == "stress at 52 % of the elastic limit"
     assert text["  may drift"] == "from 230 mN/m (-37 %) to at least 500 mN/m (+37 %), where the records end"

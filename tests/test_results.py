@@ -224,7 +224,7 @@ def test_faults_are_exceptions_that_name_arguments(finished: Run, tmp_path: Path
         warpknit.load_run(tmp_path)
     with pytest.raises(DeviceError):
         warpknit.run(cell(), tmp_path / "r", device="cuda:99", quiet=True)
-    with pytest.raises(InputError, match="fit_curve: stands beside fit_loop_length"):
+    with pytest.raises(InputError, match="fit_curve: cannot be combined with fit_loop_length"):
         warpknit.make_report(CELL, tmp_path / "r", fit_curve="a.csv", fit_loop_length="5 mm", quiet=True)
     with pytest.raises(InputError, match="tension: '2 kg' "):
         warpknit.make_report(CELL, tmp_path / "r", tension="2 kg", quiet=True)

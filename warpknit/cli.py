@@ -110,7 +110,7 @@ def run(
     """Run SCENE and write its results to DIR."""
     refuse_both(resume, force)
     if error is not None and preset is not None:
-        raise click.UsageError("--error: stands beside --preset; give one of them.")
+        raise click.UsageError("--error: cannot be combined with --preset; give one of them.")
     quiet = quiet or not ranks.is_first
     command = "run" if error is None else "error"
     loaded, directory = open_scene(scene, overrides, preset, out, command, quiet=quiet, ranks=ranks.count)

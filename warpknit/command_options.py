@@ -43,7 +43,7 @@ def refuse_both(resume: bool, force: bool) -> None:
     """Refuse --resume together with --force."""
     if resume and force:
         raise click.UsageError(
-            "--resume: stands beside --force; give one of them: --resume continues the run in DIR, --force replaces it."
+            "--resume: cannot be combined with --force; --resume continues the run in DIR, --force replaces it."
         )
 
 

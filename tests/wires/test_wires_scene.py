@@ -54,7 +54,7 @@ def test_keys(keys, line):
 @pytest.mark.parametrize(
     ("other", "line"),
     [
-        ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} stands beside knit = {}"),
+        ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} cannot be combined with knit = {}"),
         ({"hook": {}}, "beside hook = {}; leave out one of knit, hook, wires"),
         ({"panel": {"outline": "disc", "size": "10 mm"}}, "panel: {"),
         ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "sweep: {"),

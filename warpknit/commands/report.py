@@ -84,7 +84,7 @@ class ReportRequest:
         if unknown := set(self.codes) - set(CODES):
             raise InputError(f"--cards: {', '.join(map(repr, sorted(unknown)))} is unknown; give {either(list(CODES))}")
         if self.known.loop_length is not None and self.known.curve is not None:
-            raise InputError("--fit-curve: stands beside --fit-loop-length; give one of them")
+            raise InputError("--fit-curve: cannot be combined with --fit-loop-length; give one of them")
 
 
 @dataclass(frozen=True)

@@ -122,8 +122,8 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
         knitted = _knitted(_scattered(frame, scatter, knit.seed, repeat))
         found = lenses_of_scattered(knitted, repeat, _lenses(repeat, merge_lenses))
         if found is None:
-            wrong = f"with {scatter!r} and seed {knit.seed} some loops hook otherwise than equal loops"
-            raise KnitError("knit.scatter", wrong, "write less, or another knit.seed")
+            wrong = f"{scatter!r} with knit.seed = {knit.seed} changes which loops hook"
+            raise KnitError("knit.scatter", wrong, "write a smaller knit.scatter, or another knit.seed")
     else:
         knitted = _knitted(frame)
         found = _lenses(knitted, merge_lenses)

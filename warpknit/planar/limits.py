@@ -19,10 +19,7 @@ def slid_wires(scene: Scene, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
     """Warning where wires slid along each other, which invalidates the result."""
     slid = max((stage["wire"]["slid_max_m"] for stage in stages), default=0.0) / scene.wire.diameter
     if slid > SLID:
-        yield (
-            f"this planar result is not valid: wires slid along each other by {slid:.2g} diameters, which only the spatial model"
-            f" resists; {INSTEAD}"
-        )
+        yield (f"this planar result is not valid: wires slid along each other by {slid:.2g} wire diameters; {INSTEAD}")
 
 
 def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[str]:
@@ -33,6 +30,6 @@ def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[str]:
         share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
     if share < TIGHT:
         yield (
-            f"{loops}: wires in space touch after {percent(share, 0)} of the planar approach, so they hook earlier and carry"
-            f" more; {INSTEAD}"
+            f"{loops}: the planar model closes contacts too late, and its tension is too small (first touch at"
+            f" {percent(share, 0)} of the planar approach); {INSTEAD}"
         )

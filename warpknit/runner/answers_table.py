@@ -295,8 +295,8 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
         return
     low, high = best["low"], best["high"]
     begins, ends = best["open_low"], best["open_high"] and not short
-    cut = " and ".join(["the records begin within it"] * begins + ["the records end within it"] * ends)
-    incomplete = f", incomplete: {cut}" if cut else ""
+    cut = " and ".join(["starts below the first record"] * begins + ["goes on beyond the last record"] * ends)
+    incomplete = f" (the range {cut})" if cut else ""
     middle = "" if best["grows"] or low == high else f", the middle of its range{incomplete}"
     stress = engineering(best["stress_max_Pa"], "Pa")
     away = " away from the grips" if is_at_grips(best["stress_max_Pa"], best["stress_with_grips_Pa"]) else ""

@@ -179,14 +179,13 @@ def _release(model: MeshModel, rows: Sequence[Row]) -> str:
     above = f", above the {strength_text(model.scene)}" if breaks else ""
     least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / stress)) / 100.0
     return (
-        f"wire.set_fraction = {wire.set_fraction:g} alone, before the load, stresses the wire to {engineering(stress, 'Pa')}"
-        f"{above}{closed}: wire that yields as it is knitted keeps more of its curvature;"
+        f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load{above}{closed};"
         + (f" set wire.set_fraction = {least:g} or more" if least > wire.set_fraction else " raise wire.set_fraction")
     )
 
 
 def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
-    """By how much the mesh is shorter than knitted under its first tension, in words; empty below CLOSED."""
+    """Shortening of the mesh under its first tension, in words; empty below CLOSED."""
     if len(rows) < 2 or rows[1].is_hook:
         return ""
     row = rows[1]
@@ -195,7 +194,7 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
     sides = [
         f"{percent(-strain[k])} in {('weft', 'warp')[k]} at {engineering(tension[k], 'N/m')}" for k in np.flatnonzero(shorter)
     ]
-    return f", and closes the knit by {' and '.join(sides)}" if sides else ""
+    return f", and shortens the mesh by {' and '.join(sides)}" if sides else ""
 
 
 def _prestressed(rows: Sequence[Row]) -> Iterator[str]:

@@ -113,8 +113,8 @@ class Knit(Table):
     repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
-        " Deviations end at 2.5 times it, and where wires have no room. This makes it 5 % smaller, and up to 25 % in tight"
-        " knits at 0.1.",
+        " Deviations stop at 2.5 times this value, and where wires would overlap. So the loops scatter by 5 % less than this"
+        " value, and by up to 25 % less in tight knits at 0.1.",
         0.0,
     )
     seed: Seed = key("Random seed of the scatter.", 0)

@@ -226,7 +226,7 @@ class Links(Check):
     def __call__(self, value: Any) -> str:
         text = re.sub(r"\s", "", value).removesuffix("//") if isinstance(value, str) else ""
         if three := re.search(r"(?<![\d-])(\d+-\d+)-\d+(?![\d-])", text):
-            wrong = f"has {three[0]}, whose third number only divides the underlap"
+            wrong = f"has three numbers in one link ({three[0]})"
             raise refused(wrong, f"write {three[1]}")
         if not isinstance(value, str) or not re.fullmatch(r"[0-9]{1,4}-[0-9]{1,4}(/[0-9]{1,4}-[0-9]{1,4})*", text):
             raise self.refusal()
@@ -239,7 +239,7 @@ def exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
         given = [key for key in group if isinstance(data, dict) and key in data]
         if len(given) > 1:
             first, second = given[:2]
-            wrong = f"stands beside {first} = {shown(data[first])}"
+            wrong = f"cannot be combined with {first} = {shown(data[first])}"
             raise refused(wrong, f"leave out one of {', '.join(group)}", key=second, given=shown(data[second]))
     return data
 

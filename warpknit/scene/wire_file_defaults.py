@@ -77,11 +77,11 @@ def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> 
     if table.unit is None and suffix in WITHOUT_UNIT:
         raise scene_error(source.path, "wires.unit", f"missing: a {suffix} file has no unit", "write one, such as 'mm'")
     if table.unit is not None and suffix in USD:
-        raise source.refusal(("wires", "unit"), table.unit, f"stands beside the unit of a {suffix} file", "leave it out")
+        raise source.refusal(("wires", "unit"), table.unit, f"is not allowed: a {suffix} file has its own unit", "leave it out")
     if table.closed and suffix not in POLYLINES:
-        raise source.refusal(("wires", "closed"), True, f"stands beside a {suffix} file, which contains it", "leave it out")
+        raise source.refusal(("wires", "closed"), True, f"is not allowed: a {suffix} file marks its closed wires", "leave it out")
     if table.period is not None and suffix == ".pyp":
-        raise source.refusal(("wires", "period"), table.period, "stands beside the period of a .pyp file", "leave it out")
+        raise source.refusal(("wires", "period"), table.period, "is not allowed: a .pyp file has its own period", "leave it out")
     if table.time is not None and suffix not in USD:
         raise source.refusal(("wires", "time"), table.time, f"has no effect with a {suffix} file", "leave it out")
     return as_object(

@@ -157,9 +157,9 @@ class Drive(ABC):
         wire, node = self.mechanics.fastest()
         cause = f"the load is probably applied too fast: raise {self.rate_key}"
         if self.progress.stage_index == 0 and self.progress.load_factor == 0.0:
-            cause = "no load is applied yet: the wires overlap too deeply or are stretched too far as given; change their shape"
+            cause = "the unloaded wires overlap too deeply or are stretched too far; change their shape"
             if self.scene.wire.set_fraction < 1.0:
-                cause = "wires of this set_fraction spring apart too fast: raise wire.set_fraction"
+                cause = "the released wires spring apart too fast; raise wire.set_fraction"
         return Diverged(f"diverged at step {self.progress.steps}: wire {wire}, node {node}, {self._where()}; {cause}")
 
     def overlap_error(self) -> Diverged | None:

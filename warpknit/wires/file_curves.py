@@ -61,7 +61,7 @@ def expected_in(suffix: str) -> str:
 def _metres(found: CurveFile, suffix: str, unit: float | None) -> float:
     """[m] of a unit of the file."""
     if found.metres is not None and unit is not None:
-        wrong = f"{exact(unit, 'm')} stands beside the unit of the file, {exact(found.metres, 'm')}"
+        wrong = f"{exact(unit, 'm')} is not allowed: the file has its own unit, {exact(found.metres, 'm')}"
         raise WireFileError(wrong, "leave it out", "unit")
     if found.metres is None and unit is None and suffix != ".pyp":
         raise WireFileError("missing: the file has no unit", "write one, such as 'mm'", "unit")

@@ -74,10 +74,10 @@ class WireReport:
             rows.append(("repeat", " x ".join(map(_millimetres, wires.period))))
         if wires.natural_turns is not None or wires.twist_strains is not None:
             blocks = [name for name, used in (("*RK", wires.natural_turns), ("*RT", wires.twist_strains)) if used is not None]
-            rows.append(("natural", f"curvature and twist of the wires free of stress, by {' and '.join(blocks)} of the file"))
+            rows.append(("natural", f"curvature and twist from {' and '.join(blocks)} of the file"))
         if np.ptp(self.thickness) > 0.0:
             low, high = _millimetres(self.thickness.min()), _millimetres(self.thickness.max())
-            rows.append(("thickness", f"{low} to {high}, that of the file"))
+            rows.append(("thickness", f"{low} to {high}, from the file"))
         rows.append(("hooks", self.places.line()))
         rows.append(("contact", self.overlaps.line()))
         return rows + [("warning", text) for text in self.warnings]

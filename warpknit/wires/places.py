@@ -26,7 +26,7 @@ class Places:
     high: np.ndarray  # (place, 2) [m]
     position: np.ndarray  # (place, 2) [m] in plan view
     hooks: int
-    crowded: bool = False  # so much lies on top of each other that it was not looked at
+    crowded: bool = False  # too many crossings to search
 
     def __len__(self) -> int:
         return len(self.wire)
@@ -34,7 +34,7 @@ class Places:
     def line(self) -> str:
         """The same in words."""
         if self.crowded:
-            return "not looked for: too much crosses in plan view"
+            return "not searched: too many crossings in plan view"
         crossings = len(self) - self.hooks
         others = f"{crossings:,} {'other ' * (self.hooks > 0)}crossing{'s' * (crossings != 1)}"
         if not self.hooks:

@@ -134,7 +134,7 @@ def _read(
 def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
     """The same with open curves whose ends are some repeats apart going on as periodic ones."""
     if found.period is not None:
-        raise WireFileError("stands beside the period of the file", "leave it out", "period")
+        raise WireFileError("is not allowed: the file has its own period", "leave it out", "period")
     curves: list[Curve] = []
     for number, curve in enumerate(found.curves, start=1):
         _check_reach(number, curve, period)
@@ -146,7 +146,7 @@ def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
                 ends = ", ".join(f"{count:.3g}" for count in apart[:2] / period)
                 raise WireFileError(
                     f"the ends of wire {number} are {ends} periods apart",
-                    "write one of which the ends of all open wires are whole numbers apart",
+                    "write a period that fits a whole number of times between the ends of every open wire",
                     "period",
                 )
             curve = replace(curve, kind="periodic", shift=(int(repeats[0]), int(repeats[1])))
@@ -157,7 +157,7 @@ def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
 def _check_reach(number: int, curve: Curve, period: np.ndarray) -> None:
     """Refuse a repeat (2,) that is tiny beside a curve: of another unit, or damaged."""
     if (np.abs(curve.pieces[:, :, :2]).max(axis=(0, 1)) > MOST_REPEATS * period).any():
-        wrong = f"wire {number} is over more than {MOST_REPEATS:g} of {period[0]:.4g} x {period[1]:.4g} of the file's units"
+        wrong = f"wire {number} reaches farther than {MOST_REPEATS:g} repeats of {period[0]:.4g} x {period[1]:.4g} file units"
         raise WireFileError(wrong, "write one repeat of the mesh", "period")
 
 
