@@ -36,7 +36,7 @@ QUEENS_CORD = {
     "output": {"frames": 6, "usd": False, "figures": False},
 }
 SWEEP = {"strain_weft": [0.0], "strain_warp": [0.0, 0.02]}
-PLANE_WARNING = "tight loops: wires in space touch after 70 % of the planar approach"
+PLANE_WARNING = "tight loops: the planar model closes contacts too late"
 NOT_VALID = "this planar result is not valid: wires slid along each other by"
 TRICOT_FILE = """
 knit = {bars = [{chain = "1-0/1-2"}, {chain = "1-2/1-0"}], wale_spacing = "1 mm", course_spacing = "0.8 mm", repeats = [3, 2]}

@@ -89,8 +89,8 @@ def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     if needed > held:
         least = 1.0 - FULLY_PLASTIC * wire.yield_stress / bent
         yield (
-            f"wire.set_fraction = {wire.set_fraction:g} is too small for the {strength_text(scene)}: the loops need a bending stress"
-            f" of {engineering(needed, 'Pa')}, the wire holds at most {engineering(held, 'Pa')};"
+            f"wire.set_fraction = {wire.set_fraction:g} is too small for the {strength_text(scene)}: the loops need a bending"
+            f" stress of {engineering(needed, 'Pa')}, the wire holds at most {engineering(held, 'Pa')};"
             f" set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more"
         )
 

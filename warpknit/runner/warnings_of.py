@@ -179,7 +179,8 @@ def _release(model: MeshModel, rows: Sequence[Row]) -> str:
     above = f", above the {strength_text(model.scene)}" if breaks else ""
     least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / stress)) / 100.0
     return (
-        f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load{above}{closed};"
+        f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load"
+        f"{above}{closed};"
         + (f" set wire.set_fraction = {least:g} or more" if least > wire.set_fraction else " raise wire.set_fraction")
     )
 
