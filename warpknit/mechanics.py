@@ -167,8 +167,8 @@ class Mechanics(Protocol):
     def begin_level(self) -> None:
         """Start a load level: reset the multiplier rates."""
 
-    def begin_test(self, *, is_last: bool) -> None:
-        """Test whether the next equilibrium is stable, where the model does and the load has grown enough, or is the last one."""
+    def begin_test(self, *, is_certain: bool) -> None:
+        """Test whether the next equilibrium is stable, where the model does, if the load has changed enough or `is_certain`."""
 
     def check(self, checks: int, *, loading: bool) -> Check:
         """Check convergence, and update damping and multipliers.

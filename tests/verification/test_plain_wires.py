@@ -59,6 +59,20 @@ def test_two_wires_that_cross_and_overlap_part_and_converge_after_few_steps(tmp_
     assert last.steps < 4_000
 
 
+def test_stability_is_tested_before_the_load_and_at_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And where 0.1 % of strain have passed since: once on the way to 0.15 % in four levels."""
+    begun: list[float] = []
+    simulation = simulation_of(
+        tmp_path,
+        [line((0, 0, 0), (4, 0, 0)), line((2, -2, 0.7 * DIAMETER), (2, 2, 0.7 * DIAMETER))],
+        load={"strain_weft": 1.5 * STRAIN},
+        output={"frames": 4},
+    )
+    monkeypatch.setattr(simulation.mechanics.stability, "begin", lambda: begun.append(simulation.progress.load_factor))
+    list(simulation.run())
+    assert begun == [0.0, 0.75, 1.0]
+
+
 def test_a_weave_of_sine_waves_converges_after_few_steps(tmp_path: Path) -> None:
     """Wires of one repeat pass over and under each other; both directions are alike, so their tensions are the same."""
     wave = np.linspace(0.0, 4.0, 65)

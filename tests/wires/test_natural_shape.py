@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from reference.rods import SECTION
+from warpknit import Simulation, build_model
 from warpknit.plan import make_plan
 from warpknit.scene import SceneError, load_scene
 from warpknit.spatial.from_file import panel_of_wires
@@ -152,3 +153,25 @@ def test_curvature_without_directors_is_refused(tmp_path):
     write(path, {"*RK": np.ones((TURNS * POINTS, 2))})
     with pytest.raises(SceneError, match=r"\*RK without \*RefD1"):
         read_wires(path, node_spacing=0.1)
+
+
+def test_a_wire_that_is_twisted_as_it_lies_untwists(tmp_path):
+    """A straight wire with natural twist of its own, and no natural curvature: its sections turn until no energy is left."""
+    count = 24
+    x = 2.0 * np.arange(count) / count
+    rows = {
+        "*pattern": [[2.0, 2.0, 0.01, count]],
+        "*Q": np.column_stack([x, np.zeros((count, 3))]),
+        "*E": np.column_stack([np.arange(count), (np.arange(count) + 1) % count, np.arange(count) == count - 1, np.zeros(count)]),
+        "*RT": 0.3 * np.sin(np.pi * x)[:, None],
+    }
+    text = "\n".join(
+        line for name, block in rows.items() for line in (name, *(" ".join(f"{v:.17g}" for v in row) for row in block), "")
+    )
+    (tmp_path / "twisted.pyp").write_text(text, encoding="utf-8")
+    wires = {"file": tmp_path / "twisted.pyp", "unit": "1 mm", "node_spacing": f"{2.0 / count} mm"}
+    scene = {"wires": wires, "wire": {"diameter": "0.05 mm"}}
+    scene |= {"model": {"boundary": "periodic"}, "load": {"strain_weft": 1e-3}, "output": {"frames": 1}}
+    before, *_ = Simulation(build_model(load_scene(scene))).run()
+    twist = 0.3 * np.sin(np.pi * x) / (2e-3 / count)  # [1/m] as it lies
+    assert before.steps > 0 and np.abs(before.observables.twist_change).max() < 1e-3 * twist.max()

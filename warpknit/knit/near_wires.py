@@ -36,7 +36,8 @@ def near_wires(
     )
     lowest, height = points[:, 2].min(), np.ptp(points[:, 2])
     box = np.array([*size, 2.0 * (height + reach)])
-    tree = cKDTree(np.mod(points - [0.0, 0.0, lowest], box), boxsize=box)
+    placed = np.mod(points - [0.0, 0.0, lowest], box)
+    tree = cKDTree(np.where(placed < box, placed, 0.0), boxsize=box)  # rounding may place a point at the far side
     first, second = tree.query_pairs(reach, output_type="ndarray").T
     along = np.abs(arc[first] - arc[second])
     along = np.minimum(along, np.array([thread.length for thread in threads])[wire[first]] - along)

@@ -202,7 +202,7 @@ class PlanarMechanics:
     def begin_level(self) -> None:
         self.multipliers.begin_level()
 
-    def begin_test(self, *, is_last: bool) -> None:
+    def begin_test(self, *, is_certain: bool) -> None:
         """Nothing: of the plane no unstable equilibrium is known."""
 
     def check(self, checks: int, *, loading: bool) -> Check:

@@ -228,8 +228,8 @@ class Relaxation(Drive):
         self._begin_solving(to_ratio, drift_counts=drift_counts)
 
     def _begin_test(self) -> None:
-        """Test whether the equilibrium of this level is stable; surely at the end of a stage."""
-        self.mechanics.begin_test(is_last=self.progress.load_factor >= 1.0)
+        """Test whether the equilibrium of this level is stable; surely before the load and at the end of a stage."""
+        self.mechanics.begin_test(is_certain=not 0.0 < self.progress.load_factor < 1.0)
 
     def _start_level(self, load: LoadPoint) -> None:
         """Extrapolate the state from the last two levels, and apply the load."""

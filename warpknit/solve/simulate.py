@@ -97,8 +97,8 @@ class Simulation:
         Between two records it may be set anew, for a force that follows the mesh. Its work is in no energy balance.
         Raises ModelError: for the planar model, for another shape, and for a resultant on a tile that nothing holds.
         """
-        set_load = getattr(self.state, "set_load", None)
-        if set_load is None:
+        set_dead_load = getattr(self.mechanics, "set_dead_load", None)
+        if set_dead_load is None:
             raise ModelError("forces on nodes: the planar model has none; write model.kind = 'spatial'")
         model: Any = self.model
         wanted = (model.global_model.node_count, 3)
@@ -113,8 +113,7 @@ class Simulation:
                 f"forces on nodes: their resultant of {engineering(float(resultant), 'N')} acts on a tile that nothing holds;"
                 " give forces that add up to zero"
             )
-        scale = float(np.sqrt(np.mean(np.sum(np.square(values, dtype=np.float64), axis=1))))
-        set_load(values if model.strip is None else values[model.strip.nodes_of_mesh], scale)
+        set_dead_load(values)
 
     # --- drives
 

@@ -29,7 +29,7 @@ from .observables import SpatialObservables, read
 from .overlap_text import CLOSEST, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .prolongation import Prolongation
 from .residual import Residual
-from .rod_arrays import RodState, set_natural_shape
+from .rod_arrays import RodState, root_mean_square, set_natural_shape
 from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
 from .search_cells import search_cells
@@ -45,6 +45,7 @@ EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
+LAST = ("gradient_before", "displacement_before", "offset_before", "stiffness_before")
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
@@ -93,8 +94,7 @@ class SpatialMechanics:
         self._release: tuple[float, float] | None = None  # shares of the release before and after the part in progress
         self._untested = 0.0  # strain since the last test whether an equilibrium is stable
         self._overlap = 0.0  # over the thickness, deepest up to the last convergence check
-        # gradient, displacement and tension offsets of the previous level
-        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._last: tuple[np.ndarray, ...] | None = None  # LAST of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
 
@@ -165,6 +165,12 @@ class SpatialMechanics:
         self.contact.search()
         self.relaxation.renew_masses(loading=True)
 
+    def set_dead_load(self, force: np.ndarray) -> None:
+        """Put dead loads on the nodes of the mesh of all ranks, (node, 3) [N]."""
+        own = force if self.model.strip is None else force[self.model.strip.nodes_of_mesh]
+        self.state.set_load(own, root_mean_square(force))
+        self._untested = np.inf
+
     def _move_clamps(self, load: LoadPoint, factor: float) -> None:
         """Move the held nodes to their places under the load; given stations of the edge move while it is applied."""
         held = self.model.wires.held_node
@@ -224,15 +230,18 @@ class SpatialMechanics:
         return segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
 
     def predict(self, ratio: float) -> None:
-        displacement, offset = (fetch(array).copy() for array in (self.state.displacement, self.state.tension_offset))
+        state = self.state
+        displacement, offset = fetch(state.displacement).copy(), fetch(state.tension_offset).copy()
+        stiffness = fetch(state.stretch_stiffness).copy()
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
             largest = self.strip.largest_of_nodes(np.linalg.norm(move, axis=1))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
             share = min(1.0, limit / max(largest, 1e-300))
-            store(self.state.displacement, displacement + share * move)
-            store(self.state.tension_offset, offset + share * ratio * (offset - self._last[2]))
-        self._last = self.state.gradient, displacement, offset
+            store(state.displacement, displacement + share * move)
+            change = np.where(stiffness == self._last[3], offset - self._last[2], 0.0)
+            store(state.tension_offset, offset + share * ratio * change)
+        self._last = state.gradient, displacement, offset, stiffness
         self.relaxation.stop_motion()
 
     def advance_history(self) -> None:
@@ -273,8 +282,7 @@ class SpatialMechanics:
     def begin_level(self) -> None:
         self.contact.pop_max_penetration()
 
-    def begin_test(self, *, is_last: bool) -> None:
-        is_certain = is_last or self._release is not None or self.state.dead_load > 0.0
+    def begin_test(self, *, is_certain: bool) -> None:
         if self._is_tested and (is_certain or self._untested >= LOAD_STRAINS[0]):
             self.stability.begin()
             self._untested = 0.0
@@ -358,8 +366,8 @@ class SpatialMechanics:
         state = self.relaxation.sums(of_mean=False)
         rods, tension = self.model.rods, np.abs(self.relaxation.tension())
         strained = self.strip.largest_of_nodes(tension / rods.of_nodes("axial_stiffness"))
-        is_free = wire.set_fraction == 1.0 and rods.natural_curvature is None and strained <= AXIAL_ERROR
-        return is_free and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
+        is_as_drawn = wire.set_fraction == 1.0 and rods.natural_curvature is None and rods.natural_twist is None
+        return is_as_drawn and strained <= AXIAL_ERROR and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
 
     # --- real time
 
@@ -426,7 +434,7 @@ class SpatialMechanics:
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
         if self._last is not None:
-            kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1], "offset_before": self._last[2]}
+            kept |= dict(zip(LAST, self._last, strict=True))
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -440,4 +448,4 @@ class SpatialMechanics:
                 part.load_state_dict(kept)
         self._last = None
         if "gradient_before" in kept:
-            self._last = tuple(kept[name].copy() for name in ("gradient_before", "displacement_before", "offset_before"))
+            self._last = tuple(kept[name].copy() for name in LAST)

@@ -34,7 +34,8 @@ class Residual:
         """[N] least force that residuals are compared with: that of the knit, or a smaller dead load."""
         load, model = self.relaxation.stepper.state.dead_load, self.model
         round_off = float(np.finfo(wp.dtype_to_numpy(model.precision.real)).eps)
-        return of_knit if load == 0.0 else min(of_knit, max(load, ROUND_OFF * round_off * model.rods.section.axial_stiffness))
+        smallest = ROUND_OFF * round_off * float(model.rods.of_wires("axial_stiffness").max())
+        return of_knit if load == 0.0 else min(of_knit, max(load, smallest))
 
     def measure(self, state: StateSums, contacts: ContactSums) -> float:
         """The larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.

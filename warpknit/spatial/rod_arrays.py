@@ -68,6 +68,11 @@ BY_ROW = (
 )  # fmt: skip
 
 
+def root_mean_square(force: np.ndarray) -> float:
+    """[N] of forces (node, 3)."""
+    return float(np.sqrt(np.mean(np.sum(np.square(force, dtype=np.float64), axis=1))))
+
+
 @dataclass(frozen=True)
 class RodState:
     """Unknowns of the dynamics and what each step computes from them; [node]."""
@@ -123,10 +128,10 @@ class RodState:
         for name, value in arrays.items():
             store(getattr(self, name), value)
 
-    def set_load(self, force: np.ndarray, scale: float) -> None:
-        """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh."""
+    def set_load(self, force: np.ndarray, scale: float | None = None) -> None:
+        """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh, default: over these."""
         store(self.load_force, force)
-        self.write_control({c.DEAD_LOAD: scale})
+        self.write_control({c.DEAD_LOAD: root_mean_square(force) if scale is None else scale})
 
     @property
     def dead_load(self) -> float:

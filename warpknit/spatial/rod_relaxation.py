@@ -318,6 +318,7 @@ class RodRelaxation:
     def _reset_rate(self) -> None:
         """Start with the full rate of the multipliers."""
         self._rate, self._best_ratio, self._stalled, self._is_too_soft = MAX_RATE, math.inf, 0, False
+        self._ratio, self._has_risen = math.inf, False
         self._taut.reset()
         self._leading.reset()
 
@@ -374,7 +375,7 @@ class RodRelaxation:
         kept |= (
             self._taut.state_dict("taut") | self._leading.state_dict("leading") | {"excess_leads": np.array(self._excess_leads)}
         )
-        kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled])
+        kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled, self._ratio, self._has_risen])
         if self._has_last:
             kept |= {name: fetch(getattr(self.checks.arrays, name)).copy() for name in LAST}
             kept["last_slide"] = self._last_slide
@@ -384,8 +385,8 @@ class RodRelaxation:
         """Restore what `state_dict` returned."""
         store(self.checks.arrays.thermal_strain, kept["thermal_strain"])
         self._has_multipliers = bool(kept["multipliers"])
-        self._rate, self._best_ratio, stalled = kept["multiplier_rate"].tolist()
-        self._stalled = int(stalled)
+        self._rate, self._best_ratio, stalled, self._ratio, has_risen = kept["multiplier_rate"].tolist()
+        self._stalled, self._has_risen = int(stalled), bool(has_risen)
         self._taut.load_state_dict("taut", kept)
         self._leading.load_state_dict("leading", kept)
         self._excess_leads = bool(kept["excess_leads"])
