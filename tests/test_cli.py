@@ -163,7 +163,7 @@ def test_a_run_that_diverged_prints_the_table_of_its_records(behind):
 def test_a_finished_run_prints_a_short_table(behind):
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 0
-    texts = ("16 of 24 pairs, 66.7 %", "19 mN/m / 18 mN/m", "148 MPa, 7 % of the elastic limit", "12,345", "3.21 s", "steady")
+    texts = ("66.7 % (16 of 24 pairs", "19 mN/m / 18 mN/m", "148 MPa, 7 % of the elastic limit", "12,345", "3.21 s", "steady")
     assert all(text in result.stdout for text in texts)
     assert "the wire is beyond its yield stress" in result.stdout
     assert "somewhere" in result.stdout

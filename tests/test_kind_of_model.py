@@ -239,7 +239,7 @@ def test_a_planar_result_whose_bars_slid_is_not_valid(tmp_path: Path) -> None:
     """
     tensions = {}
     for kind in ("planar", "spatial"):
-        scene = make_scene(QUEENS_CORD, {"model.kind": kind}, preset="draft")
+        scene = make_scene(QUEENS_CORD, {"model.kind": kind, "output.frames": 12}, preset="draft")
         summary = run_scene(scene, out=tmp_path / kind, device="cpu").summary
         tensions[kind] = np.array([summary["mesh"][f"tension_{side}_N_per_m"] for side in ("weft", "warp")])
         slid = summary["wire"]["slid_max_m"] / scene.wire.diameter

@@ -153,7 +153,7 @@ def test_wide_meshes_have_wires_that_are_no_copies(knit: str, nodes: int) -> Non
 
 
 def test_a_ramp_in_space_is_refused_on_ranks() -> None:
-    with pytest.raises(SceneError, match="'relax' with model.kind = 'spatial' on several ranks"):
+    with pytest.raises(SceneError, match="solver.drive: 'ramp' cannot be combined with model.kind = 'spatial' and mpirun"):
         build_model(scene("tricot", [4, 2], "gripped", solver={"drive": "ramp"}), "cpu", Rank(0, 2))
 
 

@@ -55,7 +55,7 @@ def test_keys(keys, line):
     ("other", "line"),
     [
         ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} cannot be combined with knit = {}"),
-        ({"hook": {}}, "beside hook = {}; leave out one of knit, hook, wires"),
+        ({"hook": {}}, "cannot be combined with hook = {}; leave out one of knit, hook, wires"),
         ({"panel": {"outline": "disc", "size": "10 mm"}}, "panel: {"),
         ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "sweep: {"),
         ({"solver": {"drive": "ramp"}}, "solver.drive: 'ramp'"),

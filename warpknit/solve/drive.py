@@ -156,7 +156,8 @@ class Drive(ABC):
         """The error of a diverged state."""
         wire, node = self.mechanics.fastest()
         cause = f"the load is probably applied too fast: raise {self.rate_key}"
-        if self.progress.stage_index == 0 and self.progress.load_factor == 0.0:
+        is_loaded = self.progress.load_factor > 0.0 or not np.array_equal(self.state.gradient, np.eye(2))
+        if self.progress.stage_index == 0 and not is_loaded:
             cause = "the unloaded wires overlap too deeply or are stretched too far; change their shape"
             if self.scene.wire.set_fraction < 1.0:
                 cause = "the released wires spring apart too fast; raise wire.set_fraction"

@@ -45,7 +45,6 @@ EDGE_CHECKS = 4  # convergence checks between steps of the free stations
 EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
-LAST = ("gradient_before", "displacement_before", "offset_before", "stiffness_before")
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
@@ -84,6 +83,7 @@ class SpatialMechanics:
             clamps=self.clamps,
             multipliers=model.ramp is None,
             vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
+            wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
@@ -94,7 +94,7 @@ class SpatialMechanics:
         self._release: tuple[float, float] | None = None  # shares of the release before and after the part in progress
         self._untested = 0.0  # strain since the last test whether an equilibrium is stable
         self._overlap = 0.0  # over the thickness, deepest up to the last convergence check
-        self._last: tuple[np.ndarray, ...] | None = None  # LAST of the previous level
+        self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
 
@@ -230,18 +230,13 @@ class SpatialMechanics:
         return segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
 
     def predict(self, ratio: float) -> None:
-        state = self.state
-        displacement, offset = fetch(state.displacement).copy(), fetch(state.tension_offset).copy()
-        stiffness = fetch(state.stretch_stiffness).copy()
+        displacement = fetch(self.state.displacement).copy()
         if ratio > 0.0 and self._last is not None:
             move = ratio * (displacement - self._last[1])
             largest = self.strip.largest_of_nodes(np.linalg.norm(move, axis=1))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
-            share = min(1.0, limit / max(largest, 1e-300))
-            store(state.displacement, displacement + share * move)
-            change = np.where(stiffness == self._last[3], offset - self._last[2], 0.0)
-            store(state.tension_offset, offset + share * ratio * change)
-        self._last = state.gradient, displacement, offset, stiffness
+            store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
+        self._last = self.state.gradient, displacement
         self.relaxation.stop_motion()
 
     def advance_history(self) -> None:
@@ -434,7 +429,7 @@ class SpatialMechanics:
         for part in (self.edge, self.multipliers):
             kept |= part.state_dict() if part is not None else {}
         if self._last is not None:
-            kept |= dict(zip(LAST, self._last, strict=True))
+            kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
@@ -448,4 +443,4 @@ class SpatialMechanics:
                 part.load_state_dict(kept)
         self._last = None
         if "gradient_before" in kept:
-            self._last = tuple(kept[name].copy() for name in LAST)
+            self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()

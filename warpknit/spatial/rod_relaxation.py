@@ -69,10 +69,12 @@ class RodRelaxation:
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
         vibration: float = VIBRATION,
+        wire_stiffness: np.ndarray | None = None,
     ) -> None:
         """softening: true axial stiffness over that of the dynamics; wave_length [m] of the slowest wave, default: the longest
         wire; curve: on which wires touch, default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether
-        they correct the softening; vibration: see `kinetic_energy`."""
+        they correct the softening; vibration: see `kinetic_energy`; wire_stiffness [wire] [N]: least axial stiffness of the
+        dynamics."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
@@ -84,7 +86,9 @@ class RodRelaxation:
         self.can_stretch = self.has_segment & (self.free | self.free[rods.following])
         self.free_sections = ((rods.held & int(HELD_TURN)) == 0) & self.has_segment
         self.softened_stiffness = rods.section.axial_stiffness / softening
-        least = rods.wire_stiffness[rods.wire_of] if multipliers else 0.0
+        least = 0.0
+        if wire_stiffness is not None:  # beside a clamp the half segment inside it stretches too
+            least = wire_stiffness[rods.wire_of] / (1.0 + rods.half_in_clamp / rods.natural_length)
         store(state.stretch_stiffness, np.maximum(least, rods.of_nodes("axial_stiffness") / softening))
         stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
