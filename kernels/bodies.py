@@ -11,9 +11,9 @@ from typing import Any
 
 import warp as wp
 
-from .control import STATUS, STATUS_RUNNING, STEP
-from .native import SHARING, STEERING, SUM_OF_LANES, constants, with_shared
-from .wires import rounding_phase
+from warpknit.kernels.control import STATUS, STATUS_RUNNING, STEP
+from warpknit.kernels.native import SHARING, STEERING, SUM_OF_LANES, constants, with_shared
+from warpknit.kernels.wires import rounding_phase
 
 BODY_BLOCK = 32
 FREE_FLIGHT = 0.9  # velocity factor of a free body a step; its total path is nine steps

@@ -10,9 +10,9 @@ from typing import Any
 
 import warp as wp
 
-from .contact import CLOSEST_POINT_DOUBLE, CLOSEST_POINT_ITERATIONS, CLOSEST_POINT_SINGLE, CURVE_COEFFICIENTS
-from .control import STATUS, STATUS_RUNNING
-from .native import STEERING, constants
+from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CLOSEST_POINT_ITERATIONS, CLOSEST_POINT_SINGLE, CURVE_COEFFICIENTS
+from warpknit.kernels.control import STATUS, STATUS_RUNNING
+from warpknit.kernels.native import STEERING, constants
 
 PAIR_BATCH = wp.constant(16)  # pairs
 UNCACHED_PAIRS = 30_000  # pairs whose data, 300 bytes each, are beyond the cache

@@ -16,9 +16,9 @@ from typing import Any
 
 import warp as wp
 
-from .control import EVALUATED_GAP, IS_LOADING, MEAN_PUSH, MULTIPLIER_RATE, PENALTY_FLOOR, STICKING
-from .native import constants
-from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
+from warpknit.kernels.control import EVALUATED_GAP, IS_LOADING, MEAN_PUSH, MULTIPLIER_RATE, PENALTY_FLOOR, STICKING
+from warpknit.kernels.native import constants
+from warpknit.kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 
 # columns of the sums
 PUSHING = wp.constant(0)  # contacts that push

@@ -9,9 +9,9 @@ from typing import Any
 
 import warp as wp
 
-from .bend import BOW
-from .native import constants, with_shared
-from .wire_forces import forces
+from warpknit.kernels.bend import BOW
+from warpknit.kernels.native import constants, with_shared
+from warpknit.kernels.wire_forces import forces
 
 _RESULTS = r"""
     const real* __restrict natural_bow = rest_bow.data + table - HALO;

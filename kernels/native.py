@@ -3,7 +3,7 @@
 Constants of kernels/control.py and columns of the partial sums are declared under their names.
 """
 
-from . import control as c
+from warpknit.kernels import control as c
 
 
 def constants(**values: float) -> str:

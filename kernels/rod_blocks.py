@@ -4,7 +4,7 @@ A block holds at most ROD_BLOCK consecutive nodes of one wire. A thread works on
 (native.py).
 """
 
-from .native import SHARING, STEERING, constants
+from warpknit.kernels.native import SHARING, STEERING, constants
 
 ROD_BLOCK = 50  # with the three nodes on either side that take part a multiple of 8 numbers, without a remainder in vectors
 ROD_LANES = 64  # whole warps for the nodes of a block and those around it

@@ -15,10 +15,10 @@ from typing import Any
 
 import warp as wp
 
-from .banded_mass import HELD_NODE, HELD_TURN
-from .bend import BOW
-from .control import LENGTH_FACTOR, MULTIPLIER_RATE
-from .native import constants
+from warpknit.kernels.banded_mass import HELD_NODE, HELD_TURN
+from warpknit.kernels.bend import BOW
+from warpknit.kernels.control import LENGTH_FACTOR, MULTIPLIER_RATE
+from warpknit.kernels.native import constants
 
 # columns of the sums of a state
 UNBALANCED_SQUARE = wp.constant(0)  # [N2] of free nodes, summed

@@ -56,10 +56,10 @@ from typing import Any
 
 import warp as wp
 
-from .arctangent import ARCTANGENT
-from .control import DEAD_LOAD, STATUS, is_halted
-from .native import constants, with_shared
-from .rod_blocks import AROUND, BLOCK
+from warpknit.kernels.arctangent import ARCTANGENT
+from warpknit.kernels.control import DEAD_LOAD, STATUS, is_halted
+from warpknit.kernels.native import constants, with_shared
+from warpknit.kernels.rod_blocks import AROUND, BLOCK
 
 # what the slopes of a moment (VALUEx, VALUEy) along both segments add at their node: by_x, by_y
 _SLOPES = """const real from_x = VALUEx[k] - cos_r[k - 1] * VALUEx[k - 1] - sin_r[k - 1] * VALUEy[k - 1];

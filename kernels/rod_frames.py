@@ -16,9 +16,9 @@ from typing import Any
 
 import warp as wp
 
-from .control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
-from .native import with_shared
-from .rod_blocks import BLOCK
+from warpknit.kernels.control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
+from warpknit.kernels.native import with_shared
+from warpknit.kernels.rod_blocks import BLOCK
 
 # when the frames are computed: always; before a step, unless the step before has done so; behind a step, for the next one, where
 # nothing else moves nodes until then

@@ -11,10 +11,10 @@ from typing import Any
 
 import warp as wp
 
-from .banded_mass import HELD_NODE, HELD_TURN
-from .bend import BOW
-from .native import constants, with_shared
-from .rod_blocks import AROUND, BLOCK
+from warpknit.kernels.banded_mass import HELD_NODE, HELD_TURN
+from warpknit.kernels.bend import BOW
+from warpknit.kernels.native import constants, with_shared
+from warpknit.kernels.rod_blocks import AROUND, BLOCK
 
 TURNED = 2.0  # e of the bound
 MORE_TURN = 0.15  # [rad] allowance for turns sharpened until the next update

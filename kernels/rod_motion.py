@@ -9,10 +9,10 @@ from typing import Any
 
 import warp as wp
 
-from . import banded_mass as m
-from .control import STATUS, STATUS_RUNNING
-from .native import SHARING, STEERING, SUM_OF_LANES, constants
-from .rod_blocks import ROD_BLOCK
+from warpknit.kernels import banded_mass as m
+from warpknit.kernels.control import STATUS, STATUS_RUNNING
+from warpknit.kernels.native import SHARING, STEERING, SUM_OF_LANES, constants
+from warpknit.kernels.rod_blocks import ROD_BLOCK
 
 MOTION_LANES = 512  # four numbers of the parts of a stretch of wire
 PART = 4  # nodes of a part

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .native import SHARING, STEERING, SUM_OF_LANES, constants
+from warpknit.kernels.native import SHARING, STEERING, SUM_OF_LANES, constants
 
 ROWS = 1024  # that become one
 ROW_LANES = 256

@@ -12,7 +12,7 @@ are not out of balance.
 
 import warp as wp
 
-from .control import (
+from warpknit.kernels.control import (
     FORCE_FACTOR,
     FORCE_PART,
     GRADIENT,

@@ -12,10 +12,10 @@ from typing import Any
 
 import warp as wp
 
-from .control import EVALUATED_GAP, STATUS, STATUS_RUNNING, is_halted
-from .lanes import NUMBERS, QUAD, QUADS_A_BLOCK
-from .native import STEERING, constants
-from .wire_closest import (
+from warpknit.kernels.control import EVALUATED_GAP, STATUS, STATUS_RUNNING, is_halted
+from warpknit.kernels.lanes import NUMBERS, QUAD, QUADS_A_BLOCK
+from warpknit.kernels.native import STEERING, constants
+from warpknit.kernels.wire_closest import (
     FOLLOWED_FORCE,
     FOLLOWED_PLACE,
     ONE_PLACE,
@@ -24,13 +24,13 @@ from .wire_closest import (
     SPLIT_PAIR,
     TWO_PLACES,
 )
-from .wire_curve import CLOSING_RATE, Bump
-from .wire_curve_by_batch import CURVES, POLYNOMIALS, ROWS
-from .wire_forces_by_batch import FORCES, LINE_WEIGHT, WEIGHTS
-from .wire_minima_by_batch import BEYOND, FOLLOW, MINIMA
-from .wire_pairs import NO_COMMON_WIRE
-from .wire_prefetch import PREFETCH, first_of_part
-from .wire_travel import TRAVEL_OF_PAIR
+from warpknit.kernels.wire_curve import CLOSING_RATE, Bump
+from warpknit.kernels.wire_curve_by_batch import CURVES, POLYNOMIALS, ROWS
+from warpknit.kernels.wire_forces_by_batch import FORCES, LINE_WEIGHT, WEIGHTS
+from warpknit.kernels.wire_minima_by_batch import BEYOND, FOLLOW, MINIMA
+from warpknit.kernels.wire_pairs import NO_COMMON_WIRE
+from warpknit.kernels.wire_prefetch import PREFETCH, first_of_part
+from warpknit.kernels.wire_travel import TRAVEL_OF_PAIR
 
 # what steers a step
 _STEP = r"""

@@ -14,9 +14,9 @@ at `block_table` of the table of one repeat, whose entries unroll in step with t
 GPU, WIRE_LANES threads share it (native.py).
 """
 
-from . import clamp
-from .arctangent import ARCTANGENT
-from .native import SHARING, STEERING, constants
+from warpknit.kernels import clamp
+from warpknit.kernels.arctangent import ARCTANGENT
+from warpknit.kernels.native import SHARING, STEERING, constants
 
 BLOCK_SIZE = 128
 BLOCK_PAD = 32  # table entries behind a block that may be read

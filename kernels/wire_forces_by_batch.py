@@ -1,8 +1,8 @@
 """Contact forces of pairs in the numbers of lanes.py (wire_contact_forces.py and wire_weights.py, for the equations). Texts of
 wire_contact_by_batch.py, in whose batch they stand."""
 
-from .native import constants
-from .wire_weights import LINE_FRACTION, POINT_FRACTION, SADDLE_RANGE
+from warpknit.kernels.native import constants
+from warpknit.kernels.wire_weights import LINE_FRACTION, POINT_FRACTION, SADDLE_RANGE
 
 WEIGHTS = constants(LINE_FRACTION=LINE_FRACTION, POINT_FRACTION=POINT_FRACTION, SADDLE_RANGE=SADDLE_RANGE)
 

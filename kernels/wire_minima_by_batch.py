@@ -1,9 +1,9 @@
 """Minima of the distance of pairs that are near those of the step before, in the numbers of lanes.py (wire_minima.py, for the
 equations). Texts of wire_contact_by_batch.py, in whose batch they stand."""
 
-from .native import constants
-from .wire_closest import MIN_BARRIER, SPLIT
-from .wire_minima import (
+from warpknit.kernels.native import constants
+from warpknit.kernels.wire_closest import MIN_BARRIER, SPLIT
+from warpknit.kernels.wire_minima import (
     END_CURVATURE,
     END_STEPS,
     MAX_STEP,

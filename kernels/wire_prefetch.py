@@ -6,7 +6,7 @@ first tells where the rest lies. `stored` is the type of the numbers of forces.
 
 import warp as wp
 
-from .native import constants
+from warpknit.kernels.native import constants
 
 AHEAD = 4  # pairs
 

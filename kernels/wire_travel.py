@@ -6,7 +6,7 @@ included. Travel of all nodes, by the load or from outside, comes on top. Where 
 
 import warp as wp
 
-from .native import STEERING
+from warpknit.kernels.native import STEERING
 
 # C++ that finds `travel` [m] of segments i and j from what steers a step
 TRAVEL_OF_PAIR = r"""

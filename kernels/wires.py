@@ -10,9 +10,9 @@ from typing import Any
 
 import warp as wp
 
-from .control import STATUS, STATUS_RUNNING, STEP
-from .native import SUM_OF_LANES, with_shared
-from .wire_forces import forces
+from warpknit.kernels.control import STATUS, STATUS_RUNNING, STEP
+from warpknit.kernels.native import SUM_OF_LANES, with_shared
+from warpknit.kernels.wire_forces import forces
 
 
 @wp.func

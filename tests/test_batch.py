@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.sweep.batch import Batch
-from warpknit.sweep.outcome import Outcome
+from warpknit.studies.batch import Batch
+from warpknit.studies.outcome import Outcome
 
 STRAINS = [(0.1, 0.1), (0.0, 0.16), (0.16, 0.02), (0.04, 0.0)]
 

@@ -10,18 +10,17 @@ import pytest
 import tomli_w
 from click.testing import CliRunner
 
-from warpknit.cli import main
+from warpknit.commands.cli import main
+from warpknit.commands.plan import make_plan
+from warpknit.compute.ranks import One
 from warpknit.errors import InputError
-from warpknit.plan import make_plan
-from warpknit.ranks.ranks import One
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.capabilities import goes_together, with_needs
 from warpknit.scene.reference import capabilities_page
 from warpknit.scene.rules import RULES
 from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS, Case
-from warpknit.sweep import sweep
-from warpknit.trade import error_estimate
+from warpknit.studies import error_estimate, sweep
 
 ROOT = Path(__file__).parent.parent
 TAKEN = "is a file; give a directory"  # what a command says of --out once it has taken the scene

@@ -8,18 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from warpknit.commands.plan import make_plan
 from warpknit.knit import Thread
 from warpknit.knit.cloth import Cloth
 from warpknit.knit.straight_wires import ROUNDED, least_length
 from warpknit.mesh.layout import knit_scene
-from warpknit.model import build_model
-from warpknit.plan import make_plan
 from warpknit.runner.cautions import cautions, release_cautions, scene_cautions, sweep_cautions
 from warpknit.runner.history import Row
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
 from warpknit.runner.warnings_of import _contacts_as_knitted, _overstressed, _taut_between_grips, warnings_of
 from warpknit.scene import load_scene, make_scene
+from warpknit.solve.model import build_model
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back
 OVERLOAD = SCENE.with_name("overload.toml")  # molybdenum that yields at 0.6 GPa

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit import errors
-from warpknit.cli import main
+from warpknit.commands.cli import main
 from warpknit.knit.chain import KnitError
 from warpknit.runner import progress_display
 from warpknit.runner.progress_display import Bar, NotebookBar, Progress, StageLines, progress_for
@@ -203,7 +203,7 @@ def test_python_m_is_the_same_program():
 
 
 def test_help_imports_nothing_heavy():
-    code = "import sys, warpknit.cli; print([name for name in ('warp', 'numpy', 'pydantic') if name in sys.modules])"
+    code = "import sys, warpknit.commands.cli; print([name for name in ('warp', 'numpy', 'pydantic') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

@@ -6,7 +6,16 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from warpknit.sweep.contact_map import MapRow, drift_text, find_optimum, grid, mean_map, read_map, unconverged_warning, write_map
+from warpknit.studies.contact_map import (
+    MapRow,
+    drift_text,
+    find_optimum,
+    grid,
+    mean_map,
+    read_map,
+    unconverged_warning,
+    write_map,
+)
 
 
 def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady", above=0.0) -> MapRow:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpknit.mechanics import Drift
+from warpknit.mechanics.protocols import Drift
 from warpknit.solve.convergence import PATIENCE, RESTART_RATIO, Convergence
 
 TOLERANCE = 1e-3

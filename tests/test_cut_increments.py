@@ -7,8 +7,8 @@ import pytest
 
 from warpknit import measure
 from warpknit.errors import Diverged, StepLimitExceeded
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.relax import MAX_CUTS, Relaxation
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.mechanics import SpatialMechanics

@@ -11,19 +11,19 @@ import pytest
 import warp as wp
 from click.testing import CliRunner
 
-from warpknit import device, memory
-from warpknit.cli import main
+from warpknit.commands.cli import main
+from warpknit.commands.plan import make_plan
 from warpknit.commands.run import run
-from warpknit.device_choice import DEFAULT_DEVICE, LEAST_NODES, device_of_mesh
+from warpknit.compute import device, memory
+from warpknit.compute.device_choice import DEFAULT_DEVICE, LEAST_NODES, device_of_mesh
+from warpknit.compute.ranks import One
 from warpknit.errors import MemoryNeeded, OutOfResources
-from warpknit.estimate import Size
+from warpknit.mechanics.estimate import Size
 from warpknit.mesh.layout import knit_scene
-from warpknit.plan import make_plan
-from warpknit.ranks.ranks import One
 from warpknit.runner import run as runner
 from warpknit.scene import Scene, load_scene
 from warpknit.spatial import wire_contact
-from warpknit.trade import study
+from warpknit.studies import study
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 PATCH = ["model.boundary=gripped", "knit.repeats=[8, 8]"]
@@ -104,7 +104,7 @@ def test_a_plan_compares_with_the_memory_that_is_free_on_the_gpu(graphics: None,
     small_gpu(monkeypatch, 2**28)
     assert make_plan(load_scene(CELL), "cuda:0").available_bytes == 2**28
     small_gpu(monkeypatch, 2**60)
-    monkeypatch.setattr("warpknit.plan.available_memory", lambda name="cpu": 2**30 if name == "cpu" else 2**60)
+    monkeypatch.setattr("warpknit.commands.plan.available_memory", lambda name="cpu": 2**30 if name == "cpu" else 2**60)
     assert make_plan(load_scene(CELL), "cuda:0").available_bytes == 2**30
 
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from warpknit.cli import main
+from warpknit.base.text import exact
+from warpknit.commands.cli import main
 from warpknit.measure import table
 from warpknit.runner import answers, panel_report, summary
 from warpknit.runner.run import run_scene
@@ -21,7 +22,6 @@ from warpknit.scene import load_scene
 from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import keys_below
 from warpknit.scene.materials import MATERIALS
-from warpknit.text import exact
 
 ROOT = Path(__file__).parents[1]
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]

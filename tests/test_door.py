@@ -11,9 +11,9 @@ import pytest
 
 import warpknit
 from warpknit.errors import DeviceError, InputError
-from warpknit.model import build_model, mechanics_of
 from warpknit.runner.history import read_history, row_of
 from warpknit.runner.run import run_scene
+from warpknit.solve.model import build_model, mechanics_of
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["output.usd=false", "output.figures=false"]

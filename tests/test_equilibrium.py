@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from warpknit.mechanics import Check, Drift
+from warpknit.mechanics.protocols import Check, Drift
 from warpknit.solve import equilibrium
 from warpknit.solve.equilibrium import Equilibrium
 from warpknit.solve.progress import Progress

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import warpknit
-from warpknit.results import Run
+from warpknit.results.run import Run
 from warpknit.scene import Scene, load_scene, resolved_toml
 from warpknit.solve.progress import Record
 

@@ -16,16 +16,16 @@ import warp as wp
 from reference.gpu_cases import CASES, SHARED, scene_of
 from reference.thread_ranks import run_ranks
 from warpknit import measure
+from warpknit.compute.host import fetch, store
+from warpknit.compute.pinned import LEAST_BYTES
+from warpknit.compute.ranks import One, Ranks
 from warpknit.errors import SceneError
-from warpknit.host import fetch, store
-from warpknit.model import build_model
-from warpknit.pinned import LEAST_BYTES
-from warpknit.ranks.ranks import One, Ranks
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import MultilevelRelaxation
 from warpknit.solve.simulate import Simulation
-from warpknit.sweep.sweep import run_map
+from warpknit.studies.sweep import run_map
 
 MAP = Path(__file__).parents[1] / "scenes" / "contact_map.toml"
 on_gpu = pytest.mark.parametrize("device", [pytest.param("cuda:0", marks=pytest.mark.gpu)], indirect=True)

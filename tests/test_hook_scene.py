@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from warpknit.plan import make_plan
+from warpknit.commands.plan import make_plan
 from warpknit.runner.run import run_scene
 from warpknit.scene import SceneError, load_scene, make_scene, resolved_toml
 

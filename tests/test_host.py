@@ -6,7 +6,7 @@ import weakref
 import numpy as np
 import warp as wp
 
-from warpknit.host import fetch, store
+from warpknit.compute.host import fetch, store
 
 
 def test_a_view_does_not_keep_its_array() -> None:

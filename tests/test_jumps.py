@@ -15,8 +15,8 @@ from warpknit.runner.branches import jumps_of
 from warpknit.runner.history import Row, missing_work
 from warpknit.runner.work import add_work, work_steps
 from warpknit.scene import make_scene
-from warpknit.sweep.contact_map import MapRow, find_jumps, jump_warning
-from warpknit.sweep.map_table import map_lines
+from warpknit.studies.contact_map import MapRow, find_jumps, jump_warning
+from warpknit.studies.map_table import map_lines
 
 STEPS = np.linspace(0.0, 0.5, 6)
 AREA = 2e-6  # [m2] of the mesh

@@ -8,18 +8,18 @@ import pytest
 from click.testing import CliRunner
 
 from reference.interrupted import assert_parts_are_the_whole
-from warpknit.cli import main
+from warpknit.commands.cli import main
+from warpknit.commands.plan import make_plan
 from warpknit.design import curves
 from warpknit.knit.chain import KnitError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.mesh.tight_loops import TIGHT, first_touch
-from warpknit.plan import make_plan
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.presets import PRESETS
-from warpknit.trade.error_estimate import settings_for_error
-from warpknit.trade.probe_run import ProbeRun
+from warpknit.studies.error_estimate import settings_for_error
+from warpknit.studies.probe_run import ProbeRun
 
 SCENES = Path(__file__).parent.parent / "scenes"
 ATLAS = SCENES / "atlas_cell.toml"

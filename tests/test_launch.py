@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
-from warpknit.device import start_warp
-from warpknit.launch import bind
+from warpknit.compute.device import start_warp
+from warpknit.compute.launch import bind
 
 start_warp()
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import control as c
+from warpknit.mechanics.numerics import DEEP, LEAST_PACE, MAX_OVERLAP, SHALLOW, renewed_pace
 from warpknit.mesh.load_point import LoadPoint
-from warpknit.model import build_model
-from warpknit.numerics import DEEP, LEAST_PACE, MAX_OVERLAP, SHALLOW, renewed_pace
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import make_scene
 from warpknit.solve.membrane import Correction
+from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import PART_STEPS, MultilevelRelaxation
 from warpknit.solve.simulate import Simulation
 

@@ -17,15 +17,15 @@ from warpknit.measure import Observables, table
 from warpknit.measure.contact_classes import class_of_pair, classes_of, median_force
 from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
-from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.sweep.states import mesh_of
+from warpknit.studies.states import mesh_of
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
 PATCH = CELL.with_name("atlas_patch.toml")

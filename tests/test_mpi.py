@@ -34,7 +34,7 @@ PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failur
 OUT_OF_MEMORY = """
 import sys
 from warpknit.runner import watch
-from warpknit.cli import main
+from warpknit.commands.cli import main
 original, checks = watch.Watch._check, 0
 def fail(self, progress):
     global checks
@@ -222,7 +222,7 @@ def test_other_commands_speak_once() -> None:
 
 def test_ranks_without_mpi4py_are_refused(tmp_path: Path) -> None:
     """Started as one of two ranks, but mpi4py is not there: exit status 2 and what to install, from the first rank only."""
-    code = "import sys; sys.modules['mpi4py'] = None; from warpknit.cli import main; main(sys.argv[1:])"
+    code = "import sys; sys.modules['mpi4py'] = None; from warpknit.commands.cli import main; main(sys.argv[1:])"
     for rank in range(2):
         done = run("run", *PATCH, "--out", tmp_path / "r", ranks=1, code=code, PMI_RANK=str(rank), PMI_SIZE="2")
         assert done.returncode == 2

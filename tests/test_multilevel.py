@@ -11,9 +11,9 @@ import pytest
 
 from warpknit import measure
 from warpknit.kernels import control as c
+from warpknit.mechanics.response import STRAIN, zero_response
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.mesh.smaller import smaller_scene
-from warpknit.model import build_model, mechanics_of
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.mechanics import PlanarMechanics
 from warpknit.planar.model import Model
@@ -22,11 +22,11 @@ from warpknit.planar.state import State, initial_state
 from warpknit.planar.state_variables import state_variables
 from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
+from warpknit.solve.model import build_model, mechanics_of
 from warpknit.solve.multilevel import CORRECTION_CHECKS, MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation, WantedTension
 from warpknit.solve.simulate import Progress, Simulation
 from warpknit.solve.tension import TOLERANCE as TENSION_TOLERANCE
-from warpknit.transfer.response import STRAIN, zero_response
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 TOLERANCE = 3e-3  # of LOADED: what a tension may still drift

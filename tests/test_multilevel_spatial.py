@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.commands.plan import make_plan
 from warpknit.kernels.banded_mass import HELD_NODE
 from warpknit.measure.table import values
-from warpknit.model import build_model, initial_state, mechanics_of
-from warpknit.plan import make_plan
+from warpknit.mechanics.response import zero_response
 from warpknit.runner.history import row_of
 from warpknit.runner.summary import run_summary
 from warpknit.runner.work import add_work
 from warpknit.scene import load_scene
 from warpknit.solve.aitken import Aitken
 from warpknit.solve.membrane import Correction
+from warpknit.solve.model import build_model, initial_state, mechanics_of
 from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
@@ -26,7 +27,6 @@ from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.panel_nodes import PanelNodes
 from warpknit.spatial.rod_relaxation import CHECK_STEPS
-from warpknit.transfer.response import zero_response
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell_spatial.toml"
 TOLERANCE = 3e-3  # what a tension may still drift

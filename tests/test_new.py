@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from warpknit.cli import main
 from warpknit.commands import questions
+from warpknit.commands.cli import main
+from warpknit.commands.plan import make_plan
 from warpknit.knit.chain import KnitError
 from warpknit.knit.lapping import lapping_table
 from warpknit.knit.named import NAMED_KNITS, named_knit
-from warpknit.model import build_model
-from warpknit.plan import make_plan
 from warpknit.scene import load_scene
 from warpknit.scene.new_scene import SceneRequest, scene_text
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 INCH = 25.4e-3  # [m]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.files import path_aside
+from warpknit.base.files import path_aside
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 

@@ -9,9 +9,9 @@ from warpknit.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
 from warpknit.mesh.cut import cut_cloth
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.model import build_model
 from warpknit.scene import load_scene, make_scene, resolved_toml
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, turned
+from warpknit.solve.model import build_model
 
 SHAPES = {
     "rectangle": (rectangle(3e-2, 2e-2), 6e-4),

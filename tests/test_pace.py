@@ -1,6 +1,6 @@
 """Short steps are taken in the way that took less time, and the other is tried now and then."""
 
-from warpknit.team import TRIAL, Pace
+from warpknit.compute.team import TRIAL, Pace
 
 
 def test_the_faster_way_is_taken_and_the_other_is_tried():

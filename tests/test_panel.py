@@ -12,11 +12,11 @@ import pytest
 from warpknit import measure
 from warpknit.kernels import clamp
 from warpknit.knit.named import named_knit
-from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 PATCH = Path(__file__).parents[1] / "scenes/atlas_patch.toml"

@@ -11,11 +11,11 @@ from warpknit import measure
 from warpknit.measure.surface import find_surface
 from warpknit.measure.tiles import Tiles
 from warpknit.mesh.rim import Rim, build_rim
-from warpknit.model import build_model, initial_state
 from warpknit.planar.observables import read
 from warpknit.planar.panel_map import PanelMap, find_panel_map
 from warpknit.scene import Cord
 from warpknit.scene.outline import Outline, disc, rectangle, turned
+from warpknit.solve.model import build_model, initial_state
 from warpknit.solve.simulate import Record, Simulation
 
 LOAD = {"strain_weft": 0.1, "strain_warp": 0.08}

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit import device, memory
+from warpknit.commands.plan import make_plan
+from warpknit.compute import device, memory
+from warpknit.compute.memory import MEMORY_PER_NODE
 from warpknit.design.estimate import PAGE_TIME
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.chain import KnitError
-from warpknit.memory import MEMORY_PER_NODE
 from warpknit.mesh.layout import knit_scene
 from warpknit.mesh.load_point import LoadPoint
-from warpknit.model import build_model, estimates_of
-from warpknit.plan import make_plan
 from warpknit.planar import estimate
 from warpknit.planar.estimate import ESTIMATE_FACTOR
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
+from warpknit.solve.model import build_model, estimates_of
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.estimate import size_of_model, spatial_time
 
@@ -331,7 +331,7 @@ def test_planning_compiles_nothing(tmp_path):
     """In a process with a kernel cache of its own: it stays empty."""
     code = (
         f"import warp as wp; wp.config.kernel_cache_dir = {str(tmp_path)!r}; wp.config.quiet = True\n"
-        "from warpknit.plan import make_plan; from warpknit.scene import load_scene\n"
+        "from warpknit.commands.plan import make_plan; from warpknit.scene import load_scene\n"
         f"make_plan(load_scene({str(CELL)!r}), 'cpu')"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

@@ -16,14 +16,15 @@ import pytest
 from click.testing import CliRunner
 
 import warpknit
-from warpknit.cli import main
 from warpknit.commands import report
+from warpknit.commands.cli import main
 from warpknit.commands.run import percentage
 from warpknit.design.findings import DEFAULT_SWEEP
 from warpknit.errors import DeviceError, Diverged, ExportError, InputError, MissingExtra, RunDirectoryError
-from warpknit.frame import Frame
-from warpknit.results import Run, Table
+from warpknit.results.frame import Frame
+from warpknit.results.run import Run
 from warpknit.results.states import Series, States
+from warpknit.results.table import Table
 from warpknit.runner.history import read_history
 from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.host import fetch, store
+from warpknit.compute.host import fetch, store
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.rod_step import GRAPH_STEPS
 

@@ -13,15 +13,15 @@ import pytest
 
 from reference.thread_ranks import run_ranks
 from warpknit import measure
+from warpknit.compute.host import fetch, store
+from warpknit.compute.ranks import One, Ranks
 from warpknit.errors import Diverged, ModelError, SceneError
-from warpknit.host import fetch, store
-from warpknit.mechanics import advance
+from warpknit.mechanics.protocols import advance
 from warpknit.mesh.load_point import LoadPoint
-from warpknit.model import build_model, initial_state
-from warpknit.ranks.ranks import One, Ranks
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
 from warpknit.solve.membrane import Correction
+from warpknit.solve.model import build_model, initial_state
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import BORDER

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit.device import compile_times
+from warpknit.compute.device import compile_times
 from warpknit.errors import Diverged, OutOfResources, RunDirectoryError
 from warpknit.measure.table import MEASURES
 from warpknit.runner import recorder, watch
@@ -203,7 +203,7 @@ class Interrupt:
         if name == "pxr.UsdGeom":
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Interrupt())
-from warpknit.cli import main
+from warpknit.commands.cli import main
 main()
 """
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpknit.base.files import held_directory
+from warpknit.compute.ranks import One
 from warpknit.errors import RunDirectoryError, naming_arguments
-from warpknit.files import held_directory
-from warpknit.ranks.ranks import One
-from warpknit.results import load_run
+from warpknit.results.run import load_run
 from warpknit.runner import run as run_module
 from warpknit.runner.checkpoint import FILE, Checkpoint
 from warpknit.runner.run import run_scene

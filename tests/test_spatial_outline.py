@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.observables import SpatialObservables
 

@@ -9,15 +9,15 @@ import pytest
 
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import load_run, measure
-from warpknit.cli import main
+from warpknit.commands.cli import main
+from warpknit.compute.host import fetch, store
 from warpknit.errors import SceneError
-from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
-from warpknit.host import fetch, store
-from warpknit.model import build_model
+from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.runner.history import Row, row_of
 from warpknit.runner.run import run_scene
 from warpknit.runner.warnings_of import warnings_of
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.tension import TOLERANCE

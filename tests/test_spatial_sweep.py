@@ -11,17 +11,17 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit import measure
-from warpknit.cli import main
+from warpknit.base.processes import start_process
+from warpknit.commands.cli import main
 from warpknit.errors import OutOfResources
-from warpknit.model import build_model
-from warpknit.processes import start_process
 from warpknit.runner.interrupts import Interrupts
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.estimate import START_TIME, endless_size, map_time
-from warpknit.sweep import state_processes
-from warpknit.sweep.state_processes import StateProcesses
-from warpknit.sweep.sweep import run_map
+from warpknit.studies import state_processes
+from warpknit.studies.state_processes import StateProcesses
+from warpknit.studies.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = [
@@ -101,7 +101,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     monkeypatch.setenv("WARPKNIT_THREADS", "1")
     assert stopped.exit_code == 130 and "--resume" in stopped.stderr
     assert len(rows(cut / "map.csv")) == 1
-    with caplog.at_level("INFO", logger="warpknit.sweep.sweep"):
+    with caplog.at_level("INFO", logger="warpknit.studies.sweep"):
         assert run_map(load_scene(cut / "scene.toml"), out=cut, resume=True).exit_code == 0
     assert [line.partition(":")[0] for line in caplog.messages] == ["estimated time of the 1 pair that is missing"]
     assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()

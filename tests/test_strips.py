@@ -13,21 +13,21 @@ from hypothesis import strategies as st
 from reference.planar import planar_scene
 from reference.thread_ranks import run_ranks
 from warpknit import measure
+from warpknit.compute.ranks import One, Ranks, exact_parts
 from warpknit.errors import ModelError
-from warpknit.mechanics import advance
+from warpknit.mechanics.protocols import advance
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.strip import Strip, cut_strip
-from warpknit.model import build_model
 from warpknit.planar.friction import friction_energy
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.strip_step import StripStepper
-from warpknit.ranks.ranks import One, Ranks, exact_parts
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
 from warpknit.solve.membrane import Correction
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from warpknit.cli import main
+from warpknit.commands.cli import main
 from warpknit.runner.interrupts import Interrupts
-from warpknit.sweep import batch
+from warpknit.studies import batch
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["solver.preset=draft", "output.frames=2", "sweep.strain_weft=[0.0, 0.1]", "sweep.strain_warp=[0.1, 0.0]"]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from warpknit.measure import mesh_tension
-from warpknit.model import build_model
 from warpknit.scene import load_scene
 from warpknit.solve import relax
+from warpknit.solve.model import build_model
 from warpknit.solve.secant_tangent import SecantTangent
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.tension import MAX_STATES, PATIENCE, TOLERANCE, LevelSearch, TensionSearch

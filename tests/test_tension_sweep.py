@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from warpknit.cli import main
+from warpknit.commands.cli import main
 from warpknit.errors import SceneError
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.solve.tension import TOLERANCE
-from warpknit.sweep.contact_map import MapRow, find_optimum, read_map
-from warpknit.sweep.sweep import run_map
+from warpknit.studies.contact_map import MapRow, find_optimum, read_map
+from warpknit.studies.sweep import run_map
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 QUICK = ("solver.preset=draft", "output.frames=2", "output.figures=false", "output.usd=false")

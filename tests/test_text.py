@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from warpknit.text import alike, at_least, at_most, between, both, celsius, duration, engineering, exact, place_text
+from warpknit.base.text import alike, at_least, at_most, between, both, celsius, duration, engineering, exact, place_text
 
 
 @pytest.mark.parametrize(

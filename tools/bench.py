@@ -20,7 +20,7 @@ import json
 from importlib import import_module
 from pathlib import Path
 
-from warpknit.device import find_device
+from warpknit.compute.device import find_device
 
 # option: (the part in tools/benchmarks, what it measures)
 SUBJECTS = {

@@ -36,22 +36,22 @@ if TYPE_CHECKING:
     from .commands.map import run_map
     from .commands.report import make_report
     from .commands.run import run
-    from .model import build_model, initial_state
-    from .results import Run, load_run
+    from .results.run import Run, load_run
     from .scene import Scene, load_scene
+    from .solve.model import build_model, initial_state
     from .solve.simulate import Simulation
 
 _DOOR = {
     "load_scene": "scene",
-    "build_model": "model",
-    "initial_state": "model",
+    "build_model": "solve.model",
+    "initial_state": "solve.model",
     "Simulation": "solve.simulate",
     "run": "commands.run",
     "run_map": "commands.map",
     "make_report": "commands.report",
-    "load_run": "results",
+    "load_run": "results.run",
     "measure": None,
-    "Run": "results",
+    "Run": "results.run",
     "Scene": "scene",
     "scene": None,
     "errors": None,

@@ -1,6 +1,6 @@
 """Every way a command can end other than well, each with the exit status it maps to.
 
-The command line catches these in one place (`warpknit.cli`). The text of an error is one line that a person can act on:
+The command line catches these in one place (`warpknit.commands.cli`). The text of an error is one line that a person can act on:
 `FILE: KEY: what is wrong; what to write instead`, with the value that was given in the first part.
 
     try:

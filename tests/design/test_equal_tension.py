@@ -13,7 +13,7 @@ from warpknit.design.service import REFINED, ServicePoint, equal_tension
 from warpknit.design.two_equilibria import branches_at
 from warpknit.runner.history import Row
 from warpknit.scene import load_scene
-from warpknit.sweep.contact_map import MapRow
+from warpknit.studies.contact_map import MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -29,12 +29,12 @@ from warpknit.design.sections import mesh_section
 from warpknit.errors import InputError
 from warpknit.knit.named import named_knit
 from warpknit.mesh.layout import knit_scene
-from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
-from warpknit.results import load_run
+from warpknit.results.run import load_run
 from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene, make_scene
+from warpknit.solve.model import build_model
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
 INCH = 0.0254

@@ -14,9 +14,9 @@ from warpknit.design.kept_states import KeptStates, read_states, write_states
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
-from warpknit.model import build_model
 from warpknit.runner.history import mean_tension, row_of
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

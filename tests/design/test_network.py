@@ -6,10 +6,10 @@ import pytest
 from warpknit.design.fine_states import states_at
 from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.measure import pair_active, positions
-from warpknit.model import build_model
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS
+from warpknit.solve.model import build_model
 
 
 def square_grid(n: int, pitch: float, segment: float, contact: float):

@@ -15,7 +15,9 @@ from click.testing import CliRunner
 
 from reference.map_rows import row
 from warpknit import __version__
-from warpknit.cli import main
+from warpknit.base.text import duration
+from warpknit.commands.cli import main
+from warpknit.commands.plan import make_plan
 from warpknit.commands.report import make_report as run_report
 from warpknit.design import curves
 from warpknit.design.curves import CurvePoint
@@ -27,13 +29,11 @@ from warpknit.design.report import _card
 from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
-from warpknit.plan import make_plan
 from warpknit.runner.progress_display import Progress
 from warpknit.scene import load_scene
-from warpknit.sweep.contact_map import map_row
-from warpknit.sweep.map_table import LEAST_TOLD
-from warpknit.sweep.states import states_of
-from warpknit.text import duration
+from warpknit.studies.contact_map import map_row
+from warpknit.studies.map_table import LEAST_TOLD
+from warpknit.studies.states import states_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 MARKERS: list[object] = []  # of the last map that was drawn

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit import measure
-from warpknit.cli import main
+from warpknit.commands.cli import main
 from warpknit.design import curves
 from warpknit.design.card import find_card
 from warpknit.design.fine_states import exact_model, states_at
@@ -18,7 +18,7 @@ from warpknit.design.opening_size import openings
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.sweep.states import mesh_of
+from warpknit.studies.states import mesh_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 STRAINS = (0.1, 0.1)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warpknit.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout
 
 OPEN_WIRES, NODES, CLOSED_NODES = 6, 41, 40
 SPACING, HEIGHT = 1.0e-3, 8.0e-3  # [m]

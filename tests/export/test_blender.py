@@ -17,7 +17,7 @@ import pytest
 from matplotlib.image import imread
 
 from warpknit.export.usd import StageWriter
-from warpknit.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout
 
 TOOL = Path(__file__).parents[2] / "tools" / "render_blender.py"
 LIMIT = 4e8  # [Pa] stress of the darkest colour: the largest of the mesh

@@ -13,7 +13,7 @@ import pytest
 from reference.histories import history
 from warpknit.export import ExportError, export_run
 from warpknit.export.tables import contact_table
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 
 @pytest.fixture

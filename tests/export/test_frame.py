@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.files import write_aside
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.base.files import write_aside
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 
 def equal(first: object, second: object) -> bool:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from reference.images import check_image
 from warpknit.export import mesh_figure
 from warpknit.export.plots import BLUE
-from warpknit.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout
 from warpknit.solve.tension import TOLERANCE
 
 

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgba_array
 from reference.histories import history
 from warpknit.export import curves_figure, mesh_figure
 from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
-from warpknit.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout
 
 
 def test_the_higher_wire_is_drawn_later_on_a_white_edge() -> None:

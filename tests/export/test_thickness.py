@@ -5,8 +5,8 @@ import math
 import pytest
 
 from reference.meshes import SCENES
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 
 YARN = ("wire.diameter='30 um'", "wire.ends=3", "wire.plating={material='gold', thickness='0.2 um'}")
 

@@ -11,7 +11,7 @@ from pxr import Gf, Plug, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
 from warpknit.export.usd import StageWriter, stress_colour
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 REACH = 10e-3  # [m]  no point lies farther from the middle of its tile
 FRAMES = (0, 1, 2, 4)
@@ -176,7 +176,7 @@ def test_failed_frame_leaves_the_stage_as_it_was(
         raise OSError("no space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("warpknit.files.os.replace", full)
+        patch.setattr("warpknit.base.files.os.replace", full)
         with pytest.raises(OSError, match="no space"):
             writer.add_frame(frames[1])
     assert sorted(path.name for path in (tmp_path / "frames").iterdir()) == ["wires.000000.usdc"]

@@ -12,7 +12,7 @@ from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
 from warpknit.export.usd.surface_mesh import Surface
 from warpknit.export.usd.thinning import STRIDE, Thinning
 from warpknit.export.usd.tiles import cut_tiles
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpknit.export.usd import StageWriter
-from warpknit.frame import curve_position
+from warpknit.results.frame import curve_position
 from warpknit.wires.curve import CurveFile
 from warpknit.wires.read import read_wires
 from warpknit.wires.usd import read_usd

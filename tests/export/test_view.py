@@ -14,13 +14,13 @@ import pytest
 from matplotlib.colorbar import Colorbar
 
 import warpknit
+from warpknit.base.text import engineering
 from warpknit.errors import ExportError, InputError
 from warpknit.export.view import drawing as drawings
 from warpknit.export.view import open_viewer
 from warpknit.export.view.drawing import Drawing, drawing_of
-from warpknit.frame import Frame, WireLayout
-from warpknit.results import Run
-from warpknit.text import engineering
+from warpknit.results.frame import Frame, WireLayout
+from warpknit.results.run import Run
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 TOP = 160  # [pixels] of the page that tell about the renderer

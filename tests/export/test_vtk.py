@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from warpknit.export.vtk import write_vtk
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 FRAMES = (0, 1, 3)
 

@@ -20,7 +20,7 @@ from warpknit.errors import OutOfResources
 from warpknit.export import writer_process
 from warpknit.export.frame_files import FrameFiles, FrameWriter, StageOptions
 from warpknit.export.writer_process import WriterProcess, frame_writer
-from warpknit.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="the writer is a process on POSIX systems only")
 
@@ -30,7 +30,7 @@ STAGE = StageOptions(
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 # The program with every run large enough for a writer process.
 PROGRAM = "import sys; from warpknit.export import writer_process as w; w.PROCESS_NODES = 0; " \
-          "from warpknit.cli import main; main(sys.argv[1:])"  # fmt: skip
+          "from warpknit.commands.cli import main; main(sys.argv[1:])"  # fmt: skip
 
 
 @pytest.fixture
@@ -252,8 +252,8 @@ def test_full_disk_in_the_writer_is_exit_4(tmp_path: Path) -> None:
 
 
 def test_two_runs_do_not_write_into_one_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from warpknit.base.files import held_directory
     from warpknit.errors import RunDirectoryError
-    from warpknit.files import held_directory
     from warpknit.runner import run as run_module
     from warpknit.scene import load_scene
 

@@ -9,9 +9,9 @@ from reference.meshes import SCENES, Mesh, settled, shaken
 from reference.plane_wires import CLOSEST_POINT_TOLERANCE, EPSILON
 from warpknit.knit.clasps import Arm
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 

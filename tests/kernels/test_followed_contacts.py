@@ -7,7 +7,7 @@ import pytest
 
 from reference.touching import advance
 from warpknit import Simulation, build_model, load_scene
-from warpknit.host import fetch, store
+from warpknit.compute.host import fetch, store
 from warpknit.kernels import control as c
 from warpknit.kernels.wire_closest import ONE_PLACE, PLACES, TWO_PLACES
 from warpknit.kernels.wire_minima import NEWTON_ACCURACY

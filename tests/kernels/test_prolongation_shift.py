@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 
 from warpknit.kernels.prolong import shift_along, slope_along
-from warpknit.transfer.prolongation import RIM
+from warpknit.mechanics.prolongation import RIM
 
 
 @wp.kernel

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.replicas import Replicas
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 
 STEPS = 37  # odd: it ends in the other buffer of displacements
 STRAINS = (0.02, 0.12, 0.2)

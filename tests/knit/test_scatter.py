@@ -15,8 +15,8 @@ from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.knit.near_wires import near_wires
 from warpknit.knit.scatter import MOST, scattered_proportions
-from warpknit.model import build_model
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 
 DIAMETER = 15e-6
 INCH = 0.0254

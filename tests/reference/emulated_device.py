@@ -2,7 +2,7 @@
 
     cd tests && python -m pytest -p reference.emulated_device -m gpu        tests that need a GPU, on this one
 
-To be imported before what uses warpknit/host.py. A launch refuses arrays of another device, where it would fail on a GPU.
+To be imported before what uses warpknit/compute/host.py. A launch refuses arrays of another device, where it would fail on a GPU.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from warp._src import context
 
 DEVICE = "cuda:0"
 
-if "warpknit.row_sums" in sys.modules:
-    raise ImportError("emulated_device: imported behind what uses warpknit/host.py")
+if "warpknit.compute.row_sums" in sys.modules:
+    raise ImportError("emulated_device: imported behind what uses warpknit/compute/host.py")
 wp.init()
 wp.config.launch_array_access_mode = wp.config.LaunchArrayAccessMode.STRICT
 _cpu, _gpu = context.runtime.cpu_device, context.Device(context.runtime, DEVICE)
@@ -42,5 +42,5 @@ def _copy_contiguous(dest: wp.array, src: wp.array, *given: Any, **named: Any) -
 
 wp.array.numpy = _read  # type: ignore[method-assign]
 wp.copy = _copy_contiguous
-host = importlib.import_module("warpknit.host")
+host = importlib.import_module("warpknit.compute.host")
 host.is_in_place = lambda device: wp.get_device(device) is _cpu  # type: ignore[attr-defined]

@@ -71,7 +71,7 @@ def noted(launch: Callable[..., Any], used: dict[wp.Kernel, None]) -> Callable[.
 def states(only: str) -> Iterator[tuple[str, dict[str, str], list[float]]]:
     """Of each case its name, a hash of each array of its last state, and tension and active share there."""
     from warpknit import measure
-    from warpknit.model import build_model
+    from warpknit.solve.model import build_model
     from warpknit.solve.simulate import Simulation
 
     for name in CASES:
@@ -86,7 +86,7 @@ def states(only: str) -> Iterator[tuple[str, dict[str, str], list[float]]]:
 
 def register() -> None:
     """Launch the kernels that the cases do not reach."""
-    from warpknit.model import build_model
+    from warpknit.solve.model import build_model
     from warpknit.solve.simulate import Simulation
 
     for name in COMPILED:
@@ -97,7 +97,7 @@ def register() -> None:
 
 def compile_shared(scene: Any, ranks: Any) -> None:
     """Compile the kernels of a rank."""
-    from warpknit.model import build_model
+    from warpknit.solve.model import build_model
     from warpknit.solve.simulate import Simulation
 
     Simulation(build_model(scene, DEVICE, ranks)).compile()

@@ -52,7 +52,7 @@ def stepped(name: str, steps: int) -> dict[str, np.ndarray]:
     """Arrays of the state of a case after some steps towards its load, and the sums of the last one."""
     from reference.gpu_cases import DEVICE, scene_of
     from warpknit.mesh.load_point import LoadPoint
-    from warpknit.model import build_model
+    from warpknit.solve.model import build_model
     from warpknit.solve.simulate import Simulation
 
     scene = scene_of(name)

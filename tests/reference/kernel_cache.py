@@ -1,8 +1,8 @@
 """Kernels compiled before the tests share the cores, as processes that start together would each compile them."""
 
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 

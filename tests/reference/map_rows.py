@@ -1,6 +1,6 @@
 """Rows of a contact map."""
 
-from warpknit.sweep.contact_map import MapRow
+from warpknit.studies.contact_map import MapRow
 
 
 def row(weft: float, warp: float, tension: tuple[float, float] | tuple[None, None]) -> MapRow:

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from reference.solved import solved
-from warpknit.model import build_model
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import ForceProbe, Stepper
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

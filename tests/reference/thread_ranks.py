@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from warpknit.ranks.ranks import Ranks
+from warpknit.compute.ranks import Ranks
 
 
 class _Shared:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from reference.rods import SECTION, update
-from warpknit import mechanics
+from warpknit.mechanics import protocols as mechanics
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of

@@ -11,20 +11,20 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from warpknit.cli import main
+from warpknit.commands.cli import main
 from warpknit.errors import RunDirectoryError
+from warpknit.mechanics.trial import SOFTENING, Setting
 from warpknit.planar import trials
 from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import trials as spatial_trials
-from warpknit.trade import parameters, probe_run, study
-from warpknit.trade.extrapolation import MIN_ORDER, extrapolate
-from warpknit.trade.pareto import pareto
-from warpknit.trade.point import Errors, Results, Scales, errors_of
-from warpknit.trade.study import run_trade
-from warpknit.trade.trade_table import Row, read_rows
-from warpknit.trial import SOFTENING, Setting
+from warpknit.studies import parameters, probe_run, study
+from warpknit.studies.extrapolation import MIN_ORDER, extrapolate
+from warpknit.studies.pareto import pareto
+from warpknit.studies.point import Errors, Results, Scales, errors_of
+from warpknit.studies.study import run_trade
+from warpknit.studies.trade_table import Row, read_rows
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 SMALL = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.planar.multiplier_rules import AXIAL_ERROR
 from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

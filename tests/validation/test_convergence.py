@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -9,7 +9,7 @@ import pytest
 from experiment import RAISE, SAMPLES, Row, rows_of, scene_of
 
 from warpknit import measure
-from warpknit.model import build_model
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 CONTROL, TIGHT = 0, 1  # of SAMPLES

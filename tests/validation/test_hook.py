@@ -16,7 +16,6 @@ from hook_reference import Contact, Hook
 from warpknit import measure
 from warpknit.kernels.control import KINETIC_TWICE
 from warpknit.mesh.hook_mesh import LEFT_TOP, RIGHT_TOP
-from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.observables import PlanarObservables
@@ -24,6 +23,7 @@ from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import stable_step
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 DIAMETER = 15e-6

@@ -11,8 +11,8 @@ import pytest
 from lens_law import Law, Wires, press
 
 from warpknit.mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
-from warpknit.model import build_model
 from warpknit.scene import SceneError, load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact
 from warpknit.spatial.observables import SpatialObservables

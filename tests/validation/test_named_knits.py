@@ -7,8 +7,8 @@ import pytest
 
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.measure import mesh_tension, tension_scale
-from warpknit.model import build_model
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 INCH = 25.4e-3  # [m]

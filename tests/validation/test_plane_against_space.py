@@ -6,10 +6,10 @@ from condensation import PLANAR, SCENE, SINGLE_ATLAS, SPATIAL, TRICOT, lens_of
 
 from warpknit.measure.sliding import wires_slid
 from warpknit.mesh.layout import knit_scene
-from warpknit.model import build_model
 from warpknit.planar.limits import slid_wires, tight_loops
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 

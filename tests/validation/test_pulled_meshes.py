@@ -17,8 +17,8 @@ from strip_bounds import straight_strain, strongest, yarns_across
 from strip_pull import FREE, WARP, WEFT, Level, Pull, pull
 
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.scene import Scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 INCH = 25.4e-3

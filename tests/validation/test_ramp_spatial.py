@@ -15,8 +15,8 @@ import pytest
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import measure
 from warpknit.errors import Diverged
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.step_bound import TWIST_SHARE
 

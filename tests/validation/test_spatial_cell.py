@@ -13,9 +13,9 @@ from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.wire_minima import SINGLE_STEP
 from warpknit.knit.named import named_knit
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.observables import NEAR, SpatialObservables, read
 from warpknit.spatial.search_cells import search_cells

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from warpknit.measure import mesh_tension
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 DIAMETER, LENGTH, SPACING, APART = 0.1e-3, 2e-3, 0.1e-3, 1e-3  # [m]

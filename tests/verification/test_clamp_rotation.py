@@ -22,10 +22,10 @@ from warpknit import measure
 from warpknit.errors import SceneError
 from warpknit.kernels import clamp
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.runner.run import run_scene
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 
 LENGTH = 0.6e-3  # [m] between the clamps of a straight wire

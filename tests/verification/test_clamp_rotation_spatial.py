@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.frame import Frame
+from warpknit.results.frame import Frame
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.model import build_model

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.model import build_model
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 DIAMETER, LENGTH = 20e-6, 2e-3  # [m]

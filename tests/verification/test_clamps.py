@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from warpknit.kernels import clamp
-from warpknit.model import build_model
 from warpknit.planar.diagnostics import Diagnostics
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 
 HOOK = Path(__file__).parents[2] / "scenes" / "hook_free_body.toml"
 

@@ -19,7 +19,7 @@ from reference.plane_wires import (
 )
 from warpknit.kernels import control as c
 from warpknit.kernels.bodies import FREE_FLIGHT
-from warpknit.numerics import LOOK_AHEAD
+from warpknit.mechanics.numerics import LOOK_AHEAD
 
 SEGMENTS = 40
 SPACING = 50e-6

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout
 from warpknit.measure.drawn_curve import edges_of, planar_curve
 from warpknit.mesh.thread_curve import ThreadCurve
-from warpknit.model import build_model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
+from warpknit.results.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.contact_places import site_places
 from warpknit.spatial.placed_wires import place_wires

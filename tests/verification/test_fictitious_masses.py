@@ -5,11 +5,11 @@ import pytest
 from scipy.linalg import eigh
 
 from reference.rods import SECTION, Pose, helix
-from warpknit.host import fetch
+from warpknit.compute.host import fetch
+from warpknit.compute.launch import bind
 from warpknit.kernels import control as c
 from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
-from warpknit.launch import bind
-from warpknit.numerics import LOOK_AHEAD, MASS_MARGIN
+from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
 from warpknit.spatial.fictitious_masses import BandedMasses
 from warpknit.spatial.masses import Masses
 from warpknit.spatial.rod_arrays import motion_launch

@@ -9,7 +9,6 @@ import warp as wp
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.contact_friction import LOOSE, TANGENTIAL
-from warpknit.model import build_model
 from warpknit.planar.bending import normal_forces
 from warpknit.planar.friction import friction_energy
 from warpknit.planar.history_variables import HistoryVariables
@@ -17,6 +16,7 @@ from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 CYCLE = {

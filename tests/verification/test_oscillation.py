@@ -18,7 +18,7 @@ from reference.oscillator import step_matrix
 from reference.plane_wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 from reference.rings import deformed, two_rings
 from warpknit.kernels import control as c
-from warpknit.numerics import LOOK_AHEAD, MASS_MARGIN
+from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
 
 LENGTH = 1e-3
 KINDS = ("stretch", "bending")

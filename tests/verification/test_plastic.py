@@ -7,12 +7,12 @@ import pytest
 
 from reference.wire_forces import wire_forces
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.planar.history_variables import HistoryVariables
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 CYCLE = {

@@ -5,10 +5,10 @@ import pytest
 
 from reference.rods import SECTION, helix
 from warpknit import measure
-from warpknit.host import fetch, store
-from warpknit.model import build_model
-from warpknit.precision import DOUBLE, Precision, precision_of
+from warpknit.compute.host import fetch, store
+from warpknit.compute.precision import DOUBLE, Precision, precision_of
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of

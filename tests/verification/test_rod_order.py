@@ -10,8 +10,8 @@ from reference.rods import SECTION, relaxed
 from warpknit import measure
 from warpknit.kernels import control as c
 from warpknit.kernels.wire_curve import MAX_RATIO
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.moments import _node_moments, _pushes
 from warpknit.spatial.node_stiffness import node_stiffness

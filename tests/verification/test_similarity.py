@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from warpknit import measure
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"

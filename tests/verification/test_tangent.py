@@ -14,8 +14,8 @@ from experiment import SAMPLES, scene_of
 
 from warpknit import measure
 from warpknit.knit.named import named_knit
-from warpknit.model import build_model
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 STEP = 2e-3  # strain

@@ -16,9 +16,9 @@ import pytest
 from reference.rods import SECTION, relaxed
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.observables import read
 from warpknit.spatial.rod_relaxation import RodRelaxation

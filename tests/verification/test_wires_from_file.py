@@ -7,10 +7,10 @@ import pytest
 
 from warpknit.errors import ModelError, SceneError
 from warpknit.measure.measures import positions
-from warpknit.model import build_model, initial_state, mechanics_of
-from warpknit.numerics import AXIAL_ERROR
+from warpknit.mechanics.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.scene_loader import make_scene
+from warpknit.solve.model import build_model, initial_state, mechanics_of
 from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes" / "wires"

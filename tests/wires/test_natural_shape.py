@@ -5,7 +5,7 @@ import pytest
 
 from reference.rods import SECTION
 from warpknit import Simulation, build_model
-from warpknit.plan import make_plan
+from warpknit.commands.plan import make_plan
 from warpknit.scene import SceneError, load_scene
 from warpknit.spatial.from_file import panel_of_wires
 from warpknit.spatial.rod_step import RodStepper

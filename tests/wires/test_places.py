@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.model import build_model, initial_state
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model, initial_state
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.places import LAYER, find_places

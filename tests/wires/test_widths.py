@@ -6,11 +6,11 @@ import wire_samples as samples
 from pxr import Sdf, Usd, UsdGeom
 
 from warpknit import measure
+from warpknit.commands.plan import make_plan
 from warpknit.errors import SceneError
-from warpknit.model import build_model
-from warpknit.plan import make_plan
 from warpknit.scene import load_scene
 from warpknit.scene.resolved import resolved_toml
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.read import read_wires
 from warpknit.wires.stage_process import stage_arrays

@@ -9,9 +9,9 @@ import pytest
 import wire_samples as samples
 from click.testing import CliRunner
 
-from warpknit.cli import main
+from warpknit.commands.cli import main
+from warpknit.commands.plan import make_plan
 from warpknit.errors import SceneError
-from warpknit.plan import make_plan
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.scene.resolved import resolved_toml

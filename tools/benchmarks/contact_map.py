@@ -13,13 +13,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from warpknit.model import build_model
-from warpknit.numerics import CORES
+from warpknit.mechanics.numerics import CORES
 from warpknit.planar.model import Model
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, Stage, load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.sweep.batch import Batch
+from warpknit.studies.batch import Batch
 
 SCENE = Path(__file__).parents[2] / "scenes/contact_map.toml"
 

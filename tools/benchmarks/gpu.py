@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpknit.compute.launch import Launch
 from warpknit.errors import MemoryNeeded, OutOfResources
 from warpknit.kernels import control as c
-from warpknit.launch import Launch
 from warpknit.mesh.load_point import LoadPoint
-from warpknit.model import build_model
 from warpknit.scene import Scene, load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.progress import Progress
 from warpknit.solve.simulate import Simulation
 

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from warpknit.commands.plan import make_plan
 from warpknit.errors import Diverged
-from warpknit.model import build_model
-from warpknit.plan import make_plan
 from warpknit.scene import Scene, make_scene
 from warpknit.scene.scene_loader import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -23,11 +23,11 @@ import numpy as np
 import warp as wp
 
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.planar.model import Model, assemble_model
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 from .turns import best

@@ -22,14 +22,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from warpknit.device import find_device
+from warpknit.compute.device import find_device
+from warpknit.compute.ranks import Ranks
+from warpknit.compute.start import join_ranks
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
-from warpknit.ranks.ranks import Ranks
-from warpknit.ranks.start import join_ranks
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 CELL = Path(__file__).parents[2] / "scenes/atlas_cell.toml"

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from warpknit import measure
-from warpknit.device import start_warp
-from warpknit.model import build_model
+from warpknit.compute.device import start_warp
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 from .turns import best

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpknit.compute.launch import Launch
 from warpknit.kernels import control as c
-from warpknit.launch import Launch
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.rod_step import RodStepper
 

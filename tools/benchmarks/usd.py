@@ -29,14 +29,14 @@ from warpknit import measure
 from warpknit.export.frame_files import StageOptions
 from warpknit.export.usd import StageWriter
 from warpknit.export.writer_process import WriterProcess
-from warpknit.frame import Frame
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
+from warpknit.results.frame import Frame
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 
 PANEL = Path(__file__).parents[2] / "scenes/panel_million.toml"
 

@@ -13,11 +13,11 @@ from study import scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
 from warpknit.kernels import control as c
-from warpknit.model import build_model
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 MESHES: dict[str, dict[str, dict[str, Any]]] = {

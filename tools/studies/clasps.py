@@ -24,7 +24,7 @@ from knot_curves import DIAMETER, clasp, pulled
 from study import COLOURS, new_figure, tidy
 
 from warpknit.errors import Diverged
-from warpknit.model import build_model
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.contacts import Contacts
 from warpknit.spatial.model import SpatialModel

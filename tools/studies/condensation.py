@@ -43,9 +43,9 @@ from study import (
 
 from warpknit import measure
 from warpknit.measure.sliding import wires_slid
-from warpknit.model import build_model
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.model import SpatialModel, rods_of_wires
 from warpknit.spatial.observables import SpatialObservables

@@ -26,8 +26,8 @@ from warpknit import measure
 from warpknit.design.network import contact_resistances, sheet_resistance
 from warpknit.errors import Diverged
 from warpknit.knit.named import named_knit
-from warpknit.model import build_model
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 TENSIONS = (0.5, 1.0, 2.0, 3.4, 4.9)  # [N/m]; the last three are in service

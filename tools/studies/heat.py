@@ -31,7 +31,7 @@ from study import (
 )
 
 from warpknit import measure
-from warpknit.device import start_warp
+from warpknit.compute.device import start_warp
 
 FRAMES = (("edges that stand still", 0.0), ("tungsten", 4.5e-6), ("aluminium", 23e-6), ("CFRP", 0.0))
 STRAINS = (0.1, 0.14)

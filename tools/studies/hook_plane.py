@@ -16,10 +16,10 @@ from matplotlib.axes import Axes
 from study import COLOURS, CROSSES, SCENES, new_figure, picture_path, table_path, tidy, without_nan, write_rows
 
 from warpknit.errors import Diverged
-from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.model import Model
 from warpknit.scene import Scene, load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 TREATMENTS = ("point", "spring_point", "spring_cylinder", "ring", "friction_plane", "free_body")

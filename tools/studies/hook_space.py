@@ -15,9 +15,9 @@ from lens_law import Law
 from matplotlib.axes import Axes
 from study import COLOURS, CROSSES, SCENES, new_figure, picture_path, table_path, tidy, without_nan, write_rows
 
-from warpknit.model import build_model
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact as spatial_hook_contact
 from warpknit.spatial.model import SpatialModel

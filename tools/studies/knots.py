@@ -34,9 +34,9 @@ from knot_pictures import draw_knots, draw_trefoil
 from study import add_directory, picture_path, read_rows, run_one_of, show_rows, table_path, write_rows
 from trefoil import tightened_trefoil
 
-from warpknit.device import start_warp
+from warpknit.compute.device import start_warp
 from warpknit.errors import Diverged
-from warpknit.model import build_model
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial import mechanics
 from warpknit.spatial.contacts import Contacts

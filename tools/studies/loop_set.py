@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from warpknit.host import fetch, store
+from warpknit.compute.host import fetch, store
 from warpknit.solve.simulate import Simulation
 
 STEP = 0.02  # of the curvature as knitted

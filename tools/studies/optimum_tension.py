@@ -17,9 +17,9 @@ from pathlib import Path
 
 from study import SCENES, new_parser
 
-from warpknit.files import write_aside
+from warpknit.base.files import write_aside
 from warpknit.scene import load_scene
-from warpknit.sweep.sweep import run_map
+from warpknit.studies.sweep import run_map
 
 MATERIALS = {
     "tungsten": ["wire.material=tungsten"],

@@ -18,8 +18,8 @@ from knots import end_force
 from rod_problem import RADIUS, Problem, arcs
 from study import SCENES
 
-from warpknit.model import build_model
 from warpknit.scene import load_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.hook_contact import hook_contact
 from warpknit.spatial.hook_wires import TiltedArc, tilt

@@ -31,7 +31,7 @@ from study import (
 )
 
 from warpknit import measure
-from warpknit.device import start_warp
+from warpknit.compute.device import start_warp
 from warpknit.solve.simulate import Record
 
 FRICTIONS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)

@@ -34,10 +34,10 @@ from study import (
 )
 
 from warpknit import measure
-from warpknit.device import start_warp
-from warpknit.model import build_model
+from warpknit.compute.device import start_warp
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import Scene
+from warpknit.solve.model import build_model
 
 CELL, PATCH = "atlas_cell.toml", "atlas_patch.toml"
 SIZES = (3, 5, 7, 9, 13, 19, 27)

@@ -23,10 +23,10 @@ import numpy as np
 from study import add_directory, new_figure, new_parser, picture_path, run, scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
-from warpknit.device import start_warp
+from warpknit.compute.device import start_warp
 from warpknit.errors import Diverged, SceneError
-from warpknit.model import build_model
 from warpknit.scene import Scene
+from warpknit.solve.model import build_model
 
 STRAINS = np.linspace(0.0, 0.2, 11)
 FEW = 0.25  # of the share at 10 % both ways

@@ -30,8 +30,7 @@ from study import COLOURS, add_directory, new_figure, new_parser, picture_path, 
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.kernels import control as c
-from warpknit.model import build_model
-from warpknit.numerics import LOOK_AHEAD, MASS_MARGIN, STEP_MARGIN
+from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read
@@ -39,6 +38,7 @@ from warpknit.planar.state import State
 from warpknit.planar.step import Stepper
 from warpknit.planar.time_step import largest_step
 from warpknit.scene import make_scene
+from warpknit.solve.model import build_model
 
 BARS = {
     "double atlas": (("1-0/1-2/2-3/2-1", "|.", 0), ("2-3/2-1/1-0/1-2", "|.", 1)),

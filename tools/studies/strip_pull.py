@@ -19,9 +19,9 @@ from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.measure import tension_scale
 from warpknit.mesh.load_point import LoadPoint
-from warpknit.model import build_model
 from warpknit.scene import Scene
 from warpknit.scene.wire import Wire
+from warpknit.solve.model import build_model
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 

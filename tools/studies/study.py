@@ -17,10 +17,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from warpknit.device import start_warp
-from warpknit.mechanics import Model
-from warpknit.model import build_model
+from warpknit.compute.device import start_warp
+from warpknit.mechanics.protocols import Model
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 
 if sys.version_info >= (3, 11):

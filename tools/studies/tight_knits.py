@@ -23,15 +23,15 @@ import numpy as np
 from study import add_directory, new_parser, read_rows, table_path, write_rows
 
 from warpknit import measure
-from warpknit.device import start_warp
+from warpknit.commands.plan import make_plan
+from warpknit.compute.device import start_warp
 from warpknit.errors import WarpknitError
 from warpknit.knit.chain import KnitError
 from warpknit.knit.named import named_knit
-from warpknit.model import build_model
-from warpknit.plan import make_plan
 from warpknit.runner.history import row_of
 from warpknit.runner.warnings_of import warnings_of
 from warpknit.scene import Scene, make_scene
+from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 
 INCH = 25.4e-3  # [m]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from warpknit import mechanics
+from warpknit.mechanics import protocols as mechanics
 from warpknit.spatial.contact_multipliers import ContactMultipliers
 from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
 from warpknit.spatial.rod_step import RodStepper

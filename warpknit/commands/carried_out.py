@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import INTERRUPTED, Diverged, ModelError, in_python, naming_arguments
 from ..knit.chain import KnitError
-from ..results import Run, load_run
+from ..results.run import Run, load_run
 from ..runner.interrupts import to_continue
 from ..runner.progress_display import Progress, progress_for
 from ..runner.run_directory import CommandResult, directory_of

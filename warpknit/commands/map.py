@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..results import Run
+from ..results.run import Run
 from ..runner.progress_display import Progress
 from ..runner.run_directory import CommandResult
 from ..scene import Scene, load_scene
 from ..scene.capabilities import refuse
-from ..sweep.sweep import run_map as sweep_scene
+from ..studies.sweep import run_map as sweep_scene
 from .carried_out import Directory, Source, carried_out
 
 

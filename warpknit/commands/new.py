@@ -11,17 +11,17 @@ from pathlib import Path
 
 from scipy.constants import inch
 
+from ..base.files import write_aside
+from ..base.text import either, exact
 from ..errors import InputError
-from ..files import write_aside
 from ..knit.chain import KnitError
 from ..knit.named import NAMED_KNITS
 from ..mesh.layout import knit_scene
-from ..plan import Plan, make_plan
 from ..scene import Scene, make_scene
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
 from ..scene.wire import Wire
-from ..text import either, exact
 from .carried_out import naming_the_file
+from .plan import Plan, make_plan
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -8,20 +8,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..base.files import write_aside
+from ..base.text import either
 from ..design.fe import CODES
 from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import write_report
 from ..errors import INTERRUPTED, Diverged, InputError, naming_arguments
-from ..files import write_aside
-from ..results import Run
+from ..results.run import Run
 from ..runner.progress_display import Progress
 from ..runner.run_directory import CommandResult
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
-from ..sweep.contact_map import read_map
-from ..sweep.sweep import run_map as sweep_scene
-from ..text import either
+from ..studies.contact_map import read_map
+from ..studies.sweep import run_map as sweep_scene
 from .carried_out import Directory, Source, carried_out
 
 

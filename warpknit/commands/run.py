@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from ..compute.ranks import One, Ranks
 from ..errors import InputError
-from ..ranks.ranks import One, Ranks
-from ..results import Run
+from ..results.run import Run
 from ..runner.probes import Probe
 from ..runner.progress_display import Progress
 from ..runner.run import run_scene
@@ -78,7 +78,7 @@ def run_command(
     estimator, ranks = None, ranks or One()
     if error is not None:
         percent = percentage(error)
-        from ..trade.error_estimate import settings_for_error
+        from ..studies.error_estimate import settings_for_error
 
         refuse(scene, "error", ranks=ranks.count)
         bound = ranks.from_first(lambda: settings_for_error(scene, percent))

@@ -28,7 +28,7 @@ from .. import measure
 from ..measure import Observables
 from ..runner.history import Row
 from ..scene import Stage
-from ..sweep.states import Mesh
+from ..studies.states import Mesh
 from .load_path import LoadPath, PathState, under_strain
 
 STEP = 1e-3  # strain step of the finite differences

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.constants import inch
 
-from ..files import write_aside, write_table
+from ..base.files import write_aside, write_table
+from ..base.text import celsius, engineering, exact, percent
 from ..runner.answers_table import ahead_texts
 from ..runner.branches import Jump
 from ..runner.cautions import preset_cautions
@@ -18,7 +19,6 @@ from ..runner.closings import Answer, state_of
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
-from ..text import celsius, engineering, exact, percent
 from .card import AGREEMENT, LEAST_STEP, MaterialCard
 
 CARD = "material_card.json"

@@ -14,7 +14,7 @@ from ..errors import Diverged
 from ..measure import Observables
 from ..runner.branches import jumps_of
 from ..runner.history import Row, row_of
-from ..sweep.states import Mesh
+from ..studies.states import Mesh
 from .load_path import LoadPath, part_of, under_strain
 from .network import sheet_resistance
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
+from ..base.text import engineering
 from ..errors import Diverged
 from ..runner.answers import SERVICE_TENSIONS
 from ..runner.branches import Jump, tensions_text
@@ -17,8 +18,7 @@ from ..runner.closings import Answer
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
-from ..sweep.states import Mesh
-from ..text import engineering
+from ..studies.states import Mesh
 from .card import MaterialCard
 from .load_path import AS_KNITTED, LoadPath, PathState, part_of, under_tension
 from .service import EqualTension, ServicePoint

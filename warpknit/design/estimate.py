@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..estimate import Size, levels_of_pairs
-from ..model import estimates_of
+from ..mechanics.estimate import Size, levels_of_pairs
 from ..scene import Scene, Stage
+from ..solve.model import estimates_of
 from .curves import LOADS, POINTS
 from .fine_states import DIFFERENCE_TOLERANCE
 from .heat import LEAST_LEVELS, TOLERANCE, later_temperatures

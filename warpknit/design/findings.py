@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ..base.text import celsius, engineering, exact
 from ..measure import Observables
 from ..runner.answers_table import answer_rows
 from ..runner.branches import Jump as RowJump
@@ -13,9 +14,8 @@ from ..runner.history import Row
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
-from ..sweep.contact_map import Jump, MapRow, Optimum, axes_of, load_text
-from ..sweep.states import Mesh
-from ..text import celsius, engineering, exact
+from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_text
+from ..studies.states import Mesh
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import CurvePoint

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import Diverged
 from ..measure import Observables
 from ..scene import Scene
-from ..sweep.states import Mesh, mesh_of, states_of
+from ..studies.states import Mesh, mesh_of, states_of
 from .load_path import under_strain
 
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.text import celsius, exact
 from ..errors import Diverged
 from ..runner.answers import heat_of
 from ..runner.branches import Jump, jumps_of
 from ..runner.closings import Answer
 from ..runner.history import Row, row_of
 from ..scene import Scene, Stage
-from ..text import celsius, exact
 from .equal_tension import EqualTensionPath, levels_between
 from .fine_states import exact_model
 from .load_path import AS_KNITTED, LoadPath, part_of, under_strain, under_tension

@@ -17,15 +17,15 @@ from scipy.constants import inch
 from scipy.optimize import minimize_scalar
 
 from .. import measure
+from ..base.files import write_aside
+from ..base.text import at_most, exact, percent
 from ..errors import Diverged, InputError
-from ..files import write_aside
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
 from ..runner.progress_display import Progress
 from ..scene import Knit, Scene
 from ..scene.scene import Override
-from ..sweep.states import mesh_of
-from ..text import at_most, exact, percent
+from ..studies.states import mesh_of
 from .fine_states import states_at
 from .loop_fit import FIT_TOLERANCE, Fitted, factors, fit_loop_length, fit_run_in, fitted_by, scaled
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
-from ..files import write_arrays
+from ..base.files import write_arrays
 from ..runner.history import Row
 from ..scene import Scene
 from ..solve.drive import under

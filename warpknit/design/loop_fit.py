@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from ..base.text import at_least, at_most, exact
 from ..errors import InputError
 from ..knit.chain import KnitError
 from ..knit.lapping import lapping_table
@@ -18,7 +19,6 @@ from ..knit.loops import RANGES, SIZES, LoopProportions, loop_shape
 from ..mesh.layout import knit_scene
 from ..scene import Scene
 from ..scene.knit import Bar
-from ..text import at_least, at_most, exact
 
 FIT_TOLERANCE = 2e-3  # of the factor
 EDGE, SHORTER = 1e-9, 0.8  # distance of a factor from the end of its range; reduction of one that cannot be knitted

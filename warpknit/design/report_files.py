@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__, measure
-from ..files import write_aside, write_table
+from ..base.files import write_aside, write_table
+from ..base.text import celsius
 from ..measure.stress_peak import peak_position
 from ..mesh.layout import contact_classes
 from ..runner.history import mean_tension
-from ..sweep.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
-from ..text import celsius
+from ..studies.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
 from .card_files import earlier_state, write_card
 from .curves import CurvePoint
 from .equal_tension import jump_text

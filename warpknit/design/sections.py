@@ -12,13 +12,13 @@ import numpy as np
 from scipy.constants import inch, speed_of_light
 
 from .. import measure
+from ..base.text import alike, celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
 from ..measure import Observables
 from ..runner.answers_table import answer_rows
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
-from ..sweep.contact_map import Jump, Optimum, drift_text, optimum_note, optimum_warnings
-from ..text import alike, celsius, engineering, exact, percent
+from ..studies.contact_map import Jump, Optimum, drift_text, optimum_note, optimum_warnings
 from .card import AGREEMENT, MaterialCard
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
 from .curves import CurvePoint

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..sweep.contact_map import MapRow, axes_of, grid
-from ..text import engineering, exact, percent
+from ..base.text import engineering, exact, percent
+from ..studies.contact_map import MapRow, axes_of, grid
 
 REFINED = 16  # times finer than the map on each side, for the search of equal tensions
 SIDES = ("weft", "warp")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..base.text import engineering, exact, percent
 from ..runner.history import Row
-from ..sweep.contact_map import STEADY, MapRow
-from ..text import engineering, exact, percent
+from ..studies.contact_map import STEADY, MapRow
 from .card import MaterialCard
 
 SAME_STRESS, SAME_STRAIN = 0.05, 0.003  # largest differences of one equilibrium found twice: relative, and strain

@@ -9,9 +9,9 @@ import os
 from importlib import import_module
 from pathlib import Path
 
+from warpknit.base.text import either
 from warpknit.errors import ExportError
 from warpknit.export.run_record import read_run
-from warpknit.text import either
 
 __all__ = ["FORMATS", "ExportError", "export_run"]
 

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from warpknit.base.text import ZERO_CELSIUS, engineering
 from warpknit.export.plots import AMBER, BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
 from warpknit.export.stage_curves import (
     DECADES_DRAWN,
@@ -23,7 +24,6 @@ from warpknit.export.stage_curves import (
     stage_slices,
     stress_columns,
 )
-from warpknit.text import ZERO_CELSIUS, engineering
 
 __all__ = ["curves_figure"]
 

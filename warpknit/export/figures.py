@@ -10,7 +10,7 @@ from warpknit.export.hook_figure import hook_figure
 from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
 from warpknit.export.panel_figure import panel_figure
 from warpknit.export.run_record import RunRecord
-from warpknit.frame import Frame
+from warpknit.results.frame import Frame
 
 UNFINISHED = ("diverged", "interrupted")  # stop reasons
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from warpknit.frame import Frame, WireLayout, drawn_frame, drawn_layout
+from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
 __all__ = ["FrameFiles", "FrameWriter", "StageOptions", "state_file"]
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from warpknit.base.text import ZERO_CELSIUS
 from warpknit.export.plots import BLUE, GREEN, ORANGE, figure_of, save_figure, scale_of
 from warpknit.export.stage_curves import (
     STRESS_COLUMNS,
@@ -21,7 +22,6 @@ from warpknit.export.stage_curves import (
     stage_slices,
     stress_columns,
 )
-from warpknit.text import ZERO_CELSIUS
 
 __all__ = ["heat_figure"]
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure, scale_of
-from warpknit.frame import Frame, WireLayout, drawn_frame, drawn_layout
+from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
 __all__ = ["hook_figure"]
 

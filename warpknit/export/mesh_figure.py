@@ -18,11 +18,11 @@ from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from warpknit.base.hermite import hermite
+from warpknit.base.text import ZERO_CELSIUS, alike, engineering
 from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
 from warpknit.export.plots import AMBER, BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure
-from warpknit.frame import Frame, WireLayout, curve_position
-from warpknit.hermite import hermite
-from warpknit.text import ZERO_CELSIUS, alike, engineering
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 __all__ = ["Peak", "mesh_figure", "state_title", "stress_colours"]
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from warpknit.files import path_aside
+from warpknit.base.files import path_aside
 
 __all__ = [
     "AMBER", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "WIDTHS",

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from warpknit.errors import ExportError
-from warpknit.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout
 
 __all__ = ["RunRecord", "item", "read_frame", "read_run", "state_files"]
 

@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from warpknit.base.text import is_at_grips
 from warpknit.export.plots import BLUE, GREY, PURPLE, WIDTHS
-from warpknit.text import is_at_grips
 
 __all__ = [
     "DECADES_DRAWN", "STRESS_COLUMNS", "History", "columns_of", "draw_curves", "draw_line", "history_rows", "is_behind_jump",

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warpknit.base.files import write_table
 from warpknit.export.run_record import RunRecord
-from warpknit.files import write_table
-from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.knit.clasp_classes import CLASS_NAMES
+from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 __all__ = ["contact_table", "elsewhere_table", "export_tables", "wire_table", "write_tables"]
 

@@ -20,9 +20,9 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
+from warpknit.base.files import path_aside, write_aside
 from warpknit.export.run_record import RunRecord
-from warpknit.files import path_aside, write_aside
-from warpknit.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
+from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 __all__ = ["export_vtk", "write_vtk"]
 

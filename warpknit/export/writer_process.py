@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from warpknit.base.processes import ending_of, sendable, start_process
 from warpknit.errors import OutOfResources
 from warpknit.export.frame_files import FrameFiles, FrameWriter, StageOptions
-from warpknit.frame import Frame, WireLayout
-from warpknit.processes import ending_of, sendable, start_process
+from warpknit.results.frame import Frame, WireLayout
 
 __all__ = ["PROCESS_NODES", "WriterProcess", "frame_writer", "main"]
 

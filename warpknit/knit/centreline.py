@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from ..text import short_repr
+from ..base.text import short_repr
 from .keypoints import LoopFrame, loop_keys
 from .lapping import Stitch
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..text import short_repr
+from ..base.text import short_repr
 from .centreline import Thread, thread_line
 from .chain import KnitError
 from .clasps import Clasp, Lens, find_lenses, make_clasps, nested_lenses

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..text import at_most, engineering
+from ..base.text import at_most, engineering
 from .chain import KnitError
 from .lapping import Lapping, Stitch
 from .loops import RANGES, LoopProportions, Shape

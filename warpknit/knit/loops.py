@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
-from ..text import at_least, at_most
+from ..base.text import at_least, at_most
 from .chain import KnitError
 from .lapping import Lapping
 

@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..text import either
+from ..base.text import either
 from .chain import KnitError
 
 

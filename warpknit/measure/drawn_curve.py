@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..frame import WireLayout
-from ..hermite import hermite
+from ..base.hermite import hermite
+from ..results.frame import WireLayout
 
 AT_ONCE = 65536  # points
 

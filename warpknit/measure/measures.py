@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..frame import Frame
+from ..results.frame import Frame
 from ..scene import Wire
 from .observables import Energies, MeshModel, Observables
 from .sliding import wires_slid

@@ -13,10 +13,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..frame import WireLayout
+from ..compute.ranks import Ranks
 from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
-from ..ranks.ranks import Ranks
+from ..results.frame import WireLayout
 from ..scene import Scene
 from .contact_places import ContactPlaces
 from .hook_contact import HookContact

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ..text import percent
+from ..base.text import percent
 
 
 def rotation(angle: float) -> np.ndarray:

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from ..base.text import exact
+from ..compute.memory import refuse_beyond_memory
 from ..knit.clasp_classes import clasp_classes
 from ..knit.cloth import Cloth, same_cloth
-from ..memory import refuse_beyond_memory
 from ..scene import Scene
-from ..text import exact
 from .panel import Panel, build_panel, table_lead
 from .rest_table import Table, rest_table
 

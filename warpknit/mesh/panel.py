@@ -13,11 +13,11 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.text import percent, short_repr
 from ..errors import ModelError
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
-from ..text import percent, short_repr
 from .grips import clamps, no_clamps
 from .rest_table import Table
 from .strands import Strands, closed_strands, cut_strands

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from ..hermite import hermite
+from ..base.hermite import hermite
+from ..base.text import short_repr
 from ..kernels.bend import BOW
 from ..knit.cloth import Cloth
-from ..text import short_repr
 from .thread_curve import ThreadCurve
 
 FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve

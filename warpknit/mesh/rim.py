@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
+from ..base.text import engineering
 from ..errors import ModelError
 from ..scene import Cord, Pull, Scene
 from ..scene.outline import Outline
-from ..text import engineering
 from .panel import Panel
 
 REPEATS_A_CELL = 2  # of the grid of a membrane: finer ones would see the stiffness of the edges

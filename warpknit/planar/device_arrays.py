@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from ..compute.precision import Precision
 from ..kernels.contact import CURVE_COEFFICIENTS
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip
 from ..mesh.treatment import Treatment
-from ..precision import Precision
 from .numerics import Numerics
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..host import Entries, fetch
+from ..compute.host import Entries, fetch
+from ..compute.launch import Launch, bind
 from ..kernels import sums as k
-from ..launch import Launch, bind
 from ..mesh.panel import Panel
 from .host_state import evaluation
 from .model import Model

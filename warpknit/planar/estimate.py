@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from ..estimate import (
+from ..base.text import engineering, rounded
+from ..knit.cloth import Cloth
+from ..mechanics.estimate import (
     HOOK_ENDS,
     HOOKED,
     Cost,
@@ -19,16 +21,14 @@ from ..estimate import (
     multilevel_start,
     ramp_steps,
 )
-from ..knit.cloth import Cloth
-from ..mechanics import TOO_THICK
+from ..mechanics.numerics import thread_count
+from ..mechanics.protocols import TOO_THICK
 from ..mesh.layout import SLIDE_ALLOWANCE, estimated_nodes
 from ..mesh.panel import table_lead
 from ..mesh.rest_table import rest_table
 from ..mesh.smaller import smaller_scene
-from ..numerics import thread_count
 from ..scene import Scene
 from ..scene.presets import PRESETS
-from ..text import engineering, rounded
 from .limits import tight_loops
 from .model import build_model
 from .numerics import choose_numerics

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..hermite import hermite
+from ..base.hermite import hermite
 from ..kernels import control as c
 from .host_state import HostState
 

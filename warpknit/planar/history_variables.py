@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..compute.launch import bind
 from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.contact_friction import stick_contacts
-from ..launch import bind
 from .host_state import read_strip
 from .model import Model
 from .state import State

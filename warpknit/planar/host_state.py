@@ -11,11 +11,11 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
-from ..host import lanes, take
+from ..compute.host import lanes, take
+from ..compute.launch import Launch, bind
 from ..kernels import clamp
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
-from ..launch import Launch, bind
 from ..measure.boundary import Boundary
 from .join import Join
 from .model import Model

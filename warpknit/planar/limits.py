@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from ..base.text import percent
 from ..knit.cloth import Cloth
 from ..knit.lens_width import way_left
 from ..mesh.tight_loops import TIGHT, first_touch
 from ..scene import Scene
-from ..text import percent
 
 SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
 INSTEAD = "use model.kind = 'spatial'"

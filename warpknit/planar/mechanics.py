@@ -1,4 +1,4 @@
-"""The mechanics of one planar mesh (protocol: warpknit/mechanics.py)."""
+"""The mechanics of one planar mesh (protocol: warpknit/mechanics/protocols.py)."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 import warp as wp
 
 from .. import measure
-from ..host import fetch
+from ..compute.host import fetch
+from ..compute.launch import bind
 from ..kernels import control as c
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
-from ..launch import bind
 from ..measure import force_scale
-from ..mechanics import TOO_THICK, Check, Drift, strength_exceeded
+from ..mechanics.numerics import CHECK_STEPS
+from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import CHECK_STEPS
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
 from .membrane_grid import MembraneGrid

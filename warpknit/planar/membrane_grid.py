@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from ..compute.launch import bind
 from ..kernels.membrane_transfer import gather_body_forces, gather_node_forces
-from ..launch import bind
-from ..transfer.grid import CountedForces, RepeatGrid
-from ..transfer.response import Response
+from ..mechanics.grid import CountedForces, RepeatGrid
+from ..mechanics.response import Response
 from .model import Model, block_threads
 from .state import State
 from .step import ForceProbe

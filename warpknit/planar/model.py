@@ -15,9 +15,11 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..device import start_warp
+from ..base.text import at_most, exact, short_repr
+from ..compute.device import start_warp
+from ..compute.precision import Precision, precision_of
+from ..compute.ranks import One, Ranks
 from ..errors import ModelError
-from ..frame import WireLayout, curve_parts
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE
@@ -28,10 +30,8 @@ from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
 from ..mesh.treatment import Treatment, choose_treatment
-from ..precision import Precision, precision_of
-from ..ranks.ranks import One, Ranks
+from ..results.frame import WireLayout, curve_parts
 from ..scene import Hook, Scene
-from ..text import at_most, exact, short_repr
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics

@@ -10,7 +10,7 @@ from types import EllipsisType
 
 import numpy as np
 
-from ..numerics import AXIAL_ERROR, OUTLIER_ALLOWANCE, TURN_ALLOWANCE, error_ratio
+from ..mechanics.numerics import AXIAL_ERROR, OUTLIER_ALLOWANCE, TURN_ALLOWANCE, error_ratio
 from .diagnostics import Sums
 from .model import Model
 from .numerics import contact_along, unit_step_mass

@@ -14,11 +14,11 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
+from ..compute.launch import Launch, bind
 from ..kernels import control as c
 from ..kernels.multiplier_update import update_pair_offset, update_tension_offset
 from ..kernels.wire_forces import BLOCK_SIZE
-from ..launch import Launch, bind
 from .diagnostics import Diagnostics, Sums
 from .model import Model
 from .multiplier_rules import MultiplierRules

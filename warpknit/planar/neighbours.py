@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
+from ..compute.launch import bind
 from ..kernels import control as c
 from ..kernels.contact_search import find_nearest_segments
-from ..launch import bind
 from .model import Model
 from .state import State
 

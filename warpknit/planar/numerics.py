@@ -13,8 +13,8 @@ import numpy as np
 
 from ..kernels.bend import BEND_EIGENVALUE, BOW
 from ..kernels.contact_friction import TANGENTIAL
+from ..mechanics.numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, TURN_ALLOWANCE, slowest_rate
 from ..mesh.rest_table import Table
-from ..numerics import LOADING_PERIODS, MASS_MARGIN, STEP_MARGIN, TURN_ALLOWANCE, slowest_rate
 from ..scene import Scene
 
 CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness of a segment, where the scene gives none

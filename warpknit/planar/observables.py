@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..frame import curve_parts
+from ..base.text import short_repr
 from ..kernels import control as c
 from ..measure.contact_places import ContactPlaces
 from ..measure.drawn_curve import planar_curve
@@ -17,7 +17,7 @@ from ..measure.observables import Energies, WireStress
 from ..measure.panel_map import PanelMap
 from ..measure.strain import rotation
 from ..measure.tiles import has_map
-from ..text import short_repr
+from ..results.frame import curve_parts
 from .bending import bending_moments
 from .contact_places import contact_places
 from .friction import friction_energy

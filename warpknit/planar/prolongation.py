@@ -1,4 +1,4 @@
-"""Prolongation of a planar mesh from a smaller one (warpknit/transfer/prolongation.py)."""
+"""Prolongation of a planar mesh from a smaller one (warpknit/mechanics/prolongation.py)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import warp as wp
 
 from ..kernels import control as c
-from ..transfer.prolongation import RepeatProlongation
-from ..transfer.response import Response
+from ..mechanics.prolongation import RepeatProlongation
+from ..mechanics.response import Response
 from .join import Join
 from .model import Model
 from .state import State

@@ -12,11 +12,11 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from ..compute.launch import bind, replay
 from ..kernels import control as c
 from ..kernels.replica_steps import step_replicas
-from ..launch import bind, replay
-from ..mechanics import Check
-from ..numerics import CORES, thread_count
+from ..mechanics.numerics import CORES, thread_count
+from ..mechanics.protocols import Check
 from .diagnostics import Sums, first_blocks, sum_up
 from .mechanics import NEARLY_CONVERGED, PlanarMechanics
 from .model import Model, body_blocks, contact_batches

@@ -6,7 +6,7 @@ import numpy as np
 
 from .. import measure
 from ..kernels import control as c
-from ..numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
+from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .diagnostics import Sums
 from .model import Model
 

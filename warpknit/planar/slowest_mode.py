@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import fetch
+from ..compute.host import fetch
+from ..compute.launch import Launch, bind
 from ..kernels import control as c
 from ..kernels.rayleigh import sum_rayleigh
-from ..launch import Launch, bind
-from ..numerics import SLOWEST_WAVE, renewed_damping, slowest_damping
+from ..mechanics.numerics import SLOWEST_WAVE, renewed_damping, slowest_damping
 from .model import Model
 from .state import State
 from .step import ForceProbe, Stage, Stepper

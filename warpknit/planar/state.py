@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..host import fetch, is_in_place, store_entries
+from ..base.text import short_repr
+from ..compute.host import fetch, is_in_place, store_entries
 from ..kernels import contact_by_batch as b
 from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
 from ..kernels.contact_friction import LOOSE
-from ..numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
-from ..text import short_repr
+from ..mechanics.numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
 from .model import Model, body_blocks, contact_batches
 
 STEP_LIMIT = 0.1  # course spacings: a larger displacement in a step, if above a node spacing, is a divergence

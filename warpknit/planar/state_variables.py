@@ -1,4 +1,4 @@
-"""Fields of a planar mesh that are transferred between meshes of one knit (warpknit/transfer/)."""
+"""Fields of a planar mesh that are transferred between meshes of one knit (warpknit/mechanics/)."""
 
 from __future__ import annotations
 

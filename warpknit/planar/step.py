@@ -15,7 +15,10 @@ from typing import Any
 
 import warp as wp
 
-from ..host import lanes, store
+from ..compute.host import lanes, store
+from ..compute.launch import Launch, bind, replay
+from ..compute.row_sums import fewer_rows
+from ..compute.team import Pace, Team
 from ..kernels import control as c
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.bodies import BODY_BLOCK, step_bodies
@@ -28,10 +31,7 @@ from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
 from ..kernels.wire_forces import WIRE_LANES
 from ..kernels.wires import step_wires
-from ..launch import Launch, bind, replay
-from ..numerics import thread_count
-from ..row_sums import fewer_rows
-from ..team import Pace, Team
+from ..mechanics.numerics import thread_count
 from .model import Model, body_blocks, contact_batches
 from .state import State
 

@@ -14,13 +14,13 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from ..host import Mirror
+from ..compute.host import Mirror
+from ..compute.launch import Launch, bind
+from ..compute.row_sums import fewer_rows
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
-from ..launch import Launch, bind
 from ..mesh.strip import Strip
-from ..row_sums import fewer_rows
 from .model import Model
 from .state import State
 from .step import Stage, Stepper, body_launch

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from ..kernels import control as c
-from ..numerics import STEP_MARGIN
+from ..mechanics.numerics import STEP_MARGIN
 from .frequency import frequency_square
 from .model import Model
 from .observables import PlanarObservables, read

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ..mechanics.trial import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
-from ..trial import SOFTENING, Setting, Varied, combined, edge_of
 
 NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop
 HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire

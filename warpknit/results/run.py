@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ExportError, RunDirectoryError, naming_arguments
-from ..frame import WireLayout
 from ..runner.run_directory import SUMMARIES, TABLES, directory_of, holds_killed_run
 from ..runner.summary_table import summary_rows
 from ..scene import Scene, load_scene
-from ..sweep.map_table import map_lines
+from ..studies.map_table import map_lines
+from .frame import WireLayout
 from .states import Series, States
 from .table import AGAIN, Table, found, html_table
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ..errors import ExportError, RunDirectoryError, needing_extra
-from ..frame import Frame
+from .frame import Frame
 from .table import Table, found, units
 
 if TYPE_CHECKING:

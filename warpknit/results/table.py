@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..base.text import either
 from ..errors import InputError, RunDirectoryError, needing_extra
 from ..measure.table import MEASURES
-from ..text import either
 
 Value = TypeVar("Value")
 

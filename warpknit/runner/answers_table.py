@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ..base.text import alike, between, both, celsius, engineering, exact, is_at_grips, percent, place_text
 from ..solve.tension import TOLERANCE
-from ..text import alike, between, both, celsius, engineering, exact, is_at_grips, percent, place_text
 from .answers import HEATED
 
 State = Mapping[str, Any]

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.text import both, engineering
 from ..measure import MeshModel, energy_scale
 from ..measure.jumps import STORED_FLOOR, jumps
-from ..text import both, engineering
 from .history import Row, mean_tension, stages_of, work_terms
 
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))

@@ -8,15 +8,15 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from ..base.text import celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
+from ..mechanics.numerics import FOLLOWED_INCREMENT
 from ..mesh.smaller import smaller_scene
 from ..mesh.tight_loops import is_tight
-from ..numerics import FOLLOWED_INCREMENT
 from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS
-from ..text import celsius, engineering, exact, percent
 from .history import Row
 from .strength import strength_text
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.files import write_arrays
+from ..compute.ranks import Ranks
 from ..errors import RunDirectoryError
-from ..files import write_arrays
-from ..ranks.ranks import Ranks
 from ..solve.drive import under
 from ..solve.simulate import Progress, Simulation
 

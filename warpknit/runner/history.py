@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files import write_aside
+from ..base.files import write_aside
 from ..measure import MeshModel, table
 from ..measure.table import Record
 

@@ -16,7 +16,7 @@ from html import escape
 from types import TracebackType
 from typing import Any
 
-from ..text import duration, percent, rounded
+from ..base.text import duration, percent, rounded
 
 _log = logging.getLogger(__name__)
 

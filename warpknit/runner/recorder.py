@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import measure
+from ..base.files import write_aside, write_table
+from ..compute.memory import available_memory
 from ..errors import OutOfResources, RunDirectoryError
-from ..files import write_aside, write_table
-from ..frame import Frame, WireLayout
 from ..measure import MeshModel
 from ..measure.table import Record
-from ..memory import available_memory
 from ..mesh.layout import contact_classes
+from ..results.frame import Frame, WireLayout
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint

@@ -12,14 +12,14 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from ..device import compile_times, find_device
+from ..base.files import held_directory
+from ..compute.device import compile_times, find_device
+from ..compute.ranks import One, Ranks
 from ..errors import RunDirectoryError
-from ..files import held_directory
-from ..mechanics import Model
-from ..model import build_model, size_of
-from ..ranks.ranks import One, Ranks
+from ..mechanics.protocols import Model
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
+from ..solve.model import build_model, size_of
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import history_columns

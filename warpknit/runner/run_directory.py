@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..base.files import write_aside
 from ..errors import RunDirectoryError
-from ..files import write_aside
 from ..scene.resolved import RESOLVED
 from ..scene.units import shown
 

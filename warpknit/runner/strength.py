@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ..base.text import engineering
 from ..scene import Scene
-from ..text import engineering
 
 
 def assumed_note(key: str, is_assumed: bool) -> str:

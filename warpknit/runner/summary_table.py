@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..text import alike, celsius, duration, engineering, is_at_grips, percent, short_percent
+from ..base.text import alike, celsius, duration, engineering, is_at_grips, percent, short_percent
 from .answers_table import LEAST_SHARE, LEAST_STRESS, advice_rows, answer_rows, unreached_text
 from .strength import assumed_note
 from .warnings_of import CARRIED, fragment_share

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.text import alike, celsius, engineering, is_at_grips, percent, short_percent
 from ..measure import MeshModel
 from ..measure.jumps import STRAIN_JUMP, UNBALANCED
-from ..mechanics import TOO_THICK
-from ..text import alike, celsius, engineering, is_at_grips, percent, short_percent
+from ..mechanics.protocols import TOO_THICK
 from .branches import jumps_of, tensions_text
 from .cautions import cautions
 from .closings import SLACK_STRAIN, is_jump, takes_up_slack

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from warpknit.base.text import at_least, at_most
 from warpknit.scene.file import SceneFile
 from warpknit.scene.hook import Hook
 from warpknit.scene.keys import given_values
 from warpknit.scene.loads import Stage
 from warpknit.scene.source import Source
 from warpknit.scene.wire import Wire
-from warpknit.text import at_least, at_most
 
 SHORTEST = 0.5  # radii of wire
 LEAST_OVERLAP = 1.5  # diameters of the wire

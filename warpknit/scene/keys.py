@@ -22,9 +22,9 @@ from typing import Any, TypeVar, cast
 
 from pydantic import ConfigDict
 
+from warpknit.base.text import celsius, exact
 from warpknit.scene.units import DIMENSIONS, shown
 from warpknit.scene.values import Check, Pair, Quantity, Unit
-from warpknit.text import celsius, exact
 
 LINE, INDENT = 120, "    "  # of a docstring
 ABOUT = "about"  # where a field keeps its sentence: a field without one is no key

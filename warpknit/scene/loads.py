@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
+from warpknit.base.text import celsius, exact
 from warpknit.scene.keys import Table, key
 from warpknit.scene.values import (
     EdgeLength,
@@ -24,7 +25,6 @@ from warpknit.scene.values import (
     exclusive,
     refused,
 )
-from warpknit.text import celsius, exact
 
 SIDES = ("weft", "warp")
 

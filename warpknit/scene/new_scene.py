@@ -16,6 +16,7 @@ from typing import Any
 
 from pydantic_core import PydanticCustomError
 
+from warpknit.base.text import exact
 from warpknit.knit.chain import KnitError
 from warpknit.knit.named import NamedKnit, named_knit
 from warpknit.scene.file import SceneFile
@@ -26,7 +27,6 @@ from warpknit.scene.materials import MATERIALS
 from warpknit.scene.options import ModelOptions
 from warpknit.scene.units import QuantityError, has_unit, shown, si
 from warpknit.scene.wire import Plating, Wire
-from warpknit.text import exact
 
 LOAD = "write a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
 PLATING = "write a metal and the thickness of its coating, such as 'gold, 0.2 um'"

@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import model_validator
 
+from warpknit.base.text import either
 from warpknit.scene.keys import Table, key
 from warpknit.scene.presets import DEFAULT_PRESET
 from warpknit.scene.units import shown
@@ -44,7 +45,6 @@ from warpknit.scene.values import (
     Treatment,
     refused,
 )
-from warpknit.text import either
 
 AUTO = "auto"  # model.kind, resolved by capabilities.py
 GIVEN, DEFAULT = "chosen in the scene", "the default"  # reasons for the kind of model

@@ -12,6 +12,7 @@ from dataclasses import InitVar, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from warpknit.base.text import exact
 from warpknit.errors import SceneError
 from warpknit.scene.digest import digest
 from warpknit.scene.hook import Hook
@@ -22,7 +23,6 @@ from warpknit.scene.panel_options import PanelOptions
 from warpknit.scene.presets import PRESETS, preset_like, tight_knits
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file import WireFile
-from warpknit.text import exact
 
 Override = str | tuple[str, Any]
 Overrides = Sequence[Override] | Mapping[str, Any]  # values of dotted keys: a mapping, or "key=value" strings and pairs

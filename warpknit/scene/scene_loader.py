@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from warpknit.base.text import at_least, at_most, engineering, exact
 from warpknit.scene.capabilities import kind_of_model, refuse
 from warpknit.scene.file import SceneFile, checked_file
 from warpknit.scene.hook_defaults import hook_of
@@ -33,7 +34,6 @@ from warpknit.scene.units import has_unit, is_quantity, shown
 from warpknit.scene.values import Links
 from warpknit.scene.wire import Wire
 from warpknit.scene.wire_file_defaults import file_diameter, wire_file
-from warpknit.text import at_least, at_most, engineering, exact
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from warpknit.base.text import at_least, at_most
 from warpknit.scene.file import SceneFile
 from warpknit.scene.hook import Hook
 from warpknit.scene.hook_defaults import hook_loads
@@ -21,7 +22,6 @@ from warpknit.scene.source import Source
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
-from warpknit.text import at_least, at_most
 
 FARTHEST_PULL = 0.5  # of the width of a panel: largest pull
 NEAR_EDGE = 0.1  # of the width of a panel: largest distance of a pull from its edge

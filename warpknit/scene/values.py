@@ -10,10 +10,10 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
+from warpknit.base.text import either, exact
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
 from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
-from warpknit.text import either, exact
 
 T = TypeVar("T")
 

@@ -6,10 +6,10 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
+from warpknit.base.text import either
 from warpknit.errors import BadValue
 from warpknit.scene.keys import Table, key
 from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, LoopLength, Number, Period, WireRepeats
-from warpknit.text import either
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")

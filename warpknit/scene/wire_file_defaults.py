@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpknit.base.text import both, exact
 from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import as_object
 from warpknit.scene.messages import scene_error
@@ -24,7 +25,6 @@ from warpknit.scene.wire_file import (
     WiresTable,
     checked_bytes,
 )
-from warpknit.text import both, exact
 
 
 def file_diameter(source: Source, file: SceneFile) -> float | None:

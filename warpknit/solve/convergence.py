@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..mechanics import Drift
+from ..mechanics.protocols import Drift
 
 RESTART_RATIO = 100.0  # over the best ratio: the mesh snapped to another state, the count restarts
 PROGRESS_RATIO = 0.9  # over the best ratio: counts as progress

@@ -14,10 +14,10 @@ from ..errors import Diverged
 from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
-from ..mechanics import Mechanics
+from ..mechanics.numerics import MAX_OVERLAP
+from ..mechanics.protocols import Mechanics
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
-from ..numerics import MAX_OVERLAP
 from ..scene import Stage
 from .progress import LoadStart, Progress, Record
 from .stage_load import load_at, temperature_at

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import Diverged
 from ..measure import tension_scale
-from ..mechanics import Group
+from ..mechanics.protocols import Group
 from .convergence import TENSION_FLOOR, Convergence
 from .progress import Progress
 

@@ -18,9 +18,9 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
-from ..mechanics import MultilevelMechanics
+from ..mechanics.protocols import MultilevelMechanics
+from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
-from ..transfer.response import Response
 
 MAX_CELLS = 96  # cells of the grid in one direction
 

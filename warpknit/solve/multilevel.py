@@ -17,11 +17,11 @@ from ..kernels import control as c
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text, stretch
-from ..mechanics import EdgeMechanics, MultilevelMechanics, advance
+from ..mechanics.numerics import renewed_pace
+from ..mechanics.protocols import EdgeMechanics, MultilevelMechanics, advance
+from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim, build_rim
-from ..numerics import renewed_pace
-from ..transfer.response import find_response, load_response, zero_response
 from .aitken import Aitken
 from .convergence import TENSION_FLOOR
 from .drive import under

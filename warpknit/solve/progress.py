@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..text import short_repr
+from ..base.text import short_repr
 from .tension import TensionSearch
 
 MOST_SHARE = 0.9  # of the way to convergence that a level which has not converged is said to be

@@ -21,9 +21,9 @@ import numpy as np
 
 from ..kernels import control as c
 from ..measure import tension_scale
-from ..mechanics import advance
+from ..mechanics.numerics import CHECK_STEPS
+from ..mechanics.protocols import advance
 from ..mesh.load_point import LoadPoint
-from ..numerics import CHECK_STEPS
 from ..scene import Stage
 from .drive import Drive
 from .progress import Record

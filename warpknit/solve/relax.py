@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ..base.text import engineering, percent
 from ..errors import Diverged, NoProgress, StepLimitExceeded
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mechanics import Mechanics, SingleMesh
+from ..mechanics.protocols import Mechanics, SingleMesh
 from ..mesh.load_point import LoadPoint
 from ..scene import Stage
-from ..text import engineering, percent
 from .drive import Drive, under
 from .equilibrium import Equilibrium
 from .progress import Progress, Record
@@ -58,7 +58,7 @@ class Relaxation(Drive):
     """`output.frames` equilibria a stage; the first stage starts with the unloaded state.
 
     `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
-    (sweep/batch.py) share it.
+    (studies/batch.py) share it.
     """
 
     rate_key = "output.frames"

@@ -8,16 +8,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..device_choice import device_of_mesh
+from ..base.text import engineering, percent
+from ..compute.device_choice import device_of_mesh
+from ..compute.ranks import One, Ranks
 from ..errors import InputError, ModelError
-from ..mechanics import Model, MultilevelMechanics
+from ..mechanics.protocols import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes
 from ..mesh.smaller import one_repeat, smaller_scene
-from ..model import build_model, initial_state, mechanics_of
-from ..ranks.ranks import One, Ranks
 from ..scene import Scene
-from ..text import engineering, percent
 from .drive import Drive
+from .model import build_model, initial_state, mechanics_of
 from .multilevel import MultilevelRelaxation
 from .progress import LoadStart, Progress, Record
 from .ramp import Ramp

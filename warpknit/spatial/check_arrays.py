@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..host import shared
+from ..compute.host import shared
 from ..kernels.rod_checks import STATE_COLUMNS
 from .rods import Rods
 

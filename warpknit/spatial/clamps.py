@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import Entries, store
+from ..compute.host import Entries, store
+from ..compute.launch import Launch, bind
 from ..kernels.rod_clamps import move_clamps
-from ..launch import Launch, bind
 from .rod_step import RodStepper
 
 

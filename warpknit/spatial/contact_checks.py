@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..host import fetch
+from ..compute.host import fetch
+from ..compute.team import SharedLaunches
 from ..kernels import contact_checks as k
 from ..kernels import control as c
 from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
-from ..team import SharedLaunches
 from .pair_list import PairList
 from .rest_curve import RestCurve
 from .rod_step import RodStepper

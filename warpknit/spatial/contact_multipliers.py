@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
 from ..kernels import control as c
 from ..kernels.contact_checks import MOST_RAISED, renew_contact_offsets
-from ..numerics import error_ratio
+from ..mechanics.numerics import error_ratio
 from .contact_checks import ContactSums
 from .search_cells import MAX_OFFSET
 from .wire_contact import WireContact

@@ -11,7 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..estimate import (
+from ..base.text import engineering, rounded, short_percent
+from ..knit.cloth import Cloth
+from ..mechanics.estimate import (
     HOOK_ENDS,
     Cost,
     GpuTimes,
@@ -23,15 +25,13 @@ from ..estimate import (
     multilevel_start,
     ramp_steps,
 )
-from ..knit.cloth import Cloth
-from ..mechanics import TOO_THICK
+from ..mechanics.numerics import thread_count
+from ..mechanics.protocols import TOO_THICK
 from ..mesh.layout import estimated_nodes
 from ..mesh.load_point import PATH_STRAIN
 from ..mesh.smaller import smaller_scene
-from ..numerics import thread_count
 from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
-from ..text import engineering, rounded, short_percent
 from ..wires.centre_lines import Wires
 from ..wires.overlaps import find_overlaps
 from .mechanics import CLOSEST

@@ -28,10 +28,10 @@ import math
 
 import warp as wp
 
-from ..host import lanes
+from ..compute.host import lanes
 from ..kernels.rod_blocks import ROD_LANES
 from ..kernels.rod_masses import find_masses
-from ..numerics import MASS_MARGIN
+from ..mechanics.numerics import MASS_MARGIN
 from .rod_checks import RodChecks
 from .step_bound import SLOPE_FACTOR
 

@@ -1,4 +1,4 @@
-"""Fields of a spatial mesh that are transferred between meshes of one knit (warpknit/transfer/), at the nodes of its panel.
+"""Fields of a spatial mesh that are transferred between meshes of one knit (warpknit/mechanics/), at the nodes of its panel.
 
 | field | meaning | unit |
 |---|---|---|
@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
+from ..compute.launch import bind
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.rod_turns import find_turns, turn_sections
-from ..launch import bind
 from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel
 from .panel_nodes import PanelNodes

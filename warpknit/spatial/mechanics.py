@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from .. import measure
-from ..host import Entries, fetch, store
+from ..compute.host import Entries, fetch, store
 from ..kernels import control as c
-from ..mechanics import Check, Drift, strength_exceeded
+from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
+from ..mechanics.protocols import Check, Drift, strength_exceeded
+from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
-from ..numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
-from ..transfer.repeat_mesh import RepeatArrays, upload_repeats
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers

@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 from scipy.interpolate import RectBivariateSpline
 
-from ..host import fetch, store, take
+from ..compute.host import fetch, store, take
+from ..compute.launch import bind
 from ..kernels.membrane_transfer import Grid, gather_forces, respond_to_strain, spread_surface
-from ..launch import bind
-from ..transfer.grid import CountedForces
-from ..transfer.response import Response
+from ..mechanics.grid import CountedForces
+from ..mechanics.response import Response
 from .fields import OF_SEGMENTS, Fields
 
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another

@@ -8,22 +8,22 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device import start_warp
-from ..frame import WireLayout, curve_parts
+from ..base.text import at_least, exact, short_repr
+from ..compute.device import start_warp
+from ..compute.memory import refuse_beyond_memory
+from ..compute.precision import Precision, precision_of
+from ..compute.ranks import One, Ranks
 from ..knit.cloth import Cloth
-from ..memory import refuse_beyond_memory
 from ..mesh.hook_mesh import hook_panel, hook_table
 from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import panel_of
-from ..precision import Precision, precision_of
-from ..ranks.ranks import One, Ranks
+from ..results.frame import WireLayout, curve_parts
 from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
 from ..scene.wire import Wire
-from ..text import at_least, exact, short_repr
 from ..wires.centre_lines import Wires
 from ..wires.read import rest_wires, thickness_of
 from .from_file import panel_of_wires

@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 import warp as wp
 
-from ..host import fetch
+from ..base.text import short_repr
+from ..compute.host import fetch
 from ..kernels import control as c
 from ..measure import strain
 from ..measure.boundary import Boundary
@@ -23,7 +24,6 @@ from ..measure.measures import active_threshold
 from ..measure.observables import Energies, WireStress
 from ..measure.panel_map import PanelMap
 from ..measure.tiles import has_map
-from ..text import short_repr
 from .contact_places import contact_places, site_places, touched_places
 from .contacts import Contacts
 from .hook_contact import hook_contact

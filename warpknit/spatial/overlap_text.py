@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from .. import measure
+from ..base.text import engineering, place_text
 from ..errors import ModelError
 from ..kernels.banded_mass import HELD_NODE
-from ..text import engineering, place_text
 from .contacts import Contacts
 from .observables import SpatialObservables
 from .rods import Rods

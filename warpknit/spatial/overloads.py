@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from ..compute.precision import DOUBLE, Precision
 from ..kernels import (
     banded_mass,
     contact_checks,
@@ -29,7 +30,6 @@ from ..kernels import (
     wire_contact_forces,
     wire_pairs,
 )
-from ..precision import DOUBLE, Precision
 
 KERNELS = (
     banded_mass.factor_masses,

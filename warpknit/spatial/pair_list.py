@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store, zeros
+from ..compute.host import fetch, store, zeros
+from ..compute.launch import bind
 from ..kernels.wire_closest import PLACES
 from ..kernels.wire_near import count_by_second, mark_by_second
-from ..launch import bind
 
 PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
 SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
+from ..compute.launch import bind
 from ..kernels import control as c
 from ..kernels.wire_near import find_reach
 from ..kernels.wire_pairs import KEPT, find_segment_pairs, place_segments_in_hash
-from ..launch import bind
 from .pair_list import PairList
 from .rod_step import RodStepper
 from .search_cells import SearchCells

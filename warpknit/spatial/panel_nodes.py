@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..host import take
+from ..compute.host import take
+from ..compute.launch import bind
 from ..kernels.resample import resample_along_wires
-from ..launch import bind
 from .model import SpatialModel
 
 

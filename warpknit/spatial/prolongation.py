@@ -1,15 +1,15 @@
-"""Prolongation of a spatial mesh from a smaller one (warpknit/transfer/prolongation.py)."""
+"""Prolongation of a spatial mesh from a smaller one (warpknit/mechanics/prolongation.py)."""
 
 from __future__ import annotations
 
 import numpy as np
 import warp as wp
 
-from ..host import take
-from ..numerics import MAX_OVERLAP
-from ..transfer.prolongation import RepeatProlongation
-from ..transfer.repeat_mesh import RepeatArrays
-from ..transfer.response import Response
+from ..compute.host import take
+from ..mechanics.numerics import MAX_OVERLAP
+from ..mechanics.prolongation import RepeatProlongation
+from ..mechanics.repeat_mesh import RepeatArrays
+from ..mechanics.response import Response
 from .fields import Fields
 
 

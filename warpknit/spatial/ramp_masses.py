@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
+from ..mechanics.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
 from ..scene import Scene
 from .rest_curve import RestCurve
 from .rods import Rods

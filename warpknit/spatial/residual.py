@@ -7,7 +7,7 @@ import math
 import numpy as np
 import warp as wp
 
-from ..numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
+from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel

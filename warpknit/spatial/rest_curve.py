@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from ..frame import WireLayout
-from ..hermite import hermite
+from ..base.hermite import hermite
 from ..measure.drawn_curve import WireCurve, edges_of
+from ..results.frame import WireLayout
 from .node_stiffness import node_stiffness
 from .rods import Rods
 

@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from ..host import fetch, is_in_place, lanes, shared, store, store_entries, zeros
+from ..base.text import short_repr
+from ..compute.host import fetch, is_in_place, lanes, shared, store, store_entries, zeros
+from ..compute.launch import Launch, bind
+from ..compute.precision import DOUBLE, Precision
 from ..kernels import control as c
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_borders, factor_masses
 from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import ALWAYS, update_frames
 from ..kernels.rod_motion import MOTION_LANES, move_rods
-from ..launch import Launch, bind
-from ..precision import DOUBLE, Precision
-from ..text import short_repr
 from .node_stiffness import node_stiffness
 from .rods import Rods
 from .touch_arrays import TouchArrays, no_contact

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
+from ..compute.launch import Launch, bind
+from ..compute.team import SharedLaunches
 from ..kernels import control as c
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.rod_sums import sum_mass_products
-from ..launch import Launch, bind
-from ..numerics import AXIAL_ERROR, error_ratio
-from ..team import SharedLaunches
+from ..mechanics.numerics import AXIAL_ERROR, error_ratio
 from .check_arrays import check_arrays
 from .rod_step import RodStepper
 

@@ -17,11 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..host import fetch, store, store_at
+from ..compute.host import fetch, store, store_at
 from ..kernels import control as c
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
-from ..numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
+from ..mechanics.numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
 from .fictitious_masses import BandedMasses
 from .rest_curve import RestCurve

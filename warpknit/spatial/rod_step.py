@@ -22,15 +22,15 @@ from typing import Any, Protocol
 import numpy as np
 import warp as wp
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
+from ..compute.launch import Launch, bind, replay
+from ..compute.precision import DOUBLE, Precision
+from ..compute.row_sums import fewer_rows
+from ..compute.team import Team
 from ..kernels import control as c
 from ..kernels.control import update_control
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
-from ..launch import Launch, bind, replay
-from ..numerics import thread_count
-from ..precision import DOUBLE, Precision
-from ..row_sums import fewer_rows
-from ..team import Team
+from ..mechanics.numerics import thread_count
 from .masses import Masses
 from .overloads import declare_overloads
 from .rod_arrays import (

@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.text import short_repr
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
-from ..text import short_repr
 from ..wires.directors import even_directors, twist
 
 BENT_SHARE = 1.0 / 3.0  # of the compliance of a wire in bending, which its neighbours hinder

@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
 from ..kernels import control as c
 from ..measure.strain import strain_text
-from ..numerics import FASTEST_DAMPING
+from ..mechanics.numerics import FASTEST_DAMPING
 from .model import SpatialModel
 from .rod_relaxation import RodRelaxation
 from .wire_contact import WireContact

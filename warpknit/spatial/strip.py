@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ..compute.ranks import One, Ranks
 from ..mesh.panel import Panel
 from ..mesh.strip import wires_of_ranks
-from ..ranks.ranks import One, Ranks
 from .contacts import Contacts
 from .rods import Rods
 

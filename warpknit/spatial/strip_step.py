@@ -14,13 +14,13 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from ..compute.host import Mirror, fetch, is_in_place
+from ..compute.launch import Launch, bind, replay
+from ..compute.row_sums import fewer_rows
 from ..errors import ModelError
-from ..host import Mirror, fetch, is_in_place
 from ..kernels import control as c
 from ..kernels.control import PARTIAL_COUNT, update_control
 from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
-from ..launch import Launch, bind, replay
-from ..row_sums import fewer_rows
 from .model import BORDER, SpatialModel
 from .rod_arrays import RodArrays, RodState
 from .rod_step import RodStepper

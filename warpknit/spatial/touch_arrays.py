@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..host import is_in_place, shared, zeros
+from ..compute.host import is_in_place, shared, zeros
+from ..compute.precision import DOUBLE, Precision
 from ..kernels.wire_closest import PLACES
-from ..precision import DOUBLE, Precision
 from .rods import Rods
 
 

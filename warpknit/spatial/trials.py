@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ..mechanics.trial import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
-from ..trial import SOFTENING, Setting, Varied, combined, edge_of
 
 NODES = (20, 24, 28, 36)  # a loop
 FINE = {"periodic": 64, "gripped": 56, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire

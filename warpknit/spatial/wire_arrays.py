@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from ..host import shared
+from ..compute.host import shared
 from ..kernels.wire_curve import Bump
 from .rest_curve import RestCurve
 from .rods import Rods

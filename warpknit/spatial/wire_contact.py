@@ -8,8 +8,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 import warp as wp
 
+from ..compute.host import fetch, store
+from ..compute.launch import Launch, bind, replay
+from ..compute.memory import available_memory
 from ..errors import OutOfResources
-from ..host import fetch, store
 from ..kernels import control as c
 from ..kernels.lanes import QUAD, QUADS_A_BLOCK
 from ..kernels.wire_closest import (
@@ -26,8 +28,6 @@ from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import find_near_starts, list_near_pairs
-from ..launch import Launch, bind, replay
-from ..memory import available_memory
 from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
 from .pair_list import SLIP_ARRAYS, PairList

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..host import fetch, store
+from ..compute.host import fetch, store
 from ..kernels import control as c
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from warpknit.base.text import exact
 from warpknit.scene.wire_file import USD, WireFileError, checked_bytes
-from warpknit.text import exact
 from warpknit.wires.bcc import read_bcc
 from warpknit.wires.csv_file import read_table
 from warpknit.wires.curve import BadFile, CurveFile

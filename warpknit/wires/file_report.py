@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from warpknit.base.text import percent
 from warpknit.scene import Scene
-from warpknit.text import percent
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import Overlaps, find_overlaps
 from warpknit.wires.places import Places, find_places

@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from warpknit.text import engineering
+from warpknit.base.text import engineering
 from warpknit.wires.centre_lines import Wires
 
 REACH = 2.0  # thicknesses up to which the closest places are found

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpknit.base.text import engineering, exact
 from warpknit.scene.messages import scene_error
 from warpknit.scene.wire_file import WireFileError
-from warpknit.text import engineering, exact
 from warpknit.wires.arc_length import ArcLength, resample, segment_count
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.curve import BadFile, Curve, CurveFile

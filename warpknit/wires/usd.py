@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit.text import engineering
+from warpknit.base.text import engineering
 from warpknit.wires.axes import upright
 from warpknit.wires.bases import BASES, WRAPS, cubic, polyline
 from warpknit.wires.curve import MOST, BadFile, Curve, CurveFile, check_points, some_of

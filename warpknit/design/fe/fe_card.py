@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ...text import celsius
+from ...base.text import celsius
 from ..card import MaterialCard
 from .tangent import THICKNESS, megapascal
 from .yarn_curves import YarnCurve

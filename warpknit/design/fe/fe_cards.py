@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from ...files import write_aside
+from ...base.files import write_aside
+from ...base.text import engineering
 from ...runner.history import Row, mean_tension
 from ...scene import Scene
-from ...text import engineering
 from ..card import MaterialCard
 from ..card_files import card_warnings, mesh_values
 from . import abaqus, ansys, calculix, lsdyna, nastran, radioss

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...base.text import alike, percent
 from ...runner.history import Row
-from ...text import alike, percent
 from ..card import MaterialCard
 from .tangent import NoConstants
 

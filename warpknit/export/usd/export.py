@@ -4,7 +4,7 @@ from pathlib import Path
 
 from warpknit.export.run_record import RunRecord, item
 from warpknit.export.usd.writer import StageWriter
-from warpknit.frame import drawn_frame, drawn_layout
+from warpknit.results.frame import drawn_frame, drawn_layout
 
 __all__ = ["export_usd"]
 

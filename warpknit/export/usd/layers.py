@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom
 
+from warpknit.base.files import path_aside
 from warpknit.export.usd.tiles import MILLIMETRES
-from warpknit.files import path_aside
 
 __all__ = ["save_layer", "set_units", "write_layer"]
 

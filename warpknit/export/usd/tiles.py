@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpknit.frame import WireLayout
+from warpknit.results.frame import WireLayout
 
 __all__ = ["MILLIMETRES", "POINTS_PER_TILE", "Tile", "cut_tiles", "from_origin", "tile_of"]
 

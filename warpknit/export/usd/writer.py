@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from warpknit.base.files import path_aside
 from warpknit.export.usd.layers import save_layer, set_units, write_layer
 from warpknit.export.usd.scene import (
     CONTACTS,
@@ -41,8 +42,7 @@ from warpknit.export.usd.shapes import (
 from warpknit.export.usd.surface_mesh import Surface
 from warpknit.export.usd.thinning import Thinning
 from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Tile, cut_tiles, from_origin, tile_of
-from warpknit.files import path_aside
-from warpknit.frame import Frame, WireLayout, curve_position
+from warpknit.results.frame import Frame, WireLayout, curve_position
 
 __all__ = ["StageWriter"]
 

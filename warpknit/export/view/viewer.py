@@ -25,10 +25,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.ticker import MaxNLocator
 
+from ...base.text import engineering, percent
 from ...errors import ExportError, InputError
-from ...frame import Floats
 from ...knit.clasp_classes import CLASS_NAMES
-from ...text import engineering, percent
+from ...results.frame import Floats
 from ..figures import tension_of
 from ..mesh_figure import state_title, stress_colours
 from ..plots import scale_of

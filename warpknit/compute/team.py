@@ -1,0 +1,118 @@
+"""Threads that share the launches of a step on the CPU, where Warp runs a launch on one thread."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import warp as wp
+
+from ..kernels.barrier import wait_for_all
+from ..kernels.control import STATUS, STATUS_RUNNING
+from .launch import Launch, bind
+
+TRIAL = 20  # calls after which the slower way is tried again
+
+
+class Team:
+    """So many threads; each replays its part of the launches, with barriers in between."""
+
+    def __init__(self, threads: int, device: str) -> None:
+        self.threads = threads
+        self._on_cpu = device == "cpu"
+        self._state = wp.zeros(64, dtype=wp.int32, device=device)
+        self._helpers = ThreadPoolExecutor(threads - 1, "step") if threads > 1 else None
+
+    def together(self, parts: Sequence[Callable[[], object]]) -> None:
+        """Call each part in its own thread, and return when all are done."""
+        waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
+        parts[0]()
+        for helper in waiting:
+            helper.result()
+
+    def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
+        """Replay graphs[thread] of steps in turn, on the CPU while the state does not freeze; return how many.
+
+        All threads see the control array freeze after the same step.
+        """
+        replayed = [0] * self.threads
+
+        def of_thread(part: int) -> None:
+            for graph in graphs[part]:
+                if replayed[part] > 0 and self._on_cpu and control.numpy()[int(STATUS)] != float(STATUS_RUNNING):
+                    return
+                wp.capture_launch(graph)
+                replayed[part] += 1
+
+        self.together([partial(of_thread, part) for part in range(self.threads)])
+        return replayed[0]
+
+    def barrier(self) -> list[Launch]:
+        """What each thread launches to wait for all others; nothing for a single thread."""
+        if self.threads == 1:
+            return []
+        return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._state)]
+
+    def share(self, count: int, part: int) -> tuple[int, int]:
+        """Begin and number of the share of a part in `count` items."""
+        begin, end = count * part // self.threads, count * (part + 1) // self.threads
+        return begin, end - begin
+
+    def share_of(self, items: range, part: int) -> range:
+        """The share of a part in these items."""
+        begin, count = self.share(len(items), part)
+        return items[begin : begin + count]
+
+
+class SharedLaunches:
+    """Launches that a team repeats, recorded once by name."""
+
+    def __init__(self, team: Team, device: str) -> None:
+        self._team, self._device = team, device
+        self._recorded: dict[str, list[Callable[[], None]]] = {}
+
+    def clear(self) -> None:
+        """Forget all, as their arrays are no longer in use."""
+        self._recorded = {}
+
+    def run(self, name: str, kernel: wp.Kernel, by: str, items: range, *sources: object, threads: int = 1, **named: Any) -> None:
+        """Launch a kernel for some items of so many threads each, which the team shares.
+
+        by: name of the argument for the first item of a part; sources and the other arguments as in `bind`, of the first call.
+        """
+        if name not in self._recorded:
+            shares = [self._team.share_of(items, part) for part in range(self._team.threads)]
+            parts = [bind(kernel, threads * len(own), *sources, **{by: own.start}, **named) for own in shares]
+            self._recorded[name] = [launch.replay(self._device) for launch in parts if launch.threads]
+        self._team.together(self._recorded[name])
+
+
+class Pace:
+    """Chooses between sharing short steps and taking them alone, by what both took last.
+
+    Threads that share a step wait for each other, which takes far longer than the step where other programs use the cores.
+    """
+
+    def __init__(self) -> None:
+        self._seconds = [0.0, 0.0]  # a step, alone and shared
+        self._calls = 0
+
+    def is_shared(self) -> bool:
+        """Whether to share the next steps: what is faster, and now and then the other."""
+        self._calls += 1
+        return (self._seconds[1] <= self._seconds[0]) != (self._calls % TRIAL == 0)
+
+    def took(self, shared: bool, seconds: float) -> None:
+        """Note what a step took."""
+        self._seconds[shared] = seconds
+
+
+def _yield_address() -> int:
+    """Address of sched_yield in the C library, 0 without one."""
+    try:
+        return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
+    except (AttributeError, OSError, TypeError):
+        return 0

@@ -1,0 +1,374 @@
+"""The protocols by which the engine loads, steps, checks and records a model.
+
+`Model` is constant, `State` moves, `Mechanics` steps a state. A `Group` steps many states of one model side by side;
+`SingleMesh` is a group of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..base.text import engineering
+from ..kernels import control as c
+from ..measure import MeshModel
+from ..mesh.load_point import LoadPoint
+from ..mesh.rim import Rim
+
+
+class Model(MeshModel, Protocol):
+    """A mesh ready to run: all constant data."""
+
+    @property
+    def has_multilevel(self) -> bool:
+        """Whether multilevel starts and membrane corrections are available."""
+
+    @property
+    def has_replicas(self) -> bool:
+        """Whether one launch can step many states."""
+
+    @property
+    def softening(self) -> float:
+        """EA over the axial stiffness of the dynamics."""
+
+    @property
+    def loop_length(self) -> float:
+        """[m] of wire."""
+
+    @property
+    def time_step(self) -> float:
+        """[s] initial time step."""
+
+    @property
+    def loading_time(self) -> float:
+        """Loading time [s] of a stage of a ramp."""
+
+
+class State(Protocol):
+    """All time-dependent data of a mesh."""
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Deformation gradient (2, 2) of the boundary, a copy."""
+
+    def read_control(self) -> np.ndarray:
+        """The control array on the host (kernels/control.py)."""
+
+    def write_control(self, values: dict[int, float]) -> None: ...
+    def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
+        """All arrays on the host, for a checkpoint; not `copied`: valid until the next step."""
+
+    def restore(self, kept: dict[str, np.ndarray]) -> None:
+        """Restore what `arrays` returned."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Criterion for the drift of the tension in an equilibrium.
+
+    The change over `checks` checks is extrapolated as a geometric series, with the ratio of two successive changes, at most
+    `max_decay_ratio`. With a ratio of 0 the change itself is the estimate.
+    """
+
+    checks: int
+    max_decay_ratio: float = 0.0
+
+    @property
+    def required_checks(self) -> int:
+        """Convergence checks before the criterion applies."""
+        return (2 if self.max_decay_ratio > 0.0 else 1) * self.checks
+
+
+@dataclass(frozen=True)
+class Check:
+    """Result of a convergence check; arrays [mesh] for many meshes."""
+
+    residual: Any  # out-of-balance force and motion, for solver.residual_tolerance; nan during loading
+    ratio: Any  # largest of all criteria over its tolerance: converged below 1; inf during loading
+
+
+class Mechanics(Protocol):
+    """Steps one mesh. Methods change only what they document."""
+
+    notes: list[str]  # for the user
+    may_overlap: bool  # wires may overlap now, as knitted
+    check_steps: int  # steps between convergence checks of a relaxation
+
+    @property
+    def drift(self) -> Drift:
+        """Criterion for the drift of the tension."""
+
+    @property
+    def can_overlap(self) -> bool:
+        """Whether wires may pass through each other."""
+
+    @property
+    def model(self) -> Any: ...
+    @property
+    def state(self) -> Any: ...
+    @property
+    def rim(self) -> Rim | None:
+        """The edge, where the mechanics moves it, else None."""
+
+    @property
+    def stations(self) -> np.ndarray:
+        """(station, 2) [m] displacement of the edge from the affinely mapped outline; empty without a rim."""
+
+    def compile(self) -> None:
+        """Compile every kernel of a run by launching it; the state may change."""
+
+    # --- loads
+
+    def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
+        """Apply a load over so many steps, smoothly or `evenly`; at once with 0 steps."""
+
+    def load_steps(self, load: LoadPoint, predicted: bool) -> int:
+        """Steps over which the load of a level is applied."""
+
+    @property
+    def release_parts(self) -> int:
+        """Equilibria before the first record in which the natural shape is applied (`wire.set_fraction`, or that of a file)."""
+
+    def release(self, begin: float, end: float) -> None:
+        """Apply it from one share to another: natural curvature and twist go from those as knitted to those of the scene."""
+
+    def predict(self, ratio: float) -> None:
+        """Extrapolate the state by `ratio` times its last increment, and store it; set velocities to zero."""
+
+    def advance_history(self) -> None:
+        """Update the history variables (friction, yield) from an equilibrium."""
+
+    @property
+    def dissipated(self) -> float:
+        """[J] dissipated since the start by friction and yield."""
+
+    # --- steps
+
+    def search(self) -> None:
+        """Search neighbours, and reset the travel budget."""
+
+    def step(self, count: int) -> None:
+        """Take steps; a frozen state (kernels/control.py) does not change."""
+
+    def overlap(self) -> float:
+        """Largest overlap of wires since the last call, over their thickness."""
+
+    def deepest_overlap(self) -> str:
+        """Wires and place of the deepest overlap now, and the stiffness there if it is not that of the scene, in words."""
+
+    def fastest(self) -> tuple[int, int]:
+        """Wire and node of the largest speed."""
+
+    # --- convergence of a relaxation
+
+    def begin_level(self) -> None:
+        """Start a load level: reset the multiplier rates."""
+
+    def begin_test(self, *, is_certain: bool) -> None:
+        """Test whether the next equilibrium is stable, where the model does, if the load has changed enough or `is_certain`."""
+
+    def check(self, checks: int, *, loading: bool) -> Check:
+        """Check convergence, and update damping and multipliers.
+
+        `checks`: those of the level so far, this one included.
+        """
+
+    def renew(self, checks: int) -> None:
+        """Update stiffnesses and masses to the current load."""
+
+    def stress(self) -> np.ndarray:
+        """(2, 2) [N/m] nominal stress of the mesh."""
+
+    def causes(self) -> str:
+        """Likely causes of non-convergence, after a comma; may be empty."""
+
+    def is_in_equilibrium(self, load: LoadPoint) -> bool:
+        """Whether the mesh as knitted is in equilibrium under a load."""
+
+    # --- real time
+
+    def renew_time_step(self, steps: int) -> float:
+        """Set and return a time step [s] stable for the next `steps` steps."""
+
+    def reserve_for_load(self) -> None:
+        """Search neighbours, with a margin for the motion of the load."""
+
+    def follow_load(self) -> None:
+        """Search again before the load uses up that margin."""
+
+    def residual_now(self) -> float:
+        """Out-of-balance force and motion, for solver.residual_tolerance."""
+
+    # --- observation
+
+    def observe(self) -> Any:
+        """Observables of the state (measure/observables.py)."""
+
+    def edge_work_terms(self, observed: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Pairs (force, displacement) of the edge work: clamps and uneven thermal strain."""
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Solver variables for a checkpoint, beside the state."""
+
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+        """Restore a `state_dict`."""
+
+
+class Prolongation(Protocol):
+    """Carries what changes on a smaller mesh over to a larger one of the same knit."""
+
+    def carry(self, response: Any) -> bool:
+        """Add what changed on the smaller mesh since the last time; `response`: of the cloth at the load. False: the larger mesh
+        cannot take it, and keeps its state."""
+
+    def state_dict(self) -> dict[str, np.ndarray]: ...
+    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None: ...
+
+
+class MembraneGrid(Protocol):
+    """The coarse grid over a mesh, on which it is balanced as a membrane (solve/membrane.py)."""
+
+    @property
+    def max_strain(self) -> float:
+        """Largest strain of one correction."""
+
+    @property
+    def least_lift(self) -> float:
+        """[m] smallest displacement out of the plane that is worth a correction; in a planar model of no use."""
+
+    def gather(self) -> np.ndarray:
+        """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
+
+    def gather_across(self) -> np.ndarray | None:
+        """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them; None in a planar model."""
+
+    def spread_across(self, displacement: np.ndarray) -> None:
+        """Move the mesh out of its plane with the grid [grid node] [m]; the clamps stay."""
+
+    def spread(self, displacement: np.ndarray, response: Any) -> None:
+        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
+
+
+# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
+# what describes its state (`MultilevelMechanics.state_variables`)
+CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
+
+
+class MultilevelMechanics(Mechanics, Protocol):
+    """What a model offers besides, whose large meshes start from smaller ones and are corrected as membranes
+    (solve/multilevel.py)."""
+
+    path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
+    path_ratios: tuple[float, float]  # residual over its tolerance to which it converges in increments on the way, and at the end
+
+    def prolongation(self, smaller: Any) -> Prolongation:
+        """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one."""
+
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
+        """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m]."""
+
+    def state_variables(self) -> dict[str, np.ndarray]:
+        """Fields of the state (warpknit/mechanics/), for differences between states."""
+
+    @property
+    def checked_stress(self) -> np.ndarray:
+        """(2, 2) [N/m] nominal stress, as the last convergence check found it."""
+
+    def stop(self) -> None:
+        """Stop all motion."""
+
+
+class EdgeMechanics(MultilevelMechanics, Protocol):
+    """What a model offers in addition, whose edge moves with the membrane (`Mechanics.rim` is None)."""
+
+    def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
+        """Have the next load take the clamps from displacements (clamp, 2) [m] to others."""
+
+    def clamp_forces(self) -> np.ndarray:
+        """(clamp, 2) [N] by which the wires pull at their clamps, as the last convergence check found them."""
+
+    def renew_damping(self) -> None:
+        """Set the damping by the motion of the last steps."""
+
+
+class Group(Protocol):
+    """Meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
+
+    @property
+    def model(self) -> Any: ...
+    @property
+    def members(self) -> Sequence[Mechanics]: ...
+
+    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Take steps; return steps taken [row] and whether diverged [row]."""
+
+    def is_loading(self, rows: np.ndarray) -> np.ndarray:
+        """[row] whether a load is being applied."""
+
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        """`Mechanics.check` of all rows, at the checks [row] of their level."""
+
+    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
+        """`Mechanics.renew` of all rows."""
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m]: `Mechanics.stress` of all rows."""
+
+
+def is_loading(state: State) -> bool:
+    """Whether a load is being applied."""
+    control = state.read_control()
+    return bool(control[int(c.RAMP_STEP)] < control[int(c.RAMP_STEPS)])
+
+
+def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
+    """Take steps with neighbour searches; return steps taken and whether the state diverged."""
+    taken, state = 0, mechanics.state
+    while taken < steps:
+        before = int(state.read_control()[int(c.STEP)])
+        mechanics.step(steps - taken)
+        control = state.read_control()
+        taken += int(control[int(c.STEP)]) - before
+        status = control[int(c.STATUS)]
+        if status == float(c.STATUS_DIVERGED):
+            return taken, True
+        if status == float(c.STATUS_STALE):
+            mechanics.search()
+    return taken, False
+
+
+# cause of contacts that carry force as knitted
+TOO_THICK = "the yarn is too thick for the loops, or the bars lap through each other"
+
+
+def strength_exceeded(stress: float, strength: float) -> str:
+    """Cause of non-convergence, after a comma: stress [Pa] above the strength; else empty."""
+    return f", wire stress {engineering(stress, 'Pa')} exceeds the strength" if stress > strength else ""
+
+
+class SingleMesh:
+    """A group of one mesh."""
+
+    def __init__(self, mechanics: Mechanics) -> None:
+        self.model, self.members = mechanics.model, (mechanics,)
+        self._mesh = mechanics
+
+    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        taken, diverged = advance(self._mesh, steps)
+        return np.array([taken]), np.array([diverged])
+
+    def is_loading(self, rows: np.ndarray) -> np.ndarray:
+        return np.array([is_loading(self._mesh.state)])
+
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        check = self._mesh.check(int(checks[0]), loading=bool(loading[0]))
+        return Check(np.array([check.residual]), np.array([check.ratio]))
+
+    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
+        self._mesh.renew(int(checks[0]))
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        return self._mesh.stress()[None]

@@ -1,0 +1,103 @@
+"""Linear response of endless cloth: membrane stiffness, and the response within a repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from .protocols import CellState, MultilevelMechanics
+
+STRAIN = 2e-3  # strain increment of the finite differences
+LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
+UNCERTAINTY = 2.0  # the same over a negative one, which in slack cloth tells how uncertain all are
+OF_BODIES, KEPT = "body_", "response_"  # beginnings of names: of fields of bodies, and in a checkpoint
+
+
+@dataclass(frozen=True)
+class Response:
+    """Derivatives of endless cloth by its deformation gradient F at a load; see `find_response`."""
+
+    tangent: np.ndarray  # (2, 2, 2, 2) [N/m] dP/dF, symmetric and positive; zero before the first load
+    cell_node: wp.array  # [entry of the rest table] node of the repeat
+    change: dict[str, wp.array]  # (4, ...) derivative of each field of a repeat by Fxx, Fxy, Fyx, Fyy
+    no_change: wp.array  # (4, node of the repeat) zeros
+
+    def of(self, name: str) -> wp.array:
+        """(4, ...) derivative of a field; zero for one that does not respond."""
+        return self.change.get(name, self.no_change)
+
+    def state_dict(self) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint."""
+        return {f"{KEPT}tangent": self.tangent} | {f"{KEPT}{name}": v.numpy().copy() for name, v in self.change.items()}
+
+
+def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float, device: str) -> Response:
+    """Response of endless cloth at a load, by finite differences of equilibria of one repeat, the model `cell`.
+
+    device: of the mesh that responds, which may be another than that of the repeat.
+
+    Raises `Diverged` where the repeat does not converge.
+    """
+    stress, values = cell_at(gradient, temperature)
+    tangent = np.zeros((2, 2, 2, 2))
+    change = {name: np.zeros((4, len(value))) for name, value in values.items()}
+    for k, (c, d) in enumerate(np.ndindex(2, 2)):
+        step = np.zeros((2, 2))
+        step[c, d] = STRAIN
+        there, moved = cell_at(gradient + step, temperature)
+        tangent[:, :, c, d] = (there - stress) / STRAIN
+        for name in values:
+            change[name][k] = (moved[name] - values[name]) / STRAIN
+    for name in ("x", "y", "z"):
+        if name in change:
+            drift = change[name].mean(axis=1, keepdims=True)  # remove rigid translation of the repeat
+            for moving in (name, OF_BODIES + name):
+                if moving in change:
+                    change[moving] -= drift
+    matrix = tangent.reshape(4, 4)
+    eigenvalues, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    eigenvalues = np.maximum(eigenvalues, max(LEAST_STIFFNESS * eigenvalues.max(), -UNCERTAINTY * eigenvalues.min()))
+    return Response(
+        ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
+        _node_of_entry(cell, device),
+        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in change.items()},
+        _no_change(cell, device),
+    )
+
+
+def zero_response(repeat: MultilevelMechanics, device: str) -> Response:
+    """A response of zero, of the cloth of one repeat, for a mesh on the device."""
+    cell = repeat.model
+    change = {
+        name: wp.zeros((4, len(value)), dtype=wp.float64, device=device) for name, value in repeat.state_variables().items()
+    }
+    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell, device), change, _no_change(cell, device))
+
+
+def load_response(kept: dict[str, np.ndarray], cell: Any, device: str) -> Response:
+    """The response of the model `cell` from its `state_dict` in a checkpoint, for a mesh on the device."""
+    values = {name.removeprefix(KEPT): value for name, value in kept.items() if name.startswith(KEPT)}
+    tangent = values.pop("tangent")
+    return Response(
+        tangent,
+        _node_of_entry(cell, device),
+        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in values.items()},
+        _no_change(cell, device),
+    )
+
+
+def _no_change(cell: Any, device: str) -> wp.array:
+    return wp.zeros((4, cell.panel.node_count), dtype=wp.float64, device=device)
+
+
+def _node_of_entry(cell: Any, device: str) -> wp.array:
+    """[entry of the rest table] node of one repeat."""
+    table = cell.table
+    ends = np.append(table.start[1:] - table.lead, len(table.x))
+    entry = np.arange(len(table.x))
+    thread = np.searchsorted(ends, entry, side="right")
+    node = cell.panel.wire_first[thread] + np.mod(entry - table.start[thread], table.nodes[thread])
+    return wp.array(node.astype(np.int32), dtype=wp.int32, device=device)

@@ -1,0 +1,73 @@
+"""Numerical settings of probe runs and references, for the trade of speed against accuracy."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Protocol
+
+from ..scene import Scene
+
+SOFTENING = 1000.0  # axial softening of probe runs
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Numerical settings of a probe run."""
+
+    nodes_per_loop: int
+    axial_softening: float
+    residual_tolerance: float
+    precision: str
+
+    @property
+    def overrides(self) -> tuple[tuple[str, object], ...]:
+        """The settings as keys of a scene."""
+        tables = {"nodes_per_loop": "model"}
+        return tuple((f"{tables.get(name, 'solver')}.{name}", value) for name, value in asdict(self).items())
+
+
+def setting_of(scene: Scene) -> Setting:
+    """The settings of a scene."""
+    solver = scene.solver
+    return Setting(scene.model.nodes_per_loop, solver.axial_softening, solver.residual_tolerance, solver.precision)
+
+
+@dataclass(frozen=True)
+class Varied:
+    """Values that a trade gives to the numerical parameters of a kind of model."""
+
+    nodes_per_loop: tuple[int, ...]
+    axial_softening: tuple[float, ...]
+    residual_tolerance: tuple[float, ...]
+    ramp_nodes_per_loop: tuple[int, ...]
+    combined: tuple[Setting, ...]  # settings that differ in several parameters
+
+
+class Trials(Protocol):
+    """Settings of a kind of model: a module of each."""
+
+    def settings(self, scene: Scene, percent: float) -> list[Setting]:
+        """Settings to try, the cheapest first, with a tolerance of at most a tenth of `percent`."""
+
+    def fine(self, scene: Scene) -> Setting:
+        """Setting of the fine run of a small mesh, the reference of probe runs."""
+
+    def reference(self, scene: Scene, nodes: int) -> tuple[int, float]:
+        """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade; `nodes`: those of the mesh."""
+
+    def varied(self, scene: Scene, softening: float) -> Varied:
+        """Values that a trade of the scene tries; `softening` is the axial softening that its model takes."""
+
+
+def combined(
+    nodes_per_loop: Iterable[int], axial_softening: Iterable[float], residual_tolerance: Iterable[float], precision: str
+) -> tuple[Setting, ...]:
+    """All combinations of the parameters with the largest effect on cost."""
+    return tuple(Setting(*each, precision) for each in itertools.product(nodes_per_loop, axial_softening, residual_tolerance))
+
+
+def edge_of(scene: Scene) -> str:
+    """periodic | gripped | hook: decides how errors depend on the nodes."""
+    return "hook" if scene.hook is not None else scene.model.boundary

@@ -1,0 +1,88 @@
+"""The model that a scene asks for, planar or spatial: the one place that chooses between the two.
+
+Each kind is a package of that name; its module `kind` has the same functions.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from ..base.text import either
+from ..compute.device import devices
+from ..compute.ranks import Ranks
+from ..errors import DeviceError, InputError
+from ..mechanics.estimate import Estimates, Size
+from ..mechanics.protocols import Group, Mechanics, Model
+from ..mechanics.trial import Trials
+from ..mesh.layout import knit_scene
+from ..scene import Scene
+
+
+def _kind(scene: Scene) -> Any:
+    return import_module(f"warpknit.{scene.model.kind}.kind")
+
+
+def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
+    """The model of a scene: all constant data of its mesh, on a device; planar or spatial, as the scene says.
+
+        model = build_model(load_scene("scenes/atlas_cell.toml"))
+        model.node_count, model.pair_count, model.bending_stiffness          # ..., ..., EI [N m2]
+        model.panel.wire_first, model.panel.clamp_position                   # [wire], (clamp, 2) [m] as knitted
+
+    device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model is then that of this rank's strip.
+
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `DeviceError`, `InputError` for what is no scene.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"build_model: {scene!r} is not a scene; give one, such as load_scene('scene.toml')")
+    if device not in (available := devices()):
+        raise DeviceError(f"device: {device!r} is not on this machine; use {either(available)}")
+    model: Model = _kind(scene).build_model(scene, device, ranks)
+    return model
+
+
+def initial_state(model: Model) -> Any:
+    """The variables of a model's mesh, as Warp arrays: knitted shape, no velocity, no load.
+
+        model = build_model(scene)
+        state = initial_state(model)
+        records = list(Simulation(model, state).run())               # changes the state
+        state.arrays()                                               # copies on the host, by name
+
+    The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py. Raises `InputError` for no model.
+    """
+    if not hasattr(model, "scene"):
+        raise InputError(f"initial_state: {model!r} is not a model; give one, such as build_model(scene)")
+    return _kind(model.scene).initial_state(model)
+
+
+def mechanics_of(model: Model, state: Any) -> Mechanics:
+    """The mechanics that step a state of a model."""
+    mechanics: Mechanics = _kind(model.scene).mechanics(model, state)
+    return mechanics
+
+
+def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
+    """A group of `count` replicas of a model; `threads` default to one a core."""
+    replicas: Group = _kind(model.scene).replicas(model, count, threads=threads)
+    return replicas
+
+
+def size_of(scene: Scene) -> Size:
+    """Sizes of the mesh of a scene, estimated where it is large."""
+    cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
+    size, _counted = estimates_of(scene).size_of(scene, cloth)
+    return size
+
+
+def estimates_of(scene: Scene) -> Estimates:
+    """The estimates of the kind of model of a scene."""
+    estimates: Estimates = _kind(scene).estimate
+    return estimates
+
+
+def trials_of(scene: Scene) -> Trials:
+    """The probe-run settings of the kind of model of a scene."""
+    trials: Trials = _kind(scene).trials
+    return trials

@@ -1,0 +1,1 @@
+"""Many runs of one scene: contact maps (`warpknit map`), speed against accuracy (`warpknit trade`, `run --error`)."""

@@ -1,0 +1,95 @@
+"""Many loads of one small mesh, solved side by side for `warpknit map`.
+
+Each load is applied level by level from the mesh as knitted, as in a relaxation of one mesh. Loads are independent, so results
+do not depend on the batch. Meshes that have converged under their full load, or failed, are no longer stepped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import Diverged
+from ..scene import Stage
+from ..solve.equilibrium import Equilibrium
+from ..solve.model import replicas_of
+from ..solve.relax import Relaxation, Unsolved
+from .outcome import Outcome
+
+
+class Batch:
+    """One stage for each mesh of a group; `run` yields outcomes as meshes converge."""
+
+    def __init__(
+        self,
+        model: Any,
+        stages: Sequence[Stage],
+        levels: Sequence[int] | None = None,
+        *,
+        watch: Callable[[Batch], None] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        """`stages`: the load of each mesh, by strain or tension; `levels` of each, default `output.frames`.
+
+        `watch` is called at every convergence check, and may raise to stop. `threads`: default WARPKNIT_THREADS, or one a core.
+        """
+        self.model, self.stages = model, tuple(stages)
+        self.group = replicas_of(model, len(self.stages), threads)
+        self.members: list[Relaxation] = []
+        self.equilibrium = Equilibrium(self.group, self.members)
+        for row, mechanics in enumerate(self.group.members):
+            self.members.append(Relaxation(mechanics, equilibrium=self.equilibrium, row=row))
+        self._count = list(levels or [model.scene.output.frames] * len(self.stages))
+        of_each = zip(self.members, self.stages, self._count, strict=True)
+        self._levels = [member.levels(stage, count) for member, stage, count in of_each]
+        self._watch = watch or (lambda _batch: None)
+
+    @property
+    def steps(self) -> int:
+        """Steps of all meshes together."""
+        return sum(member.progress.steps for member in self.members)
+
+    @property
+    def done(self) -> float:
+        """Completed share of all load levels."""
+        return min(1.0, sum(member.progress.level for member in self.members) / max(1, sum(self._count)))
+
+    def run(self) -> Iterator[Outcome]:
+        """Find the equilibrium of every mesh under its load."""
+        active = []
+        for row, member in enumerate(self.members):
+            member.mechanics.search()
+            member.progress.stage = self.stages[row].name
+            member.progress.start = member.load_now()
+            if (outcome := self._next_level(row)) is None:
+                active.append(row)
+            else:
+                yield outcome
+        while active:
+            check = self.equilibrium.advance(np.array(active))
+            for row, error in check.failed.items():
+                yield self._outcome(row, None, error)
+            unfinished = [row for row in active if row not in check.failed and row not in check.converged]
+            for row in check.converged:
+                if (outcome := self._next_level(row)) is None:
+                    unfinished.append(row)
+                else:
+                    yield outcome
+            active = sorted(unfinished)
+            self._watch(self)
+
+    def _next_level(self, row: int) -> Outcome | None:
+        """Apply the next load; return the outcome after the full load."""
+        member = self.members[row]
+        try:
+            for step in self._levels[row]:
+                if isinstance(step, Unsolved):
+                    return None
+        except Diverged as error:  # no strain carries the tension
+            return self._outcome(row, None, error)
+        return self._outcome(row, member.record(self.stages[row], 1.0, steady=True).observables, None)
+
+    def _outcome(self, row: int, observables: Any, error: Diverged | None) -> Outcome:
+        return Outcome(row, self.members[row].progress.steps, observables, error)

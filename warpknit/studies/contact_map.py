@@ -1,0 +1,390 @@
+"""The contact map: one cell for each pair of strains or tensions, with the measures of its equilibrium.
+
+Rows of map.csv and map_details.csv, the mean over meshes of scattered loops, and the optimum. NumPy and plain numbers only.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ..base.files import write_aside
+from ..base.text import alike, between, both
+from ..measure import Observables, energy_scale, table
+from ..measure.jumps import STORED_FLOOR, jumps
+from ..measure.table import Measure
+from ..mechanics.protocols import Model
+from ..runner.closings import DRIFT
+
+STEADY = "steady"
+SIDES = ("weft", "warp")
+SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active contacts
+
+
+TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
+Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
+
+
+class MapRow(SimpleNamespace):
+    """One load of a map: the columns of map.csv and map_details.csv (measure/table.py); None where not converged."""
+
+    @property
+    def by_tension(self) -> bool:
+        """Whether the load is a pair of tensions, at which the strains were found."""
+        return TARGETS[0] in vars(self)
+
+    @property
+    def load(self) -> Pair:
+        """Strains, or tensions [N/m], that the map prescribes in weft and warp."""
+        first, second = (vars(self)[name] for name in (TARGETS if self.by_tension else ("strain_weft", "strain_warp")))
+        return first, second
+
+    @property
+    def tension(self) -> Pair:
+        """[N/m] in weft and warp."""
+        return self.tension_weft_N_per_m, self.tension_warp_N_per_m
+
+
+TEXTS, COUNTS = ("stop_reason", "message"), ("seeds", "steps")
+
+
+def measures_of(part: str) -> list[Measure]:
+    """Measures of the part "map" or "details"."""
+    return [line for line in table.MEASURES if line.map == part]
+
+
+def columns_of(part: str, by_tension: bool = False) -> list[str]:
+    """Columns of map.csv ("map") or map_details.csv ("details")."""
+    names, targets = [line.name for line in measures_of(part)], TARGETS if by_tension else ()
+    if part == "map":
+        return ["strain_weft", "strain_warp", *names, "stop_reason", *targets]
+    return ["strain_weft", "strain_warp", "active_percent_deviation", *names, "seeds", "steps", "message", *targets]
+
+
+def map_row(load: Pair, observables: Observables | None, *, steps: int, message: str = "", by_tension: bool = False) -> MapRow:
+    """Row of an equilibrium, or of a failed load with its message. load: strains, or (`by_tension`) tensions [N/m]."""
+    strains: Sequence[float | None] = (None, None) if by_tension else load
+    if by_tension and observables is not None:
+        strains = (np.diag(observables.stretch) - 1.0).tolist()
+    targets = dict(zip(TARGETS, load, strict=True)) if by_tension else {}
+    lines = measures_of("map") + measures_of("details")
+    measures = {
+        line.name: None if observables is None else line.of(observables) for line in lines if not isinstance(line.of, str)
+    }
+    return MapRow(
+        strain_weft=strains[0],
+        strain_warp=strains[1],
+        stop_reason="diverged" if observables is None else STEADY,
+        active_percent_deviation=None,  # standard deviation over the seeds
+        seeds=0 if observables is None else 1,  # number of converged meshes in the row
+        steps=steps,
+        message=message,  # why the load did not converge
+        **measures,
+        **targets,
+    )
+
+
+def write_map(rows: Sequence[MapRow], path: Path, details: Path) -> None:
+    """Write both tables, atomically."""
+    for target, part in ((path, "map"), (details, "details")):
+        with write_aside(target) as file:
+            by_tension = any(row.by_tension for row in rows)
+            writer = csv.DictWriter(file, columns_of(part, by_tension), extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(vars(row) for row in rows)
+
+
+def read_map(path: Path, details: Path) -> list[MapRow]:
+    """Rows that `write_map` wrote; none where the files are absent. Values are bit-identical."""
+    if not (path.exists() and details.exists()):
+        return []
+    more = {MapRow(**row).load: row for row in _read(details)}
+    return [MapRow(**row | more[load]) for row in _read(path) if (load := MapRow(**row).load) in more]
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    def value(name: str, text: str) -> Any:
+        if name in TEXTS:
+            return text
+        if name in COUNTS:
+            return int(text)
+        return float(text) if text else None
+
+    with open(path, newline="", encoding="utf-8") as file:
+        return [{name: value(name, text) for name, text in row.items()} for row in csv.DictReader(file)]
+
+
+def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
+    """Mean of maps over the converged seeds; of stresses the largest. Loads without any row are left out."""
+    by_load: dict[Pair, list[MapRow]] = {}
+    for rows in maps:
+        for row in rows:
+            by_load.setdefault(row.load, []).append(row)
+    return [_mean(rows) if len(maps) > 1 else rows[0] for rows in by_load.values()]
+
+
+def _mean(rows: Sequence[MapRow]) -> MapRow:
+    steady = [row for row in rows if row.stop_reason == STEADY]
+    reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} seeds steady" if steady else "diverged"
+
+    def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
+        values: list[Any] = [vars(row).get(name) for row in steady]
+        return float(how(values)) if values and None not in values else None
+
+    measures = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
+    targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
+    strains = {f"strain_{side}": over(f"strain_{side}", np.mean) if targets else rows[0].load[k] for k, side in enumerate(SIDES)}
+    return MapRow(
+        **strains,
+        stop_reason=reason,
+        active_percent_deviation=over("active_percent", lambda values: np.std(values, ddof=1)) if len(steady) > 1 else None,
+        seeds=len(steady),
+        steps=sum(row.steps for row in rows),
+        message=next((row.message for row in rows if row.message), ""),
+        **measures,
+        **targets,
+    )
+
+
+def model_warnings(mesh: Model, rows: Sequence[MapRow]) -> list[str]:
+    """Where the states of a map are outside the validity of their model, a sentence each."""
+    return list(mesh.warnings([{"wire": {"slid_max_m": vars(row).get("slid_max_m") or 0.0}} for row in rows]))
+
+
+def axes_of(rows: Sequence[MapRow]) -> tuple[list[float], list[float]]:
+    """Strains, or tensions [N/m], of a map in weft and in warp, in their order."""
+    weft, warp = (sorted({row.load[side] for row in rows}) for side in (0, 1))
+    return weft, warp
+
+
+def grid(rows: Sequence[MapRow], name: str, weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:
+    """Values (warp, weft) of a column of map.csv or map_details.csv; nan where there is none."""
+    values = {row.load: vars(row).get(name) for row in rows}  # an earlier version had fewer columns
+    cells = [[values.get((x, y)) for x in weft] for y in warp]
+    return np.array([[math.nan if value is None else float(value) for value in line] for line in cells])
+
+
+Jump = tuple[Pair, Pair]  # loads of two neighbouring cells
+
+
+def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
+    """Neighbouring cells whose equilibria belong to different branches (measure/jumps.py), along weft and along warp."""
+    if not rows:
+        return []
+    weft, warp = axes_of(rows)
+    area, floor = mesh.panel.area, STORED_FLOOR * energy_scale(mesh)
+    stored = np.sum([grid(rows, f"energy_{part}_J", weft, warp) for part in ("stretch", "bend", "contact")], axis=0)
+    tensions = np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
+    force = np.stack([area * grid(rows, f"nominal_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
+    strain = np.stack([grid(rows, f"strain_{side}", weft, warp) for side in SIDES], axis=-1)
+    follows = strain if rows[0].by_tension else tensions  # the values that the load does not prescribe
+    found: list[Jump] = []
+    for path, axis in zip((weft, warp), (1, 0), strict=True):
+        for line in range(stored.shape[1 - axis]):
+            energy = stored.take(line, 1 - axis)
+            jumped = jumps(
+                np.array(path),
+                np.take(force, line, 1 - axis),
+                np.take(strain, line, 1 - axis),
+                stored=energy,
+                dissipated=np.zeros_like(energy),
+                values=[np.take(follows, line, 1 - axis)],
+                floor=floor,
+            )
+            for k in np.flatnonzero(jumped):
+                ends = [(weft[k + more], warp[line]) if axis else (weft[line], warp[k + more]) for more in (0, 1)]
+                found.append((ends[0], ends[1]))
+    return found
+
+
+def load_text(load: Pair, by_tension: bool) -> str:
+    """Strains, or tensions [N/m], in weft and warp, as text."""
+    return " / ".join(alike(load, "N/m") if by_tension else (f"{100.0 * value:.3g} %" for value in load))
+
+
+def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:
+    """What the jumps of a map mean, in a line; None without any."""
+    if not found:
+        return None
+    loads = both(*(load_text(load, by_tension) for load in found[0]))
+    kind = "tensions" if by_tension else "strains"
+    where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
+    return (
+        f"the results jump between {where} (weft / warp): several equilibria exist there, and the values on either side belong"
+        " to different ones"
+    )
+
+
+def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> str | None:
+    """How many pairs of loads did not converge, or None."""
+    failed = sum(row.stop_reason != STEADY for row in rows)
+    quantity = "tensions" if by_tension else "strains"
+    return f"{failed} of {len(rows)} pairs of {quantity} did not converge; map_details.csv has the reasons" if failed else None
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How far the tension may drift from the optimum, cell by cell: tensions [N/m] in weft and warp of the last good cells."""
+
+    along: str  # weft | warp | both: the load that drifts
+    low: Pair
+    high: Pair
+    open_low: bool  # the map ends there
+    open_high: bool
+    diverged_low: bool  # the next pair did not converge
+    diverged_high: bool
+    jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium that ends the range
+
+
+def drift_text(drift: Mapping[str, Any]) -> str:
+    """A `Drift`, as a table of its fields, in words."""
+    jumps = "; ".join(between(*(load_text(side, by_tension=True) for side in jump)) for jump in drift.get("jumps", ()))
+    snaps = f"; beyond it the mesh jumps {jumps}" if jumps else ""
+    if drift["low"] == drift["high"]:
+        reasons = {"open": "beyond the edge of the map", "diverged": "where the next pair did not converge"}
+        unknown = " and ".join(
+            f"{' and '.join(sides)}, {why}"
+            for name, why in reasons.items()
+            if (sides := [side for side, end in (("below", "low"), ("above", "high")) if drift.get(f"{name}_{end}")])
+        )
+        return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "") + snaps
+    ends = []
+    for end, at in (("low", "at most "), ("high", "at least ")):
+        text = load_text(drift[end], by_tension=True)
+        if drift.get(f"diverged_{end}"):
+            text = f"{at}{text}, where the next pair did not converge"
+        ends.append(text + (" (the edge of the map)" if drift[f"open_{end}"] else ""))
+    comma = "," if drift.get("diverged_low") else ""
+    return f"from {ends[0]}{comma} to {ends[1]}{snaps}"
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The load with the most active contacts and no wire above the elastic limit."""
+
+    strain_weft: float
+    strain_warp: float
+    tension_weft_N_per_m: float
+    tension_warp_N_per_m: float
+    active_percent: float
+    stress_max_Pa: float
+    stress_margin: float  # 1 - stress over yield stress
+    at_edge: tuple[str, ...] = ()  # directions (weft, warp) in which the map ends there: a wider one may have a better optimum
+    load: Pair | None = None  # strains, or tensions [N/m], of its cell
+    drift: tuple[Drift, ...] = ()  # with at most DRIFT fewer active contacts, and below the elastic limit
+
+    @property
+    def edge_warning(self) -> str | None:
+        """What it means that the optimum is at the edge of the map."""
+        if not self.at_edge:
+            return None
+        return f"the optimum is at the edge of the map in {' and '.join(self.at_edge)}: a wider [sweep] may have a better one"
+
+
+def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator[str]:
+    """What limits the optimum: the edge of the map, and jumps to another equilibrium beside it."""
+    if optimum is None:
+        return
+    if optimum.edge_warning is not None:
+        yield optimum.edge_warning
+    if _is_beside_jump(optimum.load, jumps):
+        yield (
+            "the optimum is beside a jump to another equilibrium: a mesh with little other strains, or loaded otherwise, may have"
+            " fewer active contacts"
+        )
+
+
+def _is_beside_jump(load: Pair | None, jumps: Sequence[Jump]) -> bool:
+    return any(load == tuple(cell) for jump in jumps for cell in jump)
+
+
+def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool = True) -> str:
+    """What limits the optimum at a load, in the few words of a label; empty where nothing does."""
+    return (", beside a jump" if _is_beside_jump(load, jumps) else "") + ("" if found_again else ", not found again")
+
+
+def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Jump] = ()) -> Optimum | None:
+    """The optimum among converged cells with tension in both directions and no stress above `yield_stress` [Pa], or None.
+
+    jumps: those of `find_jumps`, where a range over which the tension may drift ends.
+    A mesh of equal loops has few different shares of active contacts, so many cells tie. Ties are resolved by the number of
+    equally good neighbours (robustness against strain errors), then by the smallest stress.
+    """
+    if not rows:
+        return None
+    weft, warp = axes_of(rows)
+    active = np.nan_to_num(grid(rows, "active_percent", weft, warp))
+    elastic = grid(rows, "stress_max_Pa", weft, warp) <= yield_stress  # False where unknown
+    padded = np.pad(np.where(elastic, active, 0.0), 1)
+    height, width = active.shape
+    around = np.stack([padded[i : i + height, j : j + width] for i, j in np.ndindex(3, 3)])
+    equal_neighbours = np.sum(around >= active - SAME_SHARE, axis=0)
+    best: tuple[tuple[float, float, float], Optimum] | None = None
+    for row in rows:
+        values = (row.active_percent, row.tension_weft_N_per_m, row.tension_warp_N_per_m, row.stress_max_Pa)
+        share, tension_weft, tension_warp, stress = (math.nan if value is None else value for value in values)
+        tensile = share > 0.0 and tension_weft > 0.0 and tension_warp > 0.0
+        if not (tensile and stress <= yield_stress and row.stop_reason == STEADY):
+            continue
+        neighbours = int(equal_neighbours[warp.index(row.load[1]), weft.index(row.load[0])])
+        order = (round(share / SAME_SHARE), neighbours, -stress)
+        if best is None or order > best[0]:
+            margin = 1.0 - stress / yield_stress
+            edges = tuple(
+                side
+                for side, value, axis in zip(SIDES, row.load, (weft, warp), strict=True)
+                if len(axis) > 1 and (value == axis[-1] or value == axis[0] != 0.0)
+            )
+            strains = row.strain_weft, row.strain_warp
+            best = order, Optimum(*strains, tension_weft, tension_warp, share, stress, margin, edges, row.load)
+    return None if best is None else replace(best[1], drift=tuple(_drifts(rows, best[1], yield_stress, jumps)))
+
+
+def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps: Sequence[Jump]) -> Iterator[Drift]:
+    """Ranges about the optimum along weft, along warp, and along both together."""
+    weft, warp = axes_of(rows)
+    cells = {row.load: row for row in rows}
+    assert optimum.load is not None
+    at = weft.index(optimum.load[0]), warp.index(optimum.load[1])
+
+    def cell(i: int, j: int) -> MapRow | None:
+        return cells.get((weft[i], warp[j])) if 0 <= i < len(weft) and 0 <= j < len(warp) else None
+
+    def is_good(row: MapRow) -> bool:
+        if row.active_percent is None or row.stop_reason != STEADY:
+            return False
+        enough = row.active_percent >= optimum.active_percent - DRIFT
+        return bool(enough and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0)
+
+    for along, (i, j) in (("weft", (1, 0)), ("warp", (0, 1)), ("both", (1, 1))):
+        ends: list[Pair] = []
+        beyond: list[MapRow | None] = []
+        passed: list[tuple[Pair, Pair]] = []
+        for sign in (-1, 1):
+            count, here = 0, cell(*at)
+            while (row := cell(at[0] + sign * (count + 1) * i, at[1] + sign * (count + 1) * j)) is not None and is_good(row):
+                assert here is not None
+                low, high = (here, row)[::sign]
+                if _is_jump(low.load, high.load, jumps):
+                    passed.append((low.tension, high.tension))
+                    break
+                count, here = count + 1, row
+            assert here is not None
+            ends.append(here.tension)
+            beyond.append(row)
+        open_low, open_high = (row is None for row in beyond)
+        diverged_low, diverged_high = (row is not None and row.stop_reason != STEADY for row in beyond)
+        yield Drift(along, ends[0], ends[1], open_low, open_high, diverged_low, diverged_high, tuple(passed))
+
+
+def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:
+    """Whether there is a jump from one cell to the next, along both loads: on each way, first along weft or first along warp."""
+    corners = (high[0], low[1]), (low[0], high[1])
+    return all((low, corner) in jumps or (corner, high) in jumps for corner in corners)

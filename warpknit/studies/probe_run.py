@@ -1,0 +1,130 @@
+"""Probe runs: a small mesh of the same knit, wire and load, at few and at many nodes, to estimate discretisation errors.
+
+Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile,
+or the fewest that its model can take, and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the
+ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from functools import cached_property
+
+from ..errors import Diverged
+from ..mechanics.trial import Setting, edge_of
+from ..scene import PanelOptions, Scene
+from ..solve.model import build_model, trials_of
+from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of
+
+PATCH = 2  # repeats a side of the gripped mesh
+LEVELS = 2  # of a mesh whose state does not depend on the load history
+SAFETY = 1.3  # factor on the estimate
+FLOOR_PERCENT = 0.2  # added to it: error of the fine run and of the convergence tolerance
+
+
+def with_setting(scene: Scene, setting: Setting) -> Scene:
+    """The scene at other numerical settings."""
+    model = replace(scene.model, nodes_per_loop=setting.nodes_per_loop)
+    numerics = asdict(setting)
+    del numerics["nodes_per_loop"]
+    return replace(scene, model=model, solver=replace(scene.solver, **numerics))
+
+
+class ProbeRun:
+    """Runs the small mesh of a scene at several settings."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.edge = edge_of(scene)
+        self.small = _small(scene)
+        self.node_steps = 0
+
+    @cached_property
+    def scales(self) -> Scales:
+        return scales_of(build_model(self.small))
+
+    @cached_property
+    def fine(self) -> Results:
+        """Reference results of the small mesh, at many nodes. Raises `Diverged`."""
+        setting = trials_of(self.scene).fine(self.scene)
+        outcome = self._run(setting)
+        if outcome.results is None:
+            raise Diverged(
+                f"error estimate: the reference run of {setting.nodes_per_loop} nodes a loop failed: {outcome.message}"
+            )
+        return outcome.results
+
+    def errors(self, setting: Setting) -> Errors | None:
+        """Estimated errors of the scene at a setting; None where the small mesh does not converge."""
+        results = self._run(setting).results
+        if results is None:
+            return None
+        return self._scaled(errors_of(results, self.fine, self.scales))
+
+    def errors_of_run(self, results: Results, setting: Setting) -> Errors | None:
+        """Estimated errors of a run of the scene at a setting, from its results.
+
+        A periodic tile and a hook are compared with the fine run directly; a gripped mesh only by a smaller one.
+        """
+        if self.edge == "gripped":
+            return self.errors(setting)
+        repeats = self._repeats(self.scene) / self._repeats(self.small)
+        one = replace(results, contact_force_sum_N=results.contact_force_sum_N / repeats)
+        return errors_of(one, self.fine, self.scales)
+
+    def _run(self, setting: Setting) -> Outcome:
+        outcome = run_point(lambda: with_setting(self.small, setting), watch=lambda _progress: None)
+        self.node_steps += outcome.node_steps
+        return outcome
+
+    @staticmethod
+    def _repeats(scene: Scene) -> int:
+        return scene.knit.repeats[0] * scene.knit.repeats[1]
+
+    def _scaled(self, errors: Errors) -> Errors:
+        """Errors of a gripped mesh from those of a smaller one: the share of the grips in a mean scales with 1/size."""
+        if self.edge != "gripped":
+            return errors
+        share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
+        return replace(errors, active_percent=share * errors.active_percent, tension=share * errors.tension,
+                       contact_force=share * errors.contact_force)  # fmt: skip
+
+
+def error_bound_percent(errors: Errors) -> float:
+    """[%] upper bound on the largest error."""
+    return SAFETY * errors.largest_percent + FLOOR_PERCENT
+
+
+def choose_setting(probe: ProbeRun, percent: float) -> tuple[Setting, Errors]:
+    """The cheapest setting with errors below `percent`, else the best one tried; and its errors."""
+    best: tuple[Setting, Errors] | None = None
+    for setting in trials_of(probe.scene).settings(probe.scene, percent):
+        errors = probe.errors(setting)
+        if errors is None:
+            continue
+        if best is None or errors.largest_percent < best[1].largest_percent:
+            best = setting, errors
+        if error_bound_percent(errors) <= percent:
+            return setting, errors
+    if best is None:
+        raise Diverged("no setting found at which a small mesh of this scene converges")
+    return best
+
+
+def _small(scene: Scene) -> Scene:
+    """The scene of the small mesh."""
+    output = scene.output if scene.depends_on_path else replace(scene.output, frames=min(scene.output.frames, LEVELS))
+    solver = replace(scene.solver, drive="relax")
+    small = replace(scene, output=output, solver=solver)
+    if scene.hook is not None or scene.knit.scatter:
+        return small
+    stages = tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
+    small = replace(small, panel=PanelOptions(), stages=stages)
+    columns, rows = scene.knit.repeats
+    if scene.model.boundary == "gripped":
+        return _of_repeats(small, min(PATCH, columns), min(PATCH, rows))
+    return _of_repeats(small, 1, 1)
+
+
+def _of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
+    return replace(scene, knit=replace(scene.knit, repeats=(columns, rows)))

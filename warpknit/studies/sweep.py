@@ -1,0 +1,322 @@
+"""`warpknit map`: the sweep of a scene into a directory, with interrupt and resume.
+
+DIR holds map.csv, map_details.csv, map.json, scene.toml (resolved) and figures/*.png; where loops scatter over several seeds
+also the map of each seed, seeds/map_##.csv and seeds/details_##.csv. Every file is written aside and renamed.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from ..base.files import write_aside
+from ..base.text import celsius, duration, percent
+from ..compute.device import find_device
+from ..compute.memory import available_memory, required_memory
+from ..errors import MemoryNeeded, ModelError
+from ..mechanics.estimate import Size, levels_of_pairs
+from ..mechanics.numerics import thread_count
+from ..mesh.smaller import smaller_scene
+from ..runner.cautions import sweep_cautions
+from ..runner.interrupts import Interrupted, Interrupts
+from ..runner.progress_display import Progress as Display
+from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..scene import Scene, Sweep, resolved_toml
+from ..scene.capabilities import refuse
+from ..solve.model import estimates_of
+from .contact_map import (
+    STEADY,
+    MapRow,
+    Pair,
+    find_jumps,
+    find_optimum,
+    grid,
+    jump_warning,
+    map_row,
+    mean_map,
+    model_warnings,
+    optimum_note,
+    optimum_warnings,
+    read_map,
+    unconverged_warning,
+    write_map,
+)
+from .states import States, mesh_of, states_of
+
+_log = logging.getLogger(__name__)
+
+SAVE_INTERVAL = 5.0  # [s] between saves of finished cells
+FIGURES = (
+    # file, column, label, unit
+    ("contact_map", "active_percent", "active contacts", "% of pairs"),
+    ("stress_map", "stress_max_Pa", "largest wire stress", "Pa"),
+    ("yield_map", "yield_fraction", "wire above the elastic limit", "%"),
+)
+# of what is not prescribed
+BY_STRAIN = (
+    ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "N/m"),
+    ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "N/m"),
+)
+BY_TENSION = (
+    ("strain_weft_map", "strain_weft", "weft strain", "%"),
+    ("strain_warp_map", "strain_warp", "warp strain", "%"),
+)
+PERCENT = 100.0  # of a fraction, as some columns are
+SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "standard deviation of active contacts", "percentage points"),)
+
+
+def run_map(
+    scene: Scene,
+    *,
+    out: Path,
+    device: str | None = None,
+    resume: bool = False,
+    force: bool = False,
+    progress: Display | None = None,
+    command: str = "map",
+) -> CommandResult:
+    """Run the sweep of `scene` into the directory `out`, for a command that messages name.
+
+    Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
+    which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
+    """
+    sweep = _checked(scene, device)
+    if resume and (finished := finished_result(out, "map.json", scene.hash, command)) is not None:
+        return finished
+    resolved = resolved_toml(scene)
+    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
+    # errors of the model are raised before anything is removed
+    seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
+    meshes = [mesh_of(one) for one in seeds]
+    _refuse_beyond_memory(meshes[0], sweep)
+    size = estimates_of(scene).size_of(scene, meshes[0].cloth)[0]
+    open_directory(out, resolved, keep=keep)
+    mapper = _Mapper(meshes, sweep, out, progress or Display())
+    mapper.estimate(size)
+    return mapper.run()
+
+
+def _checked(scene: Scene, device: str | None) -> Sweep:
+    refuse(scene, "map", device=None if device is None else find_device(device))
+    if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
+        raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
+    assert scene.sweep is not None
+    return scene.sweep
+
+
+def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
+    """Refuse a sweep that exceeds the memory: all loads of a seed at once with replicas, else one a core."""
+    loads, nodes = len(sweep.pairs), mesh.node_count
+    together = loads if mesh.has_replicas else thread_count(loads)
+    needed, available = together * required_memory(mesh.scene, nodes), available_memory()
+    if needed > available:
+        room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
+        raise MemoryNeeded(f"sweep: {together} meshes of {nodes:,} nodes need {room}; use fewer loads or a smaller mesh")
+
+
+class _Mapper:
+    """Runs the batches of a map, one a seed, and writes the rows."""
+
+    def __init__(self, meshes: Sequence[Any], sweep: Sweep, out: Path, display: Display) -> None:
+        """`meshes`: of each seed."""
+        self.meshes, self.scene, self.sweep, self.out, self.display = meshes, meshes[0].scene, sweep, out, display
+        self.nodes = meshes[0].node_count
+        self.pairs = sweep.pairs
+        self.maps = [self._read(seed) for seed in range(sweep.seeds)]
+        self.steps = 0
+        self._interrupts = Interrupts()
+        self._begin = self._saved = time.perf_counter()
+
+    def run(self) -> CommandResult:
+        reason, code, message = "finished", 0, ""
+        with self._interrupts.handled():
+            try:
+                for seed, done in enumerate(self.maps):
+                    self._run_seed(seed, done)
+                self._interrupts.check()
+            except Interrupted:
+                reason, code, message = "interrupted", 130, f"interrupted; finished cells are kept in {self.out}"
+            finally:
+                self._save()
+        summary = self._summary(reason)
+        if code == 0 and not any(row.active_percent is not None for row in self.rows):
+            code, message = 3, f"no {self.sweep.quantity} of the sweep converged: {self.rows[0].message}"
+            summary["stop_reason"] = "diverged"
+        with write_aside(self.out / "map.json") as file:
+            json.dump(summary, file, indent=2, allow_nan=False)
+        if self.scene.output.figures and self.rows:
+            self._draw(summary)
+        return CommandResult(code, summary, message)
+
+    @property
+    def rows(self) -> list[MapRow]:
+        return mean_map(self.maps)
+
+    @property
+    def model_warnings(self) -> list[str]:
+        return model_warnings(self.meshes[0], self.rows)
+
+    @property
+    def _missing_warning(self) -> str | None:
+        """That pairs of an interrupted map are missing; None of a whole one."""
+        done, wanted = len(self.rows), len(self.pairs)
+        if done == wanted and all(len(rows) == wanted for rows in self.maps):
+            return None
+        return (
+            f"the map is incomplete: {done} of {wanted} pairs of {self.sweep.quantity} are done, and the optimum is the best of"
+            " these"
+        )
+
+    def estimate(self, size: Size) -> None:
+        """Tell the time of the pairs that are missing."""
+        estimates = estimates_of(self.scene)
+        missing = [self._missing(done) for done in self.maps]
+        seconds = [estimates.map_time(self.scene, size, list(levels.values())) for levels in missing]
+        if not any(missing):
+            return
+        count = sum(map(len, missing))
+        left = f"{count} pair{'s that are' if count > 1 else ' that is'} missing"
+        _log.info(
+            "estimated time of the %s: %s on idle cores, within a factor of %g",
+            left if any(self.maps) else "map",
+            duration(sum(seconds)),
+            estimates.notes(self.scene, size).factor,
+        )
+
+    # --- cells ---
+
+    def _missing(self, done: list[MapRow]) -> dict[Pair, int]:
+        """Load levels of each pair that is not among the rows of a mesh."""
+        finished = {row.load for row in done}
+        levels = levels_of_pairs(self.pairs, self.scene.output.frames)
+        return {pair: count for pair, count in zip(self.pairs, levels, strict=True) if pair not in finished}
+
+    def _run_seed(self, seed: int, done: list[MapRow]) -> None:
+        """Solve the missing cells of one mesh; append rows to `done`."""
+        of_pair = self._missing(done)
+        if not of_pair:
+            return
+        missing = list(of_pair)
+        self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=seed + 1, of=len(self.maps))
+        stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in missing]
+        steps_before = self.steps
+
+        def watch(states: States) -> None:
+            self._interrupts.check()
+            self.steps = steps_before + states.steps
+            rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
+            self.display.update(done=states.done, load_factor=states.done, node_steps_per_s=rate)
+            if time.perf_counter() - self._saved > SAVE_INTERVAL:
+                self._save()
+
+        for outcome in states_of(self.meshes[seed], stages, list(of_pair.values()), watch).run():
+            message = "" if outcome.error is None else str(outcome.error)
+            pair, by_tension = missing[outcome.index], self.sweep.by_tension
+            done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))
+
+    # --- files ---
+
+    def _paths(self, seed: int) -> tuple[Path, Path]:
+        if self.sweep.seeds == 1:
+            return self.out / "map.csv", self.out / "map_details.csv"
+        return self.out / "seeds" / f"map_{seed:02d}.csv", self.out / "seeds" / f"details_{seed:02d}.csv"
+
+    def _read(self, seed: int) -> list[MapRow]:
+        wanted = set(self.pairs)
+        return [row for row in read_map(*self._paths(seed)) if row.load in wanted]
+
+    def _save(self) -> None:
+        order = {pair: place for place, pair in enumerate(self.pairs)}
+
+        def sorted_rows(rows: Iterable[MapRow]) -> list[MapRow]:
+            return sorted(rows, key=lambda row: order[row.load])
+
+        if self.sweep.seeds > 1:
+            for seed, rows in enumerate(self.maps):
+                if rows:
+                    write_map(sorted_rows(rows), *self._paths(seed))
+        write_map(sorted_rows(self.rows), self.out / "map.csv", self.out / "map_details.csv")
+        self._saved = time.perf_counter()
+
+    def _summary(self, reason: str) -> dict[str, Any]:
+        from .. import __version__
+
+        wall = time.perf_counter() - self._begin
+        rows, wire = self.rows, self.scene.wire
+        jumps = find_jumps(self.meshes[0], rows)
+        optimum = find_optimum(rows, wire.yield_stress, jumps)
+        warnings = [*self.model_warnings, *sweep_cautions(self.scene, self.meshes[0].cloth)]
+        limits = unconverged_warning(rows, self.sweep.by_tension), jump_warning(jumps, self.sweep.by_tension)
+        warnings += [limit for limit in limits if limit is not None]
+        if len(self.scene.stages) > 1:
+            warnings.append(f"the map is at {celsius(self.scene.stages[0].temperature)}: it does not run the stages of [[path]]")
+        if (missing := self._missing_warning) is not None:
+            warnings.append(missing)
+        else:
+            warnings += optimum_warnings(optimum, jumps)
+        return {
+            "scene": {"name": self.scene.name, "hash": self.scene.hash},
+            "version": __version__,
+            "stop_reason": reason,
+            "warnings": warnings,
+            "path": f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
+            f" {self.scene.output.frames} levels to the largest {self.sweep.quantity.removesuffix('s')}",
+            "loads": self.sweep.quantity,
+            "cells": {"wanted": len(self.pairs), "done": len(rows), "steady": sum(row.stop_reason == STEADY for row in rows)},
+            "seeds": self.sweep.seeds,
+            "model": {
+                "kind": self.scene.model.kind,
+                "kind_reason": self.scene.kind_reason,
+                "boundary": self.scene.model.boundary,
+                "nodes": self.nodes,
+                "bodies": self.meshes[0].panel.body_count,
+            },
+            "solver": {
+                "preset": self.scene.solver.preset,
+                "wall_s": wall,
+                "cell_steps": self.steps,
+                "cell_steps_per_s": self.steps / wall,
+                "node_steps_per_s": self.steps * self.nodes / wall,
+            },
+            "wire": {
+                "yield_stress_Pa": wire.yield_stress,
+                "yield_stress_assumed": "wire.yield_stress" in self.scene.assumed,
+            },
+            "optimum": None if optimum is None else asdict(optimum),
+            "jumps": jumps,
+        }
+
+    def _draw(self, summary: dict[str, Any]) -> None:
+        from ..export.map_figure import Marks, map_figure
+
+        weft, warp = self.sweep.axes
+        rows = self.rows
+
+        def column(name: str, factor: float = 1.0) -> Any:
+            return factor * grid(rows, name, weft, warp)
+
+        optimum = summary["optimum"]
+        marks = Marks(
+            stress=column("stress_max_Pa"),
+            yield_stress=self.scene.wire.yield_stress,
+            optimum=None if optimum is None else optimum["load"],
+            jumps=summary["jumps"],
+            optimum_note="" if optimum is None else optimum_note(optimum["load"], summary["jumps"]),
+        )
+        wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
+        warnings += [] if (missing := self._missing_warning) is None else [missing]
+        scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
+        ends = f"{wire.ends} x " if wire.ends > 1 else ""
+        mesh = f"{self.scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
+        found = BY_TENSION if self.sweep.by_tension else BY_STRAIN
+        for name, values, label, unit in FIGURES + found + (SEED_FIGURES if seeds > 1 else ()):
+            map_figure(
+                self.out / "figures" / f"{name}.png", weft, warp, column(values, PERCENT if unit == "%" else 1.0),
+                title=mesh, label=label, unit=unit, marks=marks, warnings=warnings,
+                by_tension=self.sweep.by_tension,
+            )  # fmt: skip

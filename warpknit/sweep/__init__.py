@@ -1,1 +1,0 @@
-"""Contact maps: equilibria of one mesh under many loads."""
