@@ -47,7 +47,7 @@ def behind(monkeypatch):
             raise stand_in.outcome
         return stand_in.outcome
 
-    for name, function in (("commands.run", "run_command"), ("plan", "make_plan"), ("export", "export_run")):
+    for name, function in (("commands.run", "run_command"), ("commands.plan", "make_plan"), ("export", "export_run")):
         module = ModuleType(f"warpknit.{name}")
         setattr(module, function, answer)
         module.FORMATS = ("usd",)
