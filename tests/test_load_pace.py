@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from warpknit.kernels import control as c
 from warpknit.mechanics.numerics import DEEP, LEAST_PACE, MAX_OVERLAP, SHALLOW, renewed_pace
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.planar.neighbours import NeighbourSearch
@@ -32,16 +31,14 @@ def test_a_load_that_lags_ends_at_its_target(lag: float):
     model = build_model(make_scene({"model": {"kind": "planar", "boundary": "periodic", "nodes_per_loop": 16}}))
     state, taken = initial_state(model), int(np.ceil(30 / (1.0 - lag)))
     target = np.array([1.001, 0.0, 0.0, 1.002, 1.0])
-    state.write_control(
-        {c.RAMP_STEP: 0.0, c.RAMP_STEPS: 30.0, c.RAMP_LAG: lag} | {int(c.TO) + k: v for k, v in enumerate(target)}
-    )
+    state.steering.set(ramp_step=0.0, ramp_steps=30.0, ramp_lag=lag, ramp_to=target)
     NeighbourSearch(model, state).search()
     stepper = Stepper(model, state)
     stepper.step(taken - 1)
     assert 0.0 < state.gradient[1, 1] - 1.0 < 0.002
     stepper.step(1)
     assert state.gradient.ravel() == pytest.approx(target[:4], rel=1e-15)
-    assert state.read_control()[int(c.RAMP_STEP)] == 30.0
+    assert state.steering.ramp_step == 30.0
 
 
 def test_deep_overlaps_slow_the_load_in_space(monkeypatch: pytest.MonkeyPatch):
@@ -55,10 +52,10 @@ def test_deep_overlaps_slow_the_load_in_space(monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(mechanics.contact, "pop_max_penetration", lambda overlap=overlap: overlap * thickness)
         assert mechanics.overlap() == pytest.approx(overlap)
         mechanics.check(1, loading=True)
-        lags.append(mechanics.state.read_control()[int(c.RAMP_LAG)])
+        lags.append(mechanics.state.steering.ramp_lag)
     assert lags == [0.5, 0.75, 0.75, 0.5]
     mechanics.set_load(load, 400)
-    assert mechanics.state.read_control()[int(c.RAMP_LAG)] == 0.0
+    assert mechanics.state.steering.ramp_lag == 0.0
 
 
 def test_parts_of_a_correction_become_smaller_after_deep_overlaps():

@@ -197,7 +197,6 @@ def test_a_gradient_of_temperature_strains_each_wire_by_where_it_lies() -> None:
 def test_warmth_strains_as_the_length_factor_does() -> None:
     """The strain that multipliers take out is (l/(l0 (1 + w)) - 1): the same whether all wires are warm by the length factor or
     by their own thermal strain."""
-    from warpknit.kernels import control as c
     from warpknit.planar.host_state import strains
 
     scene = planar_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
@@ -208,7 +207,7 @@ def test_warmth_strains_as_the_length_factor_does() -> None:
         if own:
             state.wire_thermal_strain.assign(np.tile([1e-3, 0.0], (len(model.panel.wire_first), 1)))
         else:
-            state.write_control({c.LENGTH_FACTOR: 1.001})
+            state.steering.set(length_factor=1.001)
         found.append(strains(model, state))
     assert np.abs(found[0]).max() > 5e-4
     assert found[1] == pytest.approx(found[0], abs=1e-12)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from warpknit.compute.host import fetch, store
-from warpknit.kernels import control as c
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -61,12 +60,12 @@ def test_what_blocks_have_travelled_bounds_the_ways_of_their_segments(boundary: 
     store(state.velocity, push)
     mechanics.step(20)
     block, travel = fetch(mechanics.stepper.arrays.node_block), fetch(state.block_travel)
-    control = state.read_control()
-    extrapolated = control[int(c.LOOK_AHEAD)] * control[int(c.TIME_STEP)] * (np.abs(push).max() + control[int(c.SPEED_MAX)])
+    control = state.steering.read()
+    extrapolated = control.look_ahead * control.time_step * (np.abs(push).max() + control.speed_max)
     moved = np.linalg.norm(fetch(state.displacement) - before, axis=1)
     for node in rods.following, rods.previous, rods.following[rods.following], np.arange(rods.node_count):
         there = node >= 0
         assert np.all(moved[node[there]] <= travel[block[there]] * (1 + 1e-12) + 2 * extrapolated)
     assert 0.0 < moved.max() <= travel.max() * (1 + 1e-12) + 2 * extrapolated
-    assert travel.max() <= control[int(c.STEP_TRAVEL)] * (1 + 1e-12)
+    assert travel.max() <= control.step_travel * (1 + 1e-12)
     assert travel.min() < 0.1 * travel.max()

@@ -64,7 +64,7 @@ def last_reading(here: Scene, ranks: Ranks) -> tuple[SpatialObservables, int, np
     state = initial_state(model)
     simulation = Simulation(model, state)
     *_, last = simulation.run()
-    return last.observables, last.steps, state.read_control().copy(), simulation.mechanics.dissipated
+    return last.observables, last.steps, state.steering.values.copy(), simulation.mechanics.dissipated
 
 
 def assert_same_bits(shared: SpatialObservables, alone: SpatialObservables) -> None:

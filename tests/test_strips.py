@@ -50,7 +50,7 @@ def last_reading(scene: Scene, ranks: Ranks) -> tuple[PlanarObservables, int, np
     model = build_model(scene, "cpu", ranks)
     state = initial_state(model)
     *_, last = Simulation(model, state).run()
-    return last.observables, last.steps, state.read_control().copy()
+    return last.observables, last.steps, state.steering.values.copy()
 
 
 def assert_same_bits(shared: PlanarObservables, alone: PlanarObservables) -> None:

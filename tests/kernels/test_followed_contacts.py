@@ -8,7 +8,7 @@ import pytest
 from reference.touching import advance
 from warpknit import Simulation, build_model, load_scene
 from warpknit.compute.host import fetch, store
-from warpknit.kernels import control as c
+from warpknit.compute.steering import Steering
 from warpknit.kernels.wire_closest import ONE_PLACE, PLACES, TWO_PLACES
 from warpknit.kernels.wire_minima import NEWTON_ACCURACY
 from warpknit.scene.new_scene import SceneRequest, scene_text
@@ -38,7 +38,7 @@ def at_load(knit: str, friction: float) -> WireContact:
 def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np.ndarray]:
     """What the launches of contact find in the state of now, of each pair that is near; all pairs stay as they are."""
     pairs, touch, near = contact._list, contact.touch, contact._near_pairs()
-    contact.stepper.state.write_control({c.STATUS: status, c.EVALUATED_GAP: 0.3 * contact.stepper.rods.section.thickness})
+    contact.stepper.state.steering.set(status=status, evaluated_gap=0.3 * contact.stepper.rods.section.thickness)
     kept = {name: fetch(getattr(pairs, name)).copy() for name in (*PAIR, "renewal_travel")}
     store(touch.touch_followed, 0)
     store(touch.touch_loaded, 0)
@@ -48,7 +48,7 @@ def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np
     values = {name: fetch(getattr(pairs, name)).copy() for name in PAIR}
     for name, before in kept.items():
         store(getattr(pairs, name), before)
-    contact.stepper.state.write_control({c.STATUS: float(c.STATUS_RUNNING)})
+    contact.stepper.state.steering.set(status=Steering.RUNNING)
     one = {name: values[name].reshape(pairs.capacity, -1)[near] for name in PAIR}
     one |= {name: fetch(getattr(touch, name)).copy().reshape(touch.capacity, -1)[: len(near)] for name in TOUCH}
     return one | {"followed": fetch(touch.touch_followed)[: len(near)].copy()}
@@ -66,7 +66,7 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
         advance(contact, 1)
         stepper.update_frames()
         evaluates = step % 2 == 1
-        status = float(c.STATUS_EVALUATING if evaluates else c.STATUS_RUNNING)
+        status = Steering.EVALUATING if evaluates else Steering.RUNNING
         all_of, own = found(contact, status, follows=False), found(contact, status, follows=True)
         is_followed = own["followed"] != 0
         assert np.array_equal(own["touch_loaded"], all_of["touch_loaded"])

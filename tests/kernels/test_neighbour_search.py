@@ -9,7 +9,7 @@ import warp as wp
 
 from reference.meshes import MESHES, Mesh, settled, shaken
 from reference.plane_wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, straight, table_of_wires
-from warpknit.kernels import control as c
+from warpknit.compute.steering import Steering
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
@@ -85,11 +85,11 @@ def test_sleeping_pairs_touch_nothing(mesh: str) -> None:
     def look(_progress: object) -> None:
         nonlocal looks, slept
         kept = state.arrays()
-        if kept["control"][int(c.STATUS)] != 0.0:
+        if Steering(kept["control"]).status != 0.0:
             return
         stepper.state.parity = state.parity
         simulation.mechanics.stepper.evaluate_contact()
-        sleeping = state.pair_wake.numpy() > state.read_control()[int(c.TRAVEL)]
+        sleeping = state.pair_wake.numpy() > state.steering.travel
         before = state.pair_force.numpy().copy()
         state.pair_wake.zero_()
         for _ in range(10):  # an open pair's point moves once a step; give it time to arrive
@@ -125,7 +125,7 @@ def collide(phase: float, *, asleep: bool, device: str = "cpu") -> tuple[np.ndar
     rig.set_time_step(STEP)
     touch = -1
     for step in range(2000):
-        if step == 0 or rig.state.read_control()[int(c.STATUS)] == 1.0:
+        if step == 0 or rig.state.steering.status == 1.0:
             search.search()
             if not asleep:
                 rig.state.pair_wake.zero_()

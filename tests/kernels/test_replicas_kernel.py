@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from warpknit.kernels import control as c
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.replicas import Replicas
 from warpknit.planar.state import State, initial_state
@@ -17,9 +16,7 @@ STRAINS = (0.02, 0.12, 0.2)
 
 def load(state: State, strain: float, steps: int) -> None:
     """Aim at an equibiaxial strain by a ramp of so many steps."""
-    values = {c.RAMP_STEP: 0.0, c.RAMP_STEPS: float(steps)}
-    values |= {int(c.TO) + k: value for k, value in enumerate((1 + strain, 0.0, 0.0, 1 + strain, 1.0))}
-    state.write_control(values)
+    state.steering.set(ramp_step=0.0, ramp_steps=float(steps), ramp_to=(1 + strain, 0.0, 0.0, 1 + strain, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -47,7 +44,7 @@ def test_replicas_step_to_the_bits_of_a_single_mesh(boundary, repeats, precision
         NeighbourSearch(model, single).search()
         Stepper(model, single).step(STEPS)
         kept, wanted = replicas.states[row].arrays(), single.arrays()
-        assert replicas.states[row].read_control()[int(c.STEP)] == single.read_control()[int(c.STEP)] > 0
+        assert replicas.states[row].steering.step == single.steering.step > 0
         for name, value in wanted.items():
             assert np.array_equal(kept[name], value), name
 
@@ -59,7 +56,7 @@ def test_a_frozen_replica_stays_as_it_is():
     for state in replicas.states:
         load(state, 0.001, 30)
         NeighbourSearch(model, state).search()
-    replicas.states[0].write_control({c.TRAVEL_LIMIT: 0.0})
+    replicas.states[0].steering.travel_limit = 0.0
     replicas.step(np.arange(2), np.full(2, 20.0))
-    assert replicas.state.read_control()[:, int(c.STEP)].tolist() == [1.0, 20.0]
+    assert replicas.state.steering.step.tolist() == [1.0, 20.0]
     assert replicas.status.tolist() == [1.0, 0.0]

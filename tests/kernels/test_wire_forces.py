@@ -13,7 +13,6 @@ import pytest
 from reference.meshes import MESHES, Mesh, shaken
 from reference.plane_wires import EPSILON
 from reference.wire_forces import WireForces, wire_forces
-from warpknit.kernels import control as c
 from warpknit.planar.observables import read
 
 
@@ -45,9 +44,9 @@ def rounding(mesh: Mesh, expected: WireForces) -> Rounding:
 def loaded(mesh: str, bow: bool) -> tuple[Mesh, WireForces]:
     """Cooled and sheared, so that all of the load counts, and with arcs that keep their length."""
     made = shaken(mesh)
-    made.state.write_control({c.LENGTH_FACTOR: 0.995, int(c.GRADIENT) + 1: 0.02, int(c.GRADIENT) + 2: -0.01})
+    made.state.steering.set(length_factor=0.995, gradient=((1.0, 0.02), (-0.01, 1.0)))
     if not bow:
-        made.state.write_control({c.BOW_MOMENT: 0.0})
+        made.state.steering.set(bow_moment=0.0)
     return made, wire_forces(made.model, made.state)
 
 
@@ -75,7 +74,7 @@ def test_a_step_takes_the_forces_of_the_formulas(mesh: str, by_pair: bool) -> No
     """Differences of segment forces, without contact."""
     made, expected = loaded(mesh, bow=True)
     made.state.pair_offset.zero_()
-    made.state.write_control({c.CONTACT_STIFFNESS: 0.0})
+    made.state.steering.set(contact_stiffness=0.0)
     probe = made.probe(by_pair)
     probe.evaluate()
     panel, force = made.model.panel, expected.segment_force

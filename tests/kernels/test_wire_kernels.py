@@ -8,7 +8,7 @@ import pytest
 
 from reference.meshes import MESHES, PRECISIONS, node_forces, round_off, settled, shaken
 from reference.plane_wires import EPSILON, Rig, circle, panel_of_wires, table_of_wires
-from warpknit.kernels import control as c
+from warpknit.compute.steering import Steering
 from warpknit.planar.observables import read
 from warpknit.planar.step import Stepper
 
@@ -20,7 +20,7 @@ EDGES_AND_ANGLES = 7
 def test_both_forms_give_the_same_forces(mesh: str, precision: str) -> None:
     """Cooled and sheared too, so that all of the load counts."""
     made = shaken(mesh, precision)
-    made.state.write_control({c.LENGTH_FACTOR: 0.995, int(c.GRADIENT) + 1: 0.02, int(c.GRADIENT) + 2: -0.01})
+    made.state.steering.set(length_factor=0.995, gradient=((1.0, 0.02), (-0.01, 1.0)))
     by_pair, by_block = (node_forces(made, made.probe(by_pair)) for by_pair in (True, False))
     noise = EDGES_AND_ANGLES * round_off(made)
     assert np.count_nonzero(made.state.pair_force.numpy()) > 5
@@ -41,14 +41,14 @@ def test_both_forms_leave_the_same_sums(mesh: str, precision: str) -> None:
         made = shaken(mesh, precision)
         for speed in (made.state.node_vx, made.state.node_vy, made.state.body_vx, made.state.body_vy):
             speed.zero_()
-        made.state.write_control({c.TRAVEL_LIMIT: np.inf})
+        made.state.steering.set(travel_limit=np.inf)
         forces.append(np.abs(node_forces(made, made.probe(by_pair))).max())
         Stepper(made.model, made.state, by_pair=by_pair).step(2)
-        sums.append(made.state.read_control().copy())
+        sums.append(made.state.steering.values.copy())
     epsilon = float(np.finfo(np.float32 if precision == "single" else np.float64).eps)
     share = 2 * EDGES_AND_ANGLES * round_off(made) / min(forces) + epsilon * made.model.panel.node_count
-    squares = [c.KINETIC_TWICE, c.SPEED_MAX, c.FORCE_MAX, c.FORCE_SQUARE]
-    by_pair, by_block = (row[[int(k) for k in squares]] for row in sums)
+    squares = ("kinetic_twice", "speed_max", "force_max", "force_square")
+    by_pair, by_block = (np.array([getattr(Steering(row), name) for name in squares]) for row in sums)
     assert share < 0.02
     assert by_pair == pytest.approx(by_block, rel=share, abs=0)
 
@@ -103,10 +103,10 @@ def test_two_runs_are_the_same_to_the_bit() -> None:
     kept = []
     for _ in range(2):
         made = shaken("cell", "single")
-        made.state.write_control({c.TRAVEL_LIMIT: np.inf})
+        made.state.steering.set(travel_limit=np.inf)
         Stepper(made.model, made.state).step(500)
         kept.append(made.state.arrays())
-    assert kept[0]["control"][int(c.STEP)] == settled("cell", "single").state.read_control()[int(c.STEP)] + 500
+    assert Steering(kept[0]["control"]).step == settled("cell", "single").state.steering.step + 500
     for name, array in kept[0].items():
         assert np.array_equal(array, kept[1][name]), name
 
@@ -130,7 +130,7 @@ def test_threads_share_a_step_to_the_same_bits(mesh: str) -> None:
 def test_kernel_forces_are_those_that_the_measures_see(mesh: str, by_pair: bool, length_factor: float) -> None:
     """Next to clamps too, where what is held rigid carries neither tension nor thermal strain."""
     made = shaken(mesh)
-    made.state.write_control({c.LENGTH_FACTOR: length_factor})
+    made.state.steering.set(length_factor=length_factor)
     force = node_forces(made, made.probe(by_pair))
     reading = read(made.model, made.state)
     panel, segment = made.model.panel, reading.segment_force

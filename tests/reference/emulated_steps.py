@@ -62,7 +62,7 @@ def stepped(name: str, steps: int) -> dict[str, np.ndarray]:
     gradient = np.diag([1.0 + (stage.strain_weft or 0.0), 1.0 + (stage.strain_warp or 0.0)])
     next(simulation.drive.reach(LoadPoint(gradient, stage.temperature), None))
     simulation.mechanics.step(steps)
-    return {**simulation.state.arrays(), "control": simulation.state.read_control()}
+    return {**simulation.state.arrays(), "control": simulation.state.steering.values}
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wire_forces import BLOCK_SIZE
@@ -176,28 +175,22 @@ class Rig:
         self.rest = np.concatenate([np.stack([table.x[entry], table.y[entry]], axis=1), panel.body_rest])
         body_mass = np.full(panel.body_count, self.model.body_mass)
         self.mass = np.concatenate([1.0 / self.model.rest.inverse_mass.numpy()[entry].astype(float), body_mass])
-        self.control({c.STEP_LIMIT: np.inf, c.TRAVEL_LIMIT: np.inf})
+        self.control(step_limit=np.inf, travel_limit=np.inf)
         self.set_time_step(self.model.time_step)
 
     @property
     def nodes(self) -> int:
         return self.model.panel.node_count
 
-    def control(self, values: dict[int, float]) -> None:
-        self.state.write_control(values)
+    def control(self, **values: float | np.ndarray) -> None:
+        self.state.steering.set(**values)
 
     def set_time_step(self, time_step: float, damping: float = 0.0) -> None:
         """Step [s] and mass-proportional damping [1/s]."""
         self.time_step = time_step
         half = 0.5 * damping * time_step
-        self.control(
-            {
-                c.TIME_STEP: time_step,
-                c.DAMPING: damping,
-                c.VELOCITY_FACTOR: (1 - half) / (1 + half),
-                c.FORCE_FACTOR: time_step / (1 + half),
-            }
-        )
+        factors = {"velocity_factor": (1 - half) / (1 + half), "force_factor": time_step / (1 + half)}
+        self.control(time_step=time_step, damping=damping, **factors)
 
     def place(self, position: np.ndarray) -> None:
         """Put nodes and bodies at these positions [m]."""

@@ -3,7 +3,6 @@
 import numpy as np
 
 from reference.plane_wires import Rig, circle, panel_of_wires, table_of_wires
-from warpknit.kernels import control as c
 from warpknit.kernels.contact import CURVE_COEFFICIENTS
 from warpknit.mesh.rest_table import Table
 
@@ -28,7 +27,7 @@ def two_rings(bodies: int, device: str = "cpu", **solver: object) -> Rig:
     segment = np.floor(turn / (2 * np.pi) * NODES).astype(int)
     pairs = [pair for s in segment for pair in ((0, int(s), -1), (1, int(s), 1))]
     rig = Rig(table, panel_of_wires(table, closed=True, bodies=place, pairs=pairs), device, **solver)
-    rig.control({c.CONTACT_STIFFNESS: PENALTY})
+    rig.control(contact_stiffness=PENALTY)
     return rig
 
 

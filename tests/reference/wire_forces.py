@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpknit.kernels import clamp
-from warpknit.kernels import control as c
 from warpknit.planar.model import Model
 from warpknit.planar.state import State
 
@@ -50,8 +49,8 @@ def _of_wire(model: Model, state: State, wire: int) -> tuple[np.ndarray, ...]:
     first, count, closed = (int(values[wire]) for values in (panel.wire_first, panel.wire_count, panel.wire_closed))
     nodes = slice(first, first + count)
     entry = panel.node_entry[nodes]
-    control = state.read_control()
-    gradient, factor = state.gradient, float(control[int(c.LENGTH_FACTOR)])
+    control = state.steering.read()
+    gradient, factor = state.gradient, control.length_factor
     u = np.stack([a[state.parity].numpy()[nodes].astype(float) for a in (state.node_ux, state.node_uy)], axis=1)
     step = np.roll(u, -1, axis=0) - u
     edge = np.stack([table.rest_x[entry], table.rest_y[entry]], axis=1) @ gradient.T + model.precision.unit * step
@@ -101,10 +100,10 @@ def _of_wire(model: Model, state: State, wire: int) -> tuple[np.ndarray, ...]:
         elastic = np.where(is_hinge, trial - np.sign(beyond) * over * (1.0 - model.scene.wire.hardening), 0.0)
     turns = model.bending_stiffness * elastic / (hinge_length * factor)
     rise = np.where(bears, natural * (after(turns) - turns), 0.0)
-    slope = float(control[int(c.SLOPE_FACTOR)]) * model.bending_stiffness / hinge_length
+    slope = control.slope_factor * model.bending_stiffness / hinge_length
     moment = np.where(is_hinge, turns - slope * (rise - before(rise)), 0.0)
     pull = tension * natural * factor
-    bow = float(control[int(c.BOW_MOMENT)])
+    bow = control.bow_moment
     bows = np.where(is_hinge, bow * theta * (weight_after * pull + weight_before * before(pull)), 0.0)
 
     with np.errstate(divide="ignore", invalid="ignore"):

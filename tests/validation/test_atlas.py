@@ -225,10 +225,9 @@ def test_forces_at_the_grips_balance() -> None:
     """The clamps' forces on a steady patch sum to nothing, within what the residual leaves on the free nodes."""
     patch = records("atlas_patch.toml", "solver.preset=draft", "knit.repeats=[3, 3]", "load.strain_weft=0.14",
                     "load.strain_warp=0.14", "output.frames=4")[-1].observables  # fmt: skip
-    from warpknit.kernels import control as c
 
     forces = patch.held_forces
-    left = np.sqrt(patch.control[int(c.FORCE_SQUARE)] * patch.model.panel.node_count)
+    left = np.sqrt(patch.control.force_square * patch.model.panel.node_count)
     assert np.linalg.norm(forces.sum(axis=0)) < left + 1e-6 * np.abs(forces).sum()
 
 

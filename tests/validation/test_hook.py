@@ -14,7 +14,6 @@ import pytest
 from hook_reference import Contact, Hook
 
 from warpknit import measure
-from warpknit.kernels.control import KINETIC_TWICE
 from warpknit.mesh.hook_mesh import LEFT_TOP, RIGHT_TOP
 from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.host_state import node_entries
@@ -178,7 +177,7 @@ def test_a_sliding_clamp_has_the_mass_of_both_its_nodes() -> None:
     Stepper(model, state).step(1)
     after = np.stack([state.node_vx.numpy(), state.node_vy.numpy()])
     assert after[1, top[::2]] == pytest.approx(after[1, top[1::2]], rel=1e-15)
-    kinetic = float(state.read_control()[int(KINETIC_TWICE)])
+    kinetic = state.steering.kinetic_twice
     assert kinetic == pytest.approx(np.sum(mass * after**2), rel=1e-12)
     assert np.sum(mass[top] * after[1, top] ** 2) > 0.1 * kinetic
 
@@ -291,17 +290,18 @@ def test_a_hook_goes_on_from_where_it_was_kept(treatment: str) -> None:
 
 def test_both_wire_kernels_step_a_hook_alike() -> None:
     """A thread a node, as on a GPU, and a block a thread: a thousand steps agree to the round-off of sums in another order."""
-    from warpknit.kernels import control as c
     from warpknit.planar.step import Stepper
 
     model = build_model(hook_scene(16, contact={"treatment": "spring-cylinder"}))
     states = []
     for by_pair in (False, True):
         state = initial_state(model)
-        state.write_control({int(c.TO) + 1: 0.3, c.RAMP_STEPS: 500.0, c.TRAVEL_LIMIT: np.inf})
+        to = state.steering.ramp_to
+        to[1] = 0.3
+        state.steering.set(ramp_to=to, ramp_steps=500.0, travel_limit=np.inf)
         Stepper(model, state, by_pair=by_pair).step(1000)
         states.append(state)
-    assert states[0].read_control()[int(c.STEP)] == 1000
+    assert states[0].steering.step == 1000
     a, b = (np.stack([s.node_ux[0].numpy(), s.node_uy[0].numpy()]) for s in states)
     assert np.abs(a).max() > 1e-5
     assert np.abs(a - b).max() < 1e-9 * np.abs(a).max()

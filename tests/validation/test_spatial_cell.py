@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial import cKDTree
 
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.kernels.wire_minima import SINGLE_STEP
 from warpknit.knit.named import named_knit
 from warpknit.planar.state import initial_state
@@ -90,7 +89,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
     offset = 0.02 * mesh.rods.section.thickness
     stepper.state.contact_penalty.fill_(mesh.contact_stiffness)
     stepper.state.contact_offset.fill_(offset)
-    stepper.state.write_control({c.BOW_MOMENT: 0.0})  # chords: the length of arcs is kept by multipliers, at rest only
+    stepper.state.steering.set(bow_moment=0.0)  # chords: the length of arcs is kept by multipliers, at rest only
     last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.relaxation, contact)
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min() + 2.0 * offset) / mesh.panel.size.max()
@@ -98,7 +97,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
     place = stepper.state.displacement.numpy().copy()
 
     def energy(f: np.ndarray) -> float:
-        stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(f.ravel())})
+        stepper.state.steering.set(gradient=f)
         place[mesh.wires.held_node, :2] = mesh.held_shift(f)
         stepper.state.displacement.assign(place)
         stepper.evaluate()
@@ -130,7 +129,7 @@ def test_nominal_stress_of_a_patch_is_the_derivative_of_the_energy() -> None:
     place[:, 2] = -0.5 * relaxation.model.rods.position[:, 2]
     place[relaxation.model.wires.held_node, :2] = relaxation.model.held_shift(gradient)
     relaxation.mechanics.stepper.state.displacement.assign(place)
-    relaxation.mechanics.stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
+    relaxation.mechanics.stepper.state.steering.set(gradient=gradient)
     relaxation.mechanics.contact.search()
     assert_stress_is_the_derivative_of_the_energy(relaxation)
 
@@ -249,7 +248,7 @@ def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:
     for name, values in vars(one.state).items():
         if values.shape[0] == small.node_count:
             getattr(there.state, name).assign(values.numpy()[node])
-    there.state.write_control(dict(enumerate(one.state.read_control().tolist())))
+    there.state.steering.values[:] = one.state.steering.values
     for mechanics in (one, there):
         mechanics.contact.search()
         mechanics.stepper.evaluate()

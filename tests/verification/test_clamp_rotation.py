@@ -21,7 +21,6 @@ from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from warpknit import measure
 from warpknit.errors import SceneError
 from warpknit.kernels import clamp
-from warpknit.kernels import control as c
 from warpknit.planar.state import initial_state
 from warpknit.runner.run import run_scene
 from warpknit.scene import make_scene
@@ -49,7 +48,7 @@ def couple_of_beam(segments: int) -> tuple[float, float]:
     )  # fmt: skip
     rig = Rig(table, panel)
     gradient = measure.rotation(-PHI)
-    rig.control({int(c.GRADIENT) + k: value for k, value in enumerate(gradient.ravel())})
+    rig.control(gradient=gradient)
     start = rig.rest.copy()
     rig.rest = start @ gradient.T
     place = rig.rest.copy()

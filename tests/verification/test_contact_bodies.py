@@ -17,7 +17,6 @@ from reference.plane_wires import (
     table_of_circle,
     table_of_wires,
 )
-from warpknit.kernels import control as c
 from warpknit.kernels.bodies import FREE_FLIGHT
 from warpknit.mechanics.numerics import LOOK_AHEAD
 
@@ -76,7 +75,7 @@ def test_squeezed_body_swings_as_its_step_says(look_ahead: float, device: str) -
     """
     swing = 0.01 * DIAMETER
     rig = body_between(1.05 * DIAMETER, offset=swing, device=device)
-    rig.control({c.LOOK_AHEAD: look_ahead})
+    rig.control(look_ahead=look_ahead)
     rig.set_time_step(0.5 / np.sqrt(2 * rig.model.contact_stiffness / rig.mass[-1]))
     steps = 50
     rig.step(steps)
@@ -112,7 +111,7 @@ def test_body_squeezed_by_pinned_wires_bends_them() -> None:
     squeeze = 1e-4 * DIAMETER
     rig = body_between(2 * (REACH - squeeze), held=False, softening=1e4)
     penalty = 10.0
-    rig.control({c.CONTACT_STIFFNESS: penalty})
+    rig.control(contact_stiffness=penalty)
     hinges = np.arange(1, SEGMENTS)
     bend = SPACING**3 / rig.model.bending_stiffness * quadratic_of_moments(np.minimum(hinges, SEGMENTS - hinges) / 2)
     length = SEGMENTS * SPACING

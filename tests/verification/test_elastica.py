@@ -15,7 +15,6 @@ import pytest
 
 from reference.elastica import DEFLECTION, elastica
 from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
-from warpknit.kernels import control as c
 from warpknit.kernels.bend import BOW
 
 LENGTH = 40e-3
@@ -30,7 +29,7 @@ def cantilever(load: float, segments: int) -> tuple[float, np.ndarray]:
     h = LENGTH / segments
     table = table_of_wires([straight(2 * segments + 1, h)])
     rig = Rig(table, panel_of_wires(table, held=[segments]), axial_softening=SOFTENING)
-    rig.control({c.BOW_MOMENT: 2.0 * BOW})
+    rig.control(bow_moment=2.0 * BOW)
     force = load * rig.model.bending_stiffness / LENGTH**2
     free = np.ones_like(rig.rest, dtype=bool)
     free[segments] = False

@@ -7,7 +7,6 @@ from scipy.linalg import eigh
 from reference.rods import SECTION, Pose, helix
 from warpknit.compute.host import fetch
 from warpknit.compute.launch import bind
-from warpknit.kernels import control as c
 from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
 from warpknit.spatial.fictitious_masses import BandedMasses
@@ -63,7 +62,7 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
     stepper.set_masses(masses)
     stepper.state.force.assign(force)
     stepper.state.torque.assign(torque)
-    stepper.state.write_control({c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0})
+    stepper.state.steering.set(velocity_factor=0.0, force_factor=1.0)
     motion_launch(stepper.arrays, stepper.state).run("cpu")
     mass, spin = dense(rods, masses)
     found = stepper.state.velocity.numpy()

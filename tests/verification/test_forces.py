@@ -11,7 +11,6 @@ import pytest
 
 from reference.plane_wires import CLOSEST_POINT_TOLERANCE, EPSILON, Rig
 from reference.rings import DEPTH, NODES, PENALTY, RADIUS, SPACING, deformed, two_rings
-from warpknit.kernels import control as c
 
 SPEED = 0.2  # [m/s] of nodes and bodies in flight
 
@@ -115,7 +114,7 @@ def flying_rings(bodies: int, phase: float) -> Rig:
     rig = two_rings(bodies)
     penalty = 1e4
     rig.mass[rig.nodes :] = 5.0 * rig.mass[0]
-    rig.control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1 / (5.0 * rig.mass[0])})
+    rig.control(contact_stiffness=penalty, body_inverse_mass=1 / (5.0 * rig.mass[0]))
     rig.set_velocity(SPEED * np.random.default_rng(4).normal(size=rig.rest.shape) + [0.3, -0.1])
     stretch = 4 * rig.model.axial_stiffness / SPACING
     rig.set_time_step(phase / np.sqrt((stretch + 2 * penalty) / rig.mass[0]))

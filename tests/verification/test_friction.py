@@ -7,7 +7,6 @@ import pytest
 import warp as wp
 
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.kernels.contact_friction import LOOSE, TANGENTIAL
 from warpknit.planar.bending import normal_forces
 from warpknit.planar.friction import friction_energy
@@ -257,7 +256,7 @@ def test_a_frozen_state_has_no_new_friction() -> None:
     model, state, stepper, _, _ = pressed(0.2, True)
     stepper.evaluate_contact()
     before = state.pair_body_x.numpy().copy()
-    state.write_control({c.STATUS: 1.0})
+    state.steering.set(status=1.0)
     stepper.evaluate_contact()
     assert np.array_equal(state.pair_body_x.numpy(), before)
     assert isinstance(state.pair_stuck, wp.array)

@@ -11,7 +11,6 @@ from long_run import kinetic, mesh, shake, speeds_of, stored
 from stepping import advance
 
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read
 from warpknit.planar.step import Stepper
@@ -33,7 +32,7 @@ def test_undamped_motion_keeps_its_energy() -> None:
     at_rest = stored(read(model, state))
     step = stable_step(model, state, 0)
     shake(model, state, step)
-    state.write_control({c.TIME_STEP: step, c.DAMPING: 0.0, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step})
+    state.steering.set(time_step=step, damping=0.0, velocity_factor=1.0, force_factor=step)
     put_in = kinetic(model, state, read(model, state), speeds_of(state))
     looks, share = 2000, 400
     energy = []

@@ -17,7 +17,6 @@ import pytest
 from reference.oscillator import step_matrix
 from reference.plane_wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 from reference.rings import deformed, two_rings
-from warpknit.kernels import control as c
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
 
 LENGTH = 1e-3
@@ -117,7 +116,7 @@ def test_step_is_stable_up_to_its_limit(kind: str, look_ahead: float, device: st
         rig = mode.rig
         phase = 2 / np.sqrt(1 + 2 * look_ahead) * (1 + nearness)
         rig.set_time_step(phase / mode.frequency)
-        rig.control({c.LOOK_AHEAD: look_ahead})
+        rig.control(look_ahead=look_ahead)
         start = 1e-8 * DIAMETER
         rig.place(rig.rest + start * mode.shape)
         expected, seen = [], []
@@ -148,7 +147,7 @@ def test_damping_takes_out_what_it_says() -> None:
     assert speed == pytest.approx(np.full_like(speed, 0.3 * ((1 - q) / (1 + q)) ** steps), rel=100 * steps * EPSILON, abs=0)
     assert speed[0, 0] == pytest.approx(0.3 * np.exp(-2 * q * steps), rel=1.01 * steps * (2 * q) ** 3 / 12, abs=0)
     lost = np.sum(rig.mass) * (0.3**2 - speed[0, 0] ** 2)
-    dissipated = rig.state.read_control()[int(c.DISSIPATED)]
+    dissipated = rig.state.steering.dissipated
     assert dissipated == pytest.approx(lost * (1 - q) ** 2, rel=1000 * steps * EPSILON, abs=0)
 
 
@@ -160,7 +159,7 @@ def test_fictitious_masses_are_stable_at_unit_step(bodies: int) -> None:
     need.
     """
     rig = two_rings(bodies, drive="relax", axial_softening=50.0)
-    rig.control({c.CONTACT_STIFFNESS: rig.model.contact_stiffness})
+    rig.control(contact_stiffness=rig.model.contact_stiffness)
     x = deformed(rig)
     stiffness = rig.stiffness(x, 1e-5 * rig.model.table.spacing.min())
     mass = np.repeat(rig.mass, 2)

@@ -7,7 +7,6 @@ import pytest
 
 from reference.rods import SECTION, set_masses
 from reference.touching import STIFFNESS, advance, line
-from warpknit.kernels import control as c
 from warpknit.spatial.rest_curve import catmull_rom
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
@@ -54,7 +53,7 @@ def tangle(tile: tuple[float, float], repeats: tuple[int, int] = (1, 1)) -> Rods
 
 def searched(rods: Rods, **options: float) -> tuple[RodStepper, WireContact]:
     stepper = RodStepper(rods)
-    stepper.state.write_control({int(c.GRADIENT) + k: v for k, v in enumerate(GRADIENT.ravel())})
+    stepper.state.steering.set(gradient=GRADIENT)
     contact = WireContact(stepper, STIFFNESS, **options)
     contact.search()
     stepper.evaluate()

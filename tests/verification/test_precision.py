@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from reference.plane_wires import DIAMETER, Rig, panel_of_wires, straight, table_of_wires
-from warpknit.kernels import control as c
 
 TIME_STEP = 1e-8
 STEPS = 4000
@@ -56,4 +55,4 @@ def test_creep_is_not_lost() -> None:
     rig.step(steps)
     left = (rig.position() - rig.rest)[:, 1] @ shape / (shape @ shape)
     assert left == pytest.approx(start * np.exp(-rate * step * steps), abs=2e-3 * start)
-    assert np.isfinite(rig.state.read_control()[int(c.KINETIC_TWICE)])
+    assert np.isfinite(rig.state.steering.kinetic_twice)

@@ -10,7 +10,6 @@ from scipy.optimize import minimize
 
 from reference.rods import SECTION, Pose, set_masses
 from reference.touching import advance
-from warpknit.kernels import control as c
 from warpknit.spatial.contacts import Contacts
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods, rods_of
@@ -336,8 +335,7 @@ def test_wires_that_the_load_brings_together_touch() -> None:
     state = pose.stepper.state
     set_masses(pose.stepper, 1e15, 1e15)
     pose.stepper.set_time_step(0.005)
-    start = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.RAMP_STEPS: 100.0}
-    state.write_control(start | {c.TO: 0.7, c.TO + 3: 1.0, c.TO + 4: 1.0})
+    state.steering.set(ramp_from=(1.0, 0.0, 0.0, 1.0, 1.0), ramp_to=(0.7, 0.0, 0.0, 1.0, 1.0), ramp_steps=100.0)
     contact.search()
     advance(contact, 100)
     assert contact.read_contacts().overlap.max(initial=0.0) == pytest.approx(1.0 - 0.7 * 1.3, rel=1e-2, abs=0)

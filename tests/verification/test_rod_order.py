@@ -8,7 +8,6 @@ import pytest
 
 from reference.rods import SECTION, relaxed
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.kernels.wire_curve import MAX_RATIO
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
@@ -63,7 +62,7 @@ def spring_error(rods: Rods, lead: float) -> float:
     """Relative error of the energy of a stretched spring that does not unwind: k = 4 pi^2/L^3 (EI tan^2 lead + GJ)."""
     stepper, strain = RodStepper(rods), 1e-3
     relaxation = RodRelaxation(stepper, softening=SOFTENING)
-    stepper.state.write_control({c.GRADIENT + 3: 1.0 + strain})
+    stepper.state.steering.gradient = np.diag([1.0, 1.0 + strain])
     stepper.evaluate()
     length, pitch = 2 * np.pi * RADIUS / np.cos(lead), 2 * np.pi * RADIUS * np.tan(lead)
     stiffness = 4 * np.pi**2 / length**3 * (SECTION.bending_stiffness * np.tan(lead) ** 2 + SECTION.twist_stiffness)

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reference.rods import SECTION, Pose, helix, round_section
-from warpknit.kernels import control as c
 from warpknit.spatial.fictitious_masses import BandedMasses
 from warpknit.spatial.rod_checks import RodChecks
 from warpknit.spatial.rod_step import RodStepper
@@ -80,7 +79,7 @@ def test_a_tension_that_keeps_arcs_is_the_gradient_of_their_energy() -> None:
         found[k] = -(arc_energy(*pose.split(way)) - arc_energy(*pose.split(-way))) / (2 * step)
     pose.at(np.zeros((16, 3)), np.zeros(16))
     state.tension_offset.assign(np.where(pose.has_segment, SECTION.axial_stiffness * (bow() - at_rest), 0.0))
-    state.write_control({c.BOW_MOMENT: 1 / 24})
+    state.steering.set(bow_moment=1 / 24)
     _, force, torque = pose.at(np.zeros((16, 3)), np.zeros(16))
     scale = np.abs(found).max()
     assert np.abs(pose.join(force, torque) - found).max() < (100 * step**2 + ROUND_OFF / step) * scale

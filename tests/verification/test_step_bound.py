@@ -9,7 +9,6 @@ import pytest
 
 from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from reference.rings import DEPTH, SPACING, deformed, two_rings
-from warpknit.kernels import control as c
 from warpknit.planar.frequency import frequency_square
 from warpknit.planar.time_step import largest_step
 
@@ -61,7 +60,7 @@ def test_contacts_about_to_close_count_as_closed() -> None:
 def test_a_light_body_rules_by_its_own_frequency() -> None:
     """w_body dt <= 1 with w_body^2 = 2 k/m_body."""
     rig = two_rings(7, axial_softening=1e4)
-    rig.control({c.BODY_INVERSE_MASS: 1e3 * float(rig.state.read_control()[int(c.BODY_INVERSE_MASS)])})
+    rig.control(body_inverse_mass=1e3 * rig.state.steering.body_inverse_mass)
     reading = rig.observables(rig.rest)
-    body = 2 * reading.control[int(c.CONTACT_STIFFNESS)] * reading.control[int(c.BODY_INVERSE_MASS)]
+    body = 2 * reading.control.contact_stiffness * reading.control.body_inverse_mass
     assert largest_step(reading, 0) * np.sqrt(body) == pytest.approx(1.0, rel=1e-12)

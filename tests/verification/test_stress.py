@@ -6,7 +6,6 @@ import pytest
 from reference.plane_wires import DIAMETER, EPSILON, Rig, panel_of_wires, straight, table_of_wires
 from reference.rings import deformed, two_rings
 from warpknit import measure
-from warpknit.kernels import control as c
 
 SEGMENTS, SPACING = 16, 50e-6
 BALANCE = 1e-14  # [N] over a force of 9e-8 N
@@ -62,7 +61,7 @@ def test_a_wire_is_stressed_most_under_a_body(u: float) -> None:
     place = (segment + u) * SPACING
     pairs = [(0, segment, 1), (1, segment, -1)]
     rig = Rig(table, panel_of_wires(table, bodies=np.array([[place, distance / 2]]), pairs=pairs), axial_softening=1e4)
-    rig.control({c.CONTACT_STIFFNESS: 10.0})
+    rig.control(contact_stiffness=10.0)
     free = np.ones_like(rig.rest, dtype=bool)
     free[[0, SEGMENTS, SEGMENTS + 1, 2 * SEGMENTS + 1]] = False
     free[-1, 0] = False
@@ -89,7 +88,7 @@ def test_heat_works_against_stretch_bending_and_contact() -> None:
     found = measure.thermal_force(rig.observables(x))
     energies = []
     for sign in (1.0, -1.0):
-        rig.control({c.LENGTH_FACTOR: 1.0 + sign * by})
+        rig.control(length_factor=1.0 + sign * by)
         energies.append(rig.stored_energy(x))
     slope = (energies[0] - energies[1]) / (2.0 * by)
     widened = float(np.sum(rig.observables(x).pair_force)) * rig.model.contact_reach

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from reference.plane_wires import EPSILON, Rig, panel_of_wires, straight, table_of_wires
-from warpknit.kernels import control as c
 from warpknit.planar.host_state import strains
 
 
@@ -17,7 +16,7 @@ def test_cooled_wire_pulls_on_its_grips(cooled_by: float, device: str) -> None:
     table = table_of_wires([straight(30, 40e-6)])
     rig = Rig(table, panel_of_wires(table, held=[0, 1, 28, 29]), device)
     wire = rig.model.scene.wire
-    rig.control({c.LENGTH_FACTOR: 1 - wire.expansion * cooled_by})
+    rig.control(length_factor=1 - wire.expansion * cooled_by)
     strain = 4.5e-6 * cooled_by
     expected = rig.model.axial_stiffness * strain * (1 + strain)
     tolerance = strain**2 + 10 * EPSILON / strain

@@ -15,7 +15,6 @@ import pytest
 
 from reference.rods import SECTION, relaxed
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
@@ -83,7 +82,7 @@ def pressed() -> Simulation:
     place[:, 2] = -0.5 * mesh.rods.position[:, 2]
     place[mesh.wires.held_node, :2] = mesh.held_shift(gradient)
     stepper.state.displacement.assign(place)
-    stepper.state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())})
+    stepper.state.steering.set(gradient=gradient)
     relaxation.mechanics.contact.search()
     stepper.evaluate()
     return relaxation
@@ -103,7 +102,7 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
     rods, held = mesh.rods, ~relaxation.mechanics.relaxation.can_stretch & (mesh.rods.following >= 0)
 
     def energies(factor: float) -> np.ndarray:
-        stepper.state.write_control({c.LENGTH_FACTOR: factor})
+        stepper.state.steering.set(length_factor=factor)
         place[mesh.wires.held_node, :2] = mesh.held_shift(last.gradient, factor)
         stepper.state.displacement.assign(place)
         stepper.evaluate()
@@ -124,7 +123,7 @@ def test_what_grows_alike_touches_alike() -> None:
     place, gradient = state.displacement.numpy() * by, by * state.gradient
     place[:, 2] += (by - 1.0) * relaxation.model.rods.position[:, 2]
     state.displacement.assign(place)
-    state.write_control({int(c.GRADIENT) + k: float(v) for k, v in enumerate(gradient.ravel())} | {int(c.LENGTH_FACTOR): by})
+    state.steering.set(gradient=gradient, length_factor=by)
     contact.search()
     relaxation.mechanics.stepper.evaluate()
     after = contact.read_contacts()

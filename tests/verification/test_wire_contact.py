@@ -6,7 +6,6 @@ import pytest
 from reference.rods import SECTION, residual_of
 from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.errors import OutOfResources
-from warpknit.kernels import control as c
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
@@ -80,7 +79,7 @@ def test_every_contact_is_found() -> None:
     rods = tangle(3, 12, 60)
     stepper = RodStepper(rods)
     gradient = np.array([[1.1, 0.15], [0.0, 0.9]])
-    stepper.state.write_control({int(c.GRADIENT) + k: v for k, v in enumerate(gradient.ravel())})
+    stepper.state.steering.set(gradient=gradient)
     contact = WireContact(stepper, STIFFNESS)
     contact.search()
     assert contact.pair_count > 1000
@@ -142,7 +141,7 @@ def energy_of(stepper: RodStepper, contact: WireContact) -> float:
     stepper.evaluate()
     near = contact.read_contacts()
     stored = stepper.energy() + 0.5 * STIFFNESS * float(np.sum(np.sign(near.force) * near.overlap**2))
-    after = before + float(state.read_control()[int(c.TIME_STEP)]) * state.force.numpy() / mass
+    after = before + state.steering.time_step * state.force.numpy() / mass
     return stored + 0.25 * float(np.sum(mass * (before**2 + after**2)))
 
 
@@ -177,7 +176,7 @@ def test_nothing_passes_through_at_the_speed_limit() -> None:
     lower, upper = line([0, 0, 0], [2, 0, 0], 8), line([7.2, -6.7, 1.5], [0, 2, 0], 8)
     stepper, contact = touching([lower, upper])
     rest = RodRelaxation(stepper)
-    limit = float(rest.stepper.state.read_control()[int(c.SPEED_LIMIT)])
+    limit = rest.stepper.state.steering.speed_limit
     stepper.state.velocity.assign(np.where(np.arange(16)[:, None] < 8, [0.0, 0.0, limit], [0.0, 0.0, -limit]))
     rest.stepper.set_time_step(1.0)  # undamped: worse than any relaxation
     lowest = np.inf

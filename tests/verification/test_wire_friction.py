@@ -9,7 +9,6 @@ import pytest
 
 from reference.rods import SECTION, residual_of, set_masses, update
 from reference.touching import STIFFNESS, advance, line, plies, touching
-from warpknit.kernels import control as c
 from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
@@ -101,7 +100,7 @@ def drawn_across(is_relaxation: bool) -> tuple[WireContact, Callable[[float, flo
     state, is_upper, step = stepper.state, np.arange(16)[:, None] >= 8, 0.01
     set_masses(stepper, 1e12, 1e12)
     stepper.set_time_step(step)
-    state.write_control({c.DRIVE: float(not is_relaxation)})
+    state.steering.set(drive=float(not is_relaxation))
 
     def friction_after(way: float, height: float = 0.0) -> np.ndarray:
         steps = max(round(abs(way) / step), 1)
@@ -172,8 +171,8 @@ def test_wires_that_the_load_carries_over_each_other_stick_and_slip() -> None:
     state = stepper.state
     state.displacement.assign(np.where(np.arange(28)[:, None] < 20, 0.0, [slid, 0.0, 0.0]))
     stepper.set_time_step(0.01)
-    ramp = {c.FROM: 1.0, c.FROM + 3: 1.0, c.FROM + 4: 1.0, c.TO: 1.0 + strain, c.TO + 3: 1.0, c.TO + 4: 1.0}
-    state.write_control(ramp | {c.RAMP_STEPS: float(steps)})
+    to = (1.0 + strain, 0.0, 0.0, 1.0, 1.0)
+    state.steering.set(ramp_from=(1.0, 0.0, 0.0, 1.0, 1.0), ramp_to=to, ramp_steps=float(steps))
     contact.search()
     advance(contact, steps + 20)
     stepper.evaluate()
@@ -222,7 +221,7 @@ def test_wire_on_an_incline_slips_at_the_friction_angle(share: float) -> None:
     slope = np.arctan(share * friction)
     stepper, contact = wire_on_rails(slope, friction, rolls=False)
     state = stepper.state
-    step, count = float(state.read_control()[int(c.TIME_STEP)]), 4000
+    step, count = state.steering.time_step, 4000
     mass = float(state.node_mass.numpy()[80:, 0].sum())
     if share < 1:
         stepper.set_time_step(step, damping=0.2 * np.sqrt(STICK_SHARE * STIFFNESS / mass))
@@ -247,7 +246,7 @@ def test_wire_rolls_down_rails_where_friction_holds_it() -> None:
     state = stepper.state
     mass = float(state.node_mass.numpy()[80:, 0].sum())
     inertia = float(state.spin_inertia.numpy()[80:83].sum())
-    step, count = float(state.read_control()[int(c.TIME_STEP)]), 4000
+    step, count = state.steering.time_step, 4000
     advance(contact, count)
     speed, spin = state.velocity.numpy()[80:, 0].mean(), np.abs(state.spin.numpy()[80:83]).mean()
     expected = np.sin(slope) / (mass + inertia / 0.5**2) * step * count

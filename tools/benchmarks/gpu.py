@@ -23,7 +23,6 @@ import warp as wp
 
 from warpknit.compute.launch import Launch
 from warpknit.errors import MemoryNeeded, OutOfResources
-from warpknit.kernels import control as c
 from warpknit.mesh.load_point import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model
@@ -80,7 +79,7 @@ def at_load(kind: str, nodes: int, precision: str, device: str) -> Simulation:
     simulation.mechanics.search()
     drive: Any = simulation.drive
     next(drive.reach(LoadPoint((1.0 + STRAIN) * np.eye(2), scene.stages[0].temperature), None))
-    while drive.state.read_control()[int(c.RAMP_STEP)] < drive.state.read_control()[int(c.RAMP_STEPS)]:
+    while drive.state.steering.ramp_step < drive.state.steering.ramp_steps:
         drive.mechanics.step(STEPS)
     return simulation
 
@@ -113,7 +112,7 @@ def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> It
     begin, device = time.perf_counter(), options.device
     simulation = at_load(kind, nodes, options.precision[0], device)
     stepper, state, count = simulation.mechanics.stepper, simulation.state, simulation.model.node_count
-    state.write_control({c.TRAVEL_LIMIT: math.inf, c.TIME_STEP: 0.0})  # the state stays, also without contact
+    state.steering.set(travel_limit=math.inf, time_step=0.0)  # the state stays, also without contact
     built = time.perf_counter() - begin
     for free in (False, True):
         turns = step_launches(stepper, free=free)

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpknit.kernels import control as c
 from warpknit.planar.model import Model, assemble_model
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import Stepper
@@ -84,9 +83,7 @@ def stretched(model: Model) -> State:
     for name, each in (("body_ux", 1), ("body_uy", 1), ("pair_slide", 2), ("pair_u", 2), ("pair_offset", 2)):
         values = getattr(solved, name).numpy().reshape(bodies, each)
         getattr(state, name).assign(np.tile(values, (columns * rows, 1)).ravel())
-    kept = solved.read_control()
-    state.write_control({int(c.GRADIENT) + k: kept[int(c.GRADIENT) + k] for k in range(4)})
-    state.write_control({c.CONTACT_STIFFNESS: kept[int(c.CONTACT_STIFFNESS)], c.DAMPING: 0.05})
+    state.steering.set(gradient=solved.gradient, contact_stiffness=solved.steering.contact_stiffness, damping=0.05)
     return state
 
 
@@ -96,7 +93,7 @@ class Steps:
     def __init__(self, model: Model, state: State, threads: int) -> None:
         self.model = model
         self.state = state
-        state.write_control({c.TRAVEL_LIMIT: np.inf})
+        state.steering.set(travel_limit=np.inf)
         begin = time.perf_counter()
         self.stepper = Stepper(model, state, threads=threads)
         self.stepper.step(GRAPH + 2)

@@ -25,7 +25,6 @@ import numpy as np
 from warpknit.compute.device import find_device
 from warpknit.compute.ranks import Ranks
 from warpknit.compute.start import join_ranks
-from warpknit.kernels import control as c
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
 from warpknit.scene import load_scene
@@ -61,7 +60,7 @@ def measure(options: argparse.Namespace, nodes: int, threads: int, ranks: Ranks)
     simulation = Simulation(model, state)
     for _record in simulation.run():
         pass
-    state.write_control({c.TRAVEL_LIMIT: np.inf})
+    state.steering.set(travel_limit=np.inf)
     stepper = simulation.mechanics.stepper
     steps = max(1, round(options.seconds * 1e8 * ranks.count / nodes / 50)) * 50
     found = {

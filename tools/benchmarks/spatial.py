@@ -25,7 +25,6 @@ import numpy as np
 import warp as wp
 
 from warpknit.compute.launch import Launch
-from warpknit.kernels import control as c
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -85,15 +84,15 @@ def repeated(relaxation: Simulation, launches: list[Launch]) -> Callable[[], Non
 def kernels_alone(relaxation: Simulation, rounds: int) -> dict[str, float]:
     """[s] of each kernel of a step, on one thread."""
     stepper = relaxation.mechanics.stepper
-    kept = {c.TIME_STEP: float(stepper.state.read_control()[int(c.TIME_STEP)])}
-    stepper.state.write_control({c.TIME_STEP: 0.0})
+    kept = stepper.state.steering.time_step
+    stepper.state.steering.set(time_step=0.0)
     launches: dict[str, list[Launch]] = {}
     for one in stepper.launches():
         if one.threads and one.kernel.key != "wait_for_all":
             launches.setdefault(one.kernel.key, []).append(one)
     works = {key: repeated(relaxation, ones) for key, ones in launches.items()}
     taken = best(works, rounds, device=stepper.device)
-    stepper.state.write_control(kept)
+    stepper.state.steering.time_step = kept
     return {name: seconds / STEPS for name, seconds in taken.items()}
 
 
@@ -154,7 +153,7 @@ def measure(
     contact.search()
     stepper.step(1)
     contact.list_near_pairs()  # as checks do, now that the search has found how far pairs are apart
-    stepper.state.write_control({c.TRAVEL_LIMIT: np.inf})
+    stepper.state.steering.set(travel_limit=np.inf)
     works, c_contacts = {"step": partial(stepper.step, STEPS)}, 0
     if options.device == "cpu":
         thickness, spacing = relaxation.model.rods.section.thickness, relaxation.model.rods.natural_length.mean()
@@ -194,7 +193,7 @@ def measure(
     }
     stepper.contact = None
     works.pop("c_contact", None)
-    stepper.state.write_control({c.TIME_STEP: 0.0})  # wires that touch would be driven apart
+    stepper.state.steering.set(time_step=0.0)  # wires that touch would be driven apart
     best(works, 1, device=options.device)
     yield {"case": f"{knit}, free", **common, **speeds(best(works, rounds, device=options.device))}
     yield {"case": knit, **common, **speeds(whole), **contacts}

@@ -29,7 +29,6 @@ from warpknit import measure
 from warpknit.export.frame_files import StageOptions
 from warpknit.export.usd import StageWriter
 from warpknit.export.writer_process import WriterProcess
-from warpknit.kernels import control as c
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
@@ -108,7 +107,7 @@ def write_speed(model: Model, *, frames: int, rounds: int, on: Path | None) -> d
 def slowdown(model: Model, *, frames: int, steps: int, threads: int, on: Path | None) -> dict[str, Any]:
     """Seconds of `steps` steps with a frame and without."""
     state = initial_state(model)
-    state.write_control({c.TRAVEL_LIMIT: np.inf})
+    state.steering.set(travel_limit=np.inf)
     stepper = Stepper(model, state, threads=threads)
     frame = frame_of(model, state, 0)
     stepper.step(50)

@@ -12,7 +12,6 @@ import numpy as np
 from study import scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
@@ -86,7 +85,7 @@ def speeds(meshes: Sequence[Equilibrium]) -> list[float]:
             start = time.perf_counter()
             stepper.step(STEPS)
             seconds = time.perf_counter() - start
-            if meshes[k].state.read_control()[int(c.STATUS)]:
+            if meshes[k].state.steering.status:
                 raise SystemExit("a mesh at rest moved too far to be followed")  # steps then do nothing
             if turn:  # the first launch of all compiles
                 best[k] = min(best[k], seconds)

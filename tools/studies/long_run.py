@@ -29,7 +29,6 @@ from stepping import advance, as_ramp
 from study import add_directory, new_parser, read_rows, scene_of, table_path, write_rows
 
 from warpknit import measure
-from warpknit.kernels import control as c
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import PlanarObservables, read
@@ -121,14 +120,14 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
     model, state = mesh(drive, precision, strain)
     neighbours, stepper = NeighbourSearch(model, state), Stepper(model, state, threads=1)
     neighbours.search()
-    step = float(state.read_control()[int(c.TIME_STEP)])
+    step = state.steering.time_step
     at_rest = stored(read(model, state))
     scale = measure.energy_scale(model)
     if drive != "relax":
         step = stable_step(model, state, 0)
         shake(model, state, step)
         damping = 0.0 if drive == "shaken" else model.damping
-        state.write_control({c.TIME_STEP: step, c.DAMPING: damping, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step})
+        state.steering.set(time_step=step, damping=damping, velocity_factor=1.0, force_factor=step)
     if drive == "shaken":
         scale = kinetic(model, state, read(model, state), speeds_of(state))
     looks, started = [], time.perf_counter()
@@ -173,7 +172,7 @@ def kinetic(model: Model, state: State, reading: PlanarObservables, before: np.n
     With the stored energy this is what central differences keep of a linear mesh.
     """
     mass = np.repeat(state.wire_mass.numpy(), model.panel.wire_count) / model.rest.inverse_mass.numpy()[reading.entry]
-    mass = np.concatenate([mass, np.full(model.panel.body_count, 1.0 / reading.control[int(c.BODY_INVERSE_MASS)])])
+    mass = np.concatenate([mass, np.full(model.panel.body_count, 1.0 / reading.control.body_inverse_mass)])
     return 0.5 * float(mass @ np.einsum("na,na->n", before, speeds_of(state)))
 
 

@@ -29,7 +29,6 @@ from study import COLOURS, add_directory, new_figure, new_parser, picture_path, 
 
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
-from warpknit.kernels import control as c
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
@@ -151,16 +150,23 @@ class Trials:
         """Whether the mesh, undamped, diverges at steps of so many seconds."""
         state = self.state
         state.restore(self.kept)
-        state.write_control({
-            c.TIME_STEP: step, c.DAMPING: 0.0, c.VELOCITY_FACTOR: 1.0, c.FORCE_FACTOR: step, c.STATUS: 0.0, c.DRIVE: 1.0,
-            c.RAMP_STEP: 0.0, c.RAMP_STEPS: 0.0, c.SPEED_LIMIT: np.inf,
-        })  # fmt: skip
+        state.steering.set(
+            time_step=step,
+            damping=0.0,
+            velocity_factor=1.0,
+            force_factor=step,
+            status=0.0,
+            drive=1.0,
+            ramp_step=0.0,
+            ramp_steps=0.0,
+            speed_limit=np.inf,
+        )
         self.neighbours.search()
         reached = 0.0
         for _ in range(STEPS // LOOK):
             if not advance(self.stepper, self.neighbours, LOOK):
                 return True
-            reached = max(reached, float(state.read_control()[int(c.KINETIC_TWICE)]))
+            reached = max(reached, state.steering.kinetic_twice)
             if not reached < self.most:
                 return True
         self.reached = reached
@@ -225,7 +231,7 @@ def measured(number: int, seed: int) -> list[Row]:
             wale_over_course=knit["wale_spacing"] / knit["course_spacing"],
             strain_weft=load["strain_weft"], strain_warp=load["strain_warp"], shear=load["shear"],
             temperature_K=load["temperature"],
-            softening=model.softening, contact_over_bend=float(control[int(c.CONTACT_STIFFNESS)]) / bend,
+            softening=model.softening, contact_over_bend=control.contact_stiffness / bend,
             body_mass=scene.scaling["body_mass"], mass_scaling=scene.scaling["mass_scaling"] if drive == "ramp" else 1.0,
             active_percent=measure.contacts(reading).active_percent, step_s=margin * bound,
             limit_s=limit, ratio=margin * bound / limit, bound_ratio=bound / limit,

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from warpknit.kernels import control as c
 from warpknit.planar.model import Model
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
@@ -35,13 +34,11 @@ def as_ramp(table: dict[str, Any], softening: float, scaling: dict[str, float]) 
         make_scene({**table, "solver": solver, "contact": {**table["contact"], "body_mass": scaling["body_mass"]}})
     )
     state = initial_state(model)
-    control = rest.read_control()
     kept = rest.arrays()
     del kept["control"]
     state.restore({**kept, "wire_mass": np.ones_like(kept["wire_mass"]), "control": state.arrays()["control"]})
-    where = range(int(c.GRADIENT), int(c.LENGTH_FACTOR) + 1)
-    state.write_control({k: float(control[k]) for k in where})
-    state.write_control({int(end) + k: float(control[int(c.GRADIENT) + k]) for end in (c.FROM, c.TO) for k in range(5)})
+    load = rest.steering.load
+    state.steering.set(load=load, ramp_from=load, ramp_to=load)
     NeighbourSearch(model, state).search()
     Stepper(model, state).evaluate_contact()
     return model, state
@@ -51,12 +48,12 @@ def advance(stepper: Stepper, neighbours: NeighbourSearch, steps: int) -> bool:
     """Take steps without a drive, searching neighbours where the last search no longer holds; False where the mesh diverges or
     moves too fast to be followed."""
     state = stepper.state
-    now = float(state.read_control()[int(c.STEP)])
+    now = state.steering.step
     end, searched = now + steps, -FOLLOWED
     while now < end:
         stepper.step(int(min(50_000, end - now)))
-        control = state.read_control()
-        status, now = control[int(c.STATUS)], float(control[int(c.STEP)])
+        control = state.steering.read()
+        status, now = control.status, control.step
         if status == 2.0 or (status == 1.0 and now < searched + FOLLOWED):
             return False
         if status == 1.0:

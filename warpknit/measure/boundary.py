@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import control as c
+from ..compute.steering import Steering
 from . import strain
 
 
 class Boundary:
     """Deformation of the boundary and length of the wires of a state."""
 
-    control: np.ndarray  # see kernels/control.py
+    control: Steering  # of this state
 
     @property
     def gradient(self) -> np.ndarray:
         """(2, 2) deformation gradient of the boundary, relative to which clamps keep their direction."""
-        return self.control[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2)
+        return np.asarray(self.control.gradient)
 
     @property
     def clamp_rotation(self) -> float:
@@ -31,9 +31,9 @@ class Boundary:
     @property
     def length_factor(self) -> float:
         """1 + alpha (T - T0) of the wires."""
-        return float(self.control[int(c.LENGTH_FACTOR)])
+        return float(self.control.length_factor)
 
     @property
     def kinetic_energy(self) -> float:
         """[J] of the last step."""
-        return 0.5 * float(self.control[int(c.KINETIC_TWICE)])
+        return 0.5 * float(self.control.kinetic_twice)

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base.text import engineering
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..measure import MeshModel
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
@@ -54,10 +54,10 @@ class State(Protocol):
     def gradient(self) -> np.ndarray:
         """Deformation gradient (2, 2) of the boundary, a copy."""
 
-    def read_control(self) -> np.ndarray:
-        """The control array on the host (kernels/control.py)."""
+    @property
+    def steering(self) -> Steering:
+        """The control array by name."""
 
-    def write_control(self, values: dict[int, float]) -> None: ...
     def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
         """All arrays on the host, for a checkpoint; not `copied`: valid until the next step."""
 
@@ -320,22 +320,20 @@ class Group(Protocol):
 
 def is_loading(state: State) -> bool:
     """Whether a load is being applied."""
-    control = state.read_control()
-    return bool(control[int(c.RAMP_STEP)] < control[int(c.RAMP_STEPS)])
+    return bool(state.steering.is_loading)
 
 
 def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
     """Take steps with neighbour searches; return steps taken and whether the state diverged."""
     taken, state = 0, mechanics.state
     while taken < steps:
-        before = int(state.read_control()[int(c.STEP)])
+        before = int(state.steering.step)
         mechanics.step(steps - taken)
-        control = state.read_control()
-        taken += int(control[int(c.STEP)]) - before
-        status = control[int(c.STATUS)]
-        if status == float(c.STATUS_DIVERGED):
+        now = state.steering.read()
+        taken += int(now.step) - before
+        if now.status == Steering.DIVERGED:
             return taken, True
-        if status == float(c.STATUS_STALE):
+        if now.status == Steering.STALE:
             mechanics.search()
     return taken, False
 

@@ -31,7 +31,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.hermite import hermite
-from ..kernels import control as c
 from .host_state import HostState
 
 PASSES = 2  # iterations of the bound, each with the row sums of the last one
@@ -74,10 +73,10 @@ def frequency_square(host: HostState, approach: float = 0.0) -> float:
     (treatment.py) are bounded separately from the wires, with one node each.
     """
     wires = wire_terms(host)
-    body_inverse_mass = float(host.control[int(c.BODY_INVERSE_MASS)])
+    body_inverse_mass = float(host.control.body_inverse_mass)
     if host.model.treatment.is_free:
         return collatz_bound(wires, near_contacts(host, approach), body_inverse_mass)
-    penalty = float(host.control[int(c.CONTACT_STIFFNESS)])
+    penalty = float(host.control.contact_stiffness)
     return collatz_bound(wires, None, 0.0) + 2.0 * penalty * (body_inverse_mass + float(wires.inverse_mass.max()))
 
 
@@ -104,7 +103,7 @@ def wire_terms(host: HostState) -> Wires:
     bend[no_hinge] = hinges[no_hinge] = 0.0
     sloped = host.natural_length * (hinges + hinges[after])
     sloped[missing] = 0.0
-    slope_share = float(host.control[int(c.SLOPE_FACTOR)]) * model.bending_stiffness
+    slope_share = float(host.control.slope_factor) * model.bending_stiffness
     bend *= 1.0 + slope_share * (sloped + sloped[before])
     inverse_mass = model.rest.inverse_mass.numpy().astype(float)[host.entry]
     inverse_mass[panel.held_node] = 0.0
@@ -117,7 +116,7 @@ def near_contacts(host: HostState, approach: float) -> Contacts:
     panel, control = host.model.panel, host.control
     closed = host.pair_force > 0.0
     # the gap of a sleeping pair is out of date; its remaining travel is a lower bound
-    asleep = 2.0 * (host.pair_wake - float(control[int(c.TRAVEL)]))
+    asleep = 2.0 * (host.pair_wake - control.travel)
     near = closed | ((approach > 0.0) & (np.where(asleep > 0.0, asleep, host.pair_gap) < approach))
     pair = np.nonzero(near)[0]
     first, count = (of_wire[panel.pair_wire[pair], None] for of_wire in (panel.wire_first, panel.wire_count))
@@ -129,7 +128,7 @@ def near_contacts(host: HostState, approach: float) -> Contacts:
     edge = host.edge[node[there, 1]]
     normal = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.maximum(np.hypot(edge[:, 0], edge[:, 1]), 1e-300)[:, None]
     push[there] = _curve_weights(host.pair_u[pair[there]])[:, :, None] * normal[:, None, :]
-    push *= np.sqrt(float(control[int(c.CONTACT_STIFFNESS)]))
+    push *= np.sqrt(control.contact_stiffness)
     return Contacts(node, push, pair // 2, -push.sum(axis=1))
 
 

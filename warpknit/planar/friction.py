@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import control as c
 from ..kernels.contact_friction import LOOSE, TANGENTIAL
 from .host_state import HostState
 
 
 def friction_stiffness(r: HostState) -> float:
     """[N/m] tangential stiffness of a sticking contact."""
-    return float(TANGENTIAL) * float(r.control[int(c.CONTACT_STIFFNESS)])
+    return float(TANGENTIAL) * float(r.control.contact_stiffness)
 
 
 def friction_force(r: HostState) -> np.ndarray:

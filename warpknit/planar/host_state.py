@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..compute.host import lanes, take
 from ..compute.launch import Launch, bind
+from ..compute.steering import Steering
 from ..kernels import clamp
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
@@ -30,7 +32,7 @@ class HostState(Boundary):
     """Host copies of a state, float64. Segment values stand at the node that starts the segment."""
 
     model: Model
-    control: np.ndarray
+    control: Steering
     u: np.ndarray  # [node, 2] [m] displacement from the affinely mapped rest shape
     body_u: np.ndarray  # [body, 2] [m]
     clamp_shift: np.ndarray  # [clamp, 2] [m] displacement of the clamps from the affinely mapped outline
@@ -148,7 +150,7 @@ def read_strip(model: Model, state: State) -> HostState:
     nodal = columns(state.pair_nodal_x, state.pair_nodal_y)
     return HostState(
         model=model,
-        control=state.read_control().copy(),
+        control=Steering(state.steering.values.copy()),
         u=metres(state.node_ux[now], state.node_uy[now]),
         body_u=metres(state.body_ux, state.body_uy),
         clamp_shift=state.clamp_shift,
@@ -180,7 +182,7 @@ def joined(state: HostState) -> HostState:
     model = state.model
     join = Join(model)
     first_node = 0 if model.strip is None else model.strip.nodes.start
-    parts = {name: join.nodes(getattr(state, name)) for name in OF_NODES}
+    parts: dict[str, Any] = {name: join.nodes(getattr(state, name)) for name in OF_NODES}
     parts |= {"wire_axial": join.wires(state.wire_axial), "body_u": join.bodies(state.body_u)}
     for name in ("plastic_turn", "back_turn", "elastic"):
         values = getattr(state, name)

@@ -10,7 +10,7 @@ import warp as wp
 from .. import measure
 from ..compute.host import fetch
 from ..compute.launch import bind
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
@@ -106,22 +106,13 @@ class PlanarMechanics:
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
         wire, state = self.model.scene.wire, self.state
-        control = state.read_control()
-        now = control[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
-        then = [*load.gradient.ravel().tolist(), wire.length_factor(load.temperature)]
-        values: dict[int, float] = {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)}
-        for k in range(5):
-            values[int(c.FROM) + k] = now[k]
-            values[int(c.TO) + k] = then[k]
-            if steps == 0:
-                values[int(c.GRADIENT) + k] = then[k]
-        values[int(c.RAMP_SHARE)] = 0.0 if steps else 1.0
-        values[int(c.EVEN_RAMP)] = float(evenly)
-        state.write_control(values)
+        now, then = state.steering.load, [*load.gradient.ravel().tolist(), wire.length_factor(load.temperature)]
+        state.steering.begin_ramp(then, steps, evenly=evenly)
+        state.steering.ramp_share = 0.0 if steps else 1.0
         if self._has_temperature_field:
             state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
         # bound on the relative affine motion of a body and a wire within the search radius
-        self.neighbours.expect(2.0 * float(np.abs(np.subtract(then[:4], now[:4])).max()) * self.neighbours.radius)
+        self.neighbours.expect(2.0 * float(np.abs(then[:4] - now[:4]).max()) * self.neighbours.radius)
 
     def release(self, begin: float, end: float) -> None:
         """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
@@ -135,7 +126,7 @@ class PlanarMechanics:
         return [s.node_ux[s.parity], s.node_uy[s.parity], s.body_ux, s.body_uy, s.tension_offset, s.pair_offset]
 
     def predict(self, ratio: float) -> None:
-        self.state.write_control({c.EXTRAPOLATION: ratio})
+        self.state.steering.set(extrapolation=ratio)
         if self.state.parity not in self._predictions:
             self._predictions[self.state.parity] = self._record_prediction()
         for launch in self._predictions[self.state.parity]:
@@ -206,7 +197,7 @@ class PlanarMechanics:
         """Nothing: of the plane no unstable equilibrium is known."""
 
     def check(self, checks: int, *, loading: bool) -> Check:
-        control, diagnostics = self.state.read_control(), self.diagnostics
+        control, diagnostics = self.state.steering.read(), self.diagnostics
         if loading:
             self.slowest_mode.update(use=False)
             return Check(np.nan, np.inf)
@@ -219,7 +210,7 @@ class PlanarMechanics:
             ratio = max(ratio, self.multipliers.update(self.sums, nearly_converged=ratio < NEARLY_CONVERGED))
         return Check(residual, ratio)
 
-    def _residual(self, control: np.ndarray, sums: Sums) -> np.ndarray:
+    def _residual(self, control: Steering, sums: Sums) -> np.ndarray:
         return self.residual.measure(control, sums, fetch(self.state.wire_axial))
 
     def renew(self, checks: int) -> None:
@@ -255,19 +246,19 @@ class PlanarMechanics:
     def renew_time_step(self, steps: int) -> float:
         self.stepper.evaluate_contact()  # contact forces are not in a checkpoint
         step = stable_step(self.model, self.state, steps)
-        self.state.write_control({c.TIME_STEP: step})
+        self.state.steering.set(time_step=step)
         return step
 
     def reserve_for_load(self) -> None:
         self.neighbours.expect(RAMP_SHARE * self.neighbours.margin)
 
     def follow_load(self) -> None:
-        control = self.state.read_control()
-        if control[int(c.RAMP_STEP)] < control[int(c.RAMP_STEPS)]:
-            self.neighbours.follow(control[int(c.GRADIENT) : int(c.GRADIENT) + 4])
+        control = self.state.steering.read()
+        if control.ramp_step < control.ramp_steps:
+            self.neighbours.follow(control.gradient.ravel())
 
     def residual_now(self) -> float:
-        return float(self._residual(self.state.read_control(), self.diagnostics.sums()))
+        return float(self._residual(self.state.steering.read(), self.diagnostics.sums()))
 
     # --- meshes of one knit (solve/multilevel.py)
 

@@ -16,7 +16,6 @@ import warp as wp
 
 from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind
-from ..kernels import control as c
 from ..kernels.multiplier_update import update_pair_offset, update_tension_offset
 from ..kernels.wire_forces import BLOCK_SIZE
 from .diagnostics import Diagnostics, Sums
@@ -63,19 +62,19 @@ class Multipliers:
             return
         sums = self.diagnostics.sums()
         self._move_offsets(axial, rate=0.0)
-        self.renew(axial, float(self.state.read_control()[int(c.CONTACT_STIFFNESS)]), sums)
+        self.renew(axial, self.state.steering.contact_stiffness, sums)
 
     def update(self, sums: Sums, *, nearly_converged: bool) -> float:
         """Update every multiplier once; return the constraint error over its tolerance."""
         stiffer = self.rules.renewed_axial_stiffness(fetch(self.state.wire_axial).astype(np.float64), sums, nearly_converged)
-        penalty = float(self.state.read_control()[int(c.CONTACT_STIFFNESS)])
+        penalty = self.state.steering.contact_stiffness
         self._move_offsets(stiffer, float(self.rules.rate))
         self.renew(stiffer, float(self.rules.renewed_penalty(np.float64(penalty), sums)), sums)
         return float(self.rules.residual_ratio(sums))
 
     def _move_offsets(self, axial: np.ndarray, rate: float) -> None:
         store(self.axial, axial)
-        self.state.write_control({c.MULTIPLIER_RATE: rate})
+        self.state.steering.set(multiplier_rate=rate)
         self.diagnostics.stepper.run(self.move)
 
     def move(self, stepper: Stepper, part: int) -> list[Launch]:
@@ -96,7 +95,7 @@ class Multipliers:
         state = self.state
         before = fetch(state.wire_mass).astype(np.float64)
         mass = self.rules.renewed_mass(before, axial, np.float64(penalty), sums)
-        if penalty != float(state.read_control()[int(c.CONTACT_STIFFNESS)]):
+        if penalty != state.steering.contact_stiffness:
             state.stiffen_contact(penalty)
         if np.any(axial != fetch(state.wire_axial)):
             store(state.wire_axial, axial)

@@ -8,7 +8,6 @@ import numpy as np
 import warp as wp
 
 from ..compute.launch import bind
-from ..kernels import control as c
 from ..kernels.contact_search import find_nearest_segments
 from .model import Model
 from .state import State
@@ -56,7 +55,7 @@ class NeighbourSearch:
         Pairs of a hook with another contact constraint never sleep and need no search.
         """
         budget = max(0.5 * self.margin - self._expected, 0.1 * self.margin) if self.model.pair_count else np.inf
-        self.state.write_control({c.LOAD_MOTION: self._expected, c.TRAVEL: 0.0, c.TRAVEL_LIMIT: budget, c.STATUS: 0.0})
+        self.state.steering.set(load_motion=self._expected, travel=0.0, travel_limit=budget, status=0.0)
         if self.model.pair_count and self.model.treatment.is_free:
             self._launches[self.state.parity].launch()
         self.searches += 1

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from ..base.text import short_repr
-from ..kernels import control as c
 from ..measure.contact_places import ContactPlaces
 from ..measure.drawn_curve import planar_curve
 from ..measure.hook_contact import HookContact
@@ -44,7 +43,7 @@ class PlanarObservables(HostState):
         A softened segment stores T^2 L s/(2 EA) unless its multiplier corrects the softening.
         """
         natural = self.natural_length * self.length_factor
-        stiffness = self.control[int(c.CONTACT_STIFFNESS)]
+        stiffness = self.control.contact_stiffness
         pressed = np.sum(0.5 * (self.pair_force - self.pair_offset) ** 2 * (self.pair_force > 0))
         return Energies(
             stretch=float(np.sum(0.5 * self.tension**2 * natural / self._stretch_stiffness)),
@@ -150,7 +149,7 @@ class PlanarObservables(HostState):
         """[N] rms over free nodes and bodies."""
         panel = self.model.panel
         free = panel.node_count + panel.body_count - len(panel.held_node)
-        return float(np.sqrt(self.control[int(c.FORCE_SQUARE)] / free))
+        return float(np.sqrt(self.control.force_square / free))
 
     # --- contacts
 

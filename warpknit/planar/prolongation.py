@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..kernels import control as c
 from ..mechanics.prolongation import RepeatProlongation
 from ..mechanics.response import Response
 from .join import Join
@@ -70,6 +69,6 @@ class Prolongation:
             array = getattr(self.large_state, name)
             there = np.where(source >= 0, join.wires(getattr(self.small_state, name).numpy())[wire], 0.0)
             array.assign(np.maximum(array.numpy(), np.maximum.reduceat(there, starts)))
-        penalty = float(self.small_state.read_control()[int(c.CONTACT_STIFFNESS)])
-        if penalty > float(self.large_state.read_control()[int(c.CONTACT_STIFFNESS)]):
+        penalty = self.small_state.steering.contact_stiffness
+        if penalty > self.large_state.steering.contact_stiffness:
             self.large_state.stiffen_contact(penalty)

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.launch import bind, replay
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..kernels.replica_steps import step_replicas
 from ..mechanics.numerics import CORES, thread_count
 from ..mechanics.protocols import Check
@@ -73,7 +73,7 @@ class Replicas:
     @property
     def status(self) -> np.ndarray:
         """[replica] STATUS of kernels/control.py."""
-        return self.state.read_control()[:, int(c.STATUS)]
+        return self.state.steering.status
 
     def _record(self, rows: wp.array) -> wp.Launch:
         model = self.model
@@ -92,7 +92,7 @@ class ReplicaGroup:
         self.model = model
         self.replicas = Replicas(model, count, threads=threads)
         self.members = [PlanarMechanics(model, state) for state in self.replicas.states]
-        self._control = self.replicas.state.read_control()
+        self._steering = self.replicas.state.steering
         self._axial = self.replicas.state.wire_axial.numpy()
         self._mass = self.replicas.state.wire_mass.numpy()
         self._rules = MultiplierRules(model, count)
@@ -110,38 +110,36 @@ class ReplicaGroup:
     # --- steps
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        all_rows, step = rows, self._control[:, int(c.STEP)]
-        before = step.copy()
+        all_rows, before = rows, self._steering.step
         goal = before + steps
-        diverged = np.zeros(len(step), dtype=bool)
+        diverged = np.zeros(len(before), dtype=bool)
         while len(rows):
             self.replicas.step(rows, goal[rows])
             status = self.replicas.status
-            for row in rows[status[rows] == float(c.STATUS_STALE)].tolist():
+            for row in rows[status[rows] == Steering.STALE].tolist():
                 self.members[row].search()
-            lost = status[rows] == float(c.STATUS_DIVERGED)
+            lost = status[rows] == Steering.DIVERGED
             diverged[rows[lost]] = True
-            rows = rows[~lost & (step[rows] < goal[rows])]
-        return (step - before)[all_rows].astype(int), diverged[all_rows]
+            rows = rows[~lost & (self._steering.step[rows] < goal[rows])]
+        return (self._steering.step - before)[all_rows].astype(int), diverged[all_rows]
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        return np.asarray(self._control[rows, int(c.RAMP_STEP)] < self._control[rows, int(c.RAMP_STEPS)])
+        return np.asarray(self._steering.is_loading[rows])
 
     # --- convergence
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
         residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
-        kept = self._control[rows]
-        for index, value in PROBING.items():
-            self._control[rows, int(index)] = value
+        kept = self._steering.values[rows]
+        self._steering.set(rows, **PROBING)
         self._replay("check", rows)
-        self._control[rows] = kept
+        self._steering.values[rows] = kept
         checked = rows[~loading]
         if not len(checked):
             return Check(residual, ratio)
-        damping = self._control[checked, int(c.DAMPING)]
+        damping = self._steering.damping[checked]
         moved = np.stack([self._moved[row].sum(axis=0) for row in checked])
-        self._control[checked, int(c.DAMPING)] = self.members[0].slowest_mode.renewed(damping, moved)
+        self._steering.set(checked, damping=self.members[0].slowest_mode.renewed(damping, moved))
         residual[~loading], ratio[~loading] = self._residual_ratio(checked)
         return Check(residual, ratio)
 
@@ -149,7 +147,7 @@ class ReplicaGroup:
         """Residuals and residual ratios [row]; updates the multipliers."""
         solver = self.model.scene.solver
         sums = self._sums(rows)
-        residual = self.members[0].residual.measure(self._control[rows], sums, self._axial[rows])
+        residual = self.members[0].residual.measure(Steering(self._steering.values[rows]), sums, self._axial[rows])
         ratio = residual / solver.residual_tolerance
         if solver.multipliers:
             ratio = np.maximum(ratio, self._move_multipliers(rows, sums, ratio < NEARLY_CONVERGED))
@@ -166,10 +164,10 @@ class ReplicaGroup:
         """`Multipliers.update` of all rows."""
         rules = self._rules
         stiffer = rules.renewed_axial_stiffness(self._axial[rows].astype(np.float64), sums, nearly_converged, rows)
-        penalty = self._control[rows, int(c.CONTACT_STIFFNESS)]
+        penalty = self._steering.contact_stiffness[rows]
         for row, axial in zip(rows.tolist(), stiffer, strict=True):
             self._stiffer[row][:] = axial
-        self._control[rows, int(c.MULTIPLIER_RATE)] = rules.rate[rows]
+        self._steering.set(rows, multiplier_rate=rules.rate[rows])
         self._replay("move", rows)
         stiffened = rules.renewed_penalty(penalty, sums, rows)
         for row, value in zip(rows[stiffened != penalty].tolist(), stiffened[stiffened != penalty].tolist(), strict=True):

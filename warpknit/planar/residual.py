@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .. import measure
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE
 from .diagnostics import Sums
 from .model import Model
@@ -27,7 +27,7 @@ class Residual:
         self._stretch_energy = h / model.axial_stiffness
         self._bend_energy = model.bending_stiffness / h
 
-    def measure(self, control: np.ndarray, sums: Sums, axial: np.ndarray) -> np.ndarray:
+    def measure(self, control: Steering, sums: Sums, axial: np.ndarray) -> np.ndarray:
         """The larger of balance and motion, for solver.residual_tolerance.
 
         `axial` (wire,) [N]: the stiffnesses of the dynamics. With replicas all arguments have the replica as first axis.
@@ -40,7 +40,7 @@ class Residual:
         mesh = model.global_model.panel
         round_off_rms, round_off_max = self.round_off(axial)
         free = mesh.node_count + mesh.body_count - len(mesh.held_node)
-        rms, largest = np.sqrt(control[..., int(c.FORCE_SQUARE)] / free), control[..., int(c.FORCE_MAX)]
+        rms, largest = np.sqrt(control.force_square / free), control.force_max
         limit = ROUND_OFF_SHARE * scale
         local = max(LOCAL_ALLOWANCE, free**0.25)  # one isolated residual changes the mean fourth power of all by this
         balance = np.maximum(
@@ -49,7 +49,7 @@ class Residual:
         )
         stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
         least = ENERGY_FLOOR * measure.energy_scale(model.global_model)
-        motion = np.sqrt(0.5 * control[..., int(c.KINETIC_TWICE)] / np.maximum(stored, least))
+        motion = np.sqrt(0.5 * control.kinetic_twice / np.maximum(stored, least))
         return np.maximum(balance, motion)
 
     def round_off(self, axial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,6 @@ import warp as wp
 
 from ..compute.host import fetch
 from ..compute.launch import Launch, bind
-from ..kernels import control as c
 from ..kernels.rayleigh import sum_rayleigh
 from ..mechanics.numerics import SLOWEST_WAVE, renewed_damping, slowest_damping
 from .model import Model
@@ -54,10 +53,10 @@ class SlowestMode:
         """Store the state, and run other stages of work; with `use`, set the damping from the change since the last check."""
         state = self.state
         self.probe.evaluate(self.sum, *then)
-        control = state.read_control()
-        if use and control[int(c.DRIVE)] == 0.0:
-            renewed = self.renewed(control[int(c.DAMPING)], self.model.ranks.exact_sum(fetch(self.partial)))
-            self.state.write_control({c.DAMPING: float(renewed)})
+        control = state.steering.read()
+        if use and control.drive == 0.0:
+            renewed = self.renewed(control.damping, self.model.ranks.exact_sum(fetch(self.partial)))
+            self.state.steering.set(damping=float(renewed))
 
     def renewed(self, damping: np.ndarray, total: np.ndarray) -> np.ndarray:
         """Updated damping (...) [1/s] from the sums (..., 2) of kernels/rayleigh.py; unchanged without motion.

@@ -13,11 +13,12 @@ import numpy as np
 import warp as wp
 
 from ..base.text import short_repr
-from ..compute.host import fetch, is_in_place, store_entries
+from ..compute.host import fetch, is_in_place
+from ..compute.steering import Steering
 from ..kernels import contact_by_batch as b
-from ..kernels import control as c
 from ..kernels.bend import BOW, SLOPE_SHARE
 from ..kernels.contact_friction import LOOSE
+from ..kernels.control import CONTROL_COUNT, PARTIAL_COUNT
 from ..mechanics.numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
 from .model import Model, body_blocks, contact_batches
 
@@ -104,19 +105,20 @@ class State:
         self.node_ux[self.parity].assign(kept["node_ux"])
         self.node_uy[self.parity].assign(kept["node_uy"])
 
-    def read_control(self) -> np.ndarray:
-        """The control array on the host: a view on the CPU, a copy from a GPU."""
-        return fetch(self.control)
+    @property
+    def steering(self) -> Steering:
+        """The control array by name."""
+        return Steering(self.control)
 
     @property
     def gradient(self) -> np.ndarray:
         """Deformation gradient (2, 2) of the boundary, a copy."""
-        return self.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+        return np.asarray(self.steering.gradient)
 
     @property
     def clamp_shift(self) -> np.ndarray:
         """Displacement (clamp, 2) [m] of the clamps from the affinely mapped outline."""
-        start, share = self.clamp_from.numpy(), float(self.read_control()[int(c.RAMP_SHARE)])
+        start, share = self.clamp_from.numpy(), self.steering.ramp_share
         return start + share * (self.clamp_to.numpy() - start)
 
     def move_clamps(self, start: np.ndarray, end: np.ndarray) -> None:
@@ -128,13 +130,9 @@ class State:
         """Set the contact penalty [N/m] and the fictitious mass of the bodies; friction forces do not change."""
         if len(self.pair_stuck):
             stuck, place = self.pair_stuck.numpy(), self.pair_slide.numpy() + self.pair_u.numpy().astype(np.float64)
-            share = float(self.read_control()[int(c.CONTACT_STIFFNESS)]) / penalty
+            share = self.steering.contact_stiffness / penalty
             self.pair_stuck.assign(np.where(stuck > float(LOOSE), place - share * (place - stuck), stuck))
-        self.write_control({c.CONTACT_STIFFNESS: penalty, c.BODY_INVERSE_MASS: 1.0 / (MASS_MARGIN * penalty)})
-
-    def write_control(self, values: dict[int, float]) -> None:
-        """Set entries of the control array."""
-        store_entries(self.control, values)
+        self.steering.set(contact_stiffness=penalty, body_inverse_mass=1.0 / (MASS_MARGIN * penalty))
 
 
 def initial_state(model: Model, replicas: int | None = None) -> State:
@@ -158,7 +156,7 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
         return wp.full((*lead, count), value, dtype=dtype, device=device)
 
     def rows(count: int) -> wp.array:
-        return wp.zeros((*lead, count, c.PARTIAL_COUNT), dtype=wp.float64, device=device)
+        return wp.zeros((*lead, count, PARTIAL_COUNT), dtype=wp.float64, device=device)
 
     state = State(
         node_ux=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
@@ -195,31 +193,28 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
         cached_slide=full(batched, b.UNCACHED, wp.int32),
         cached_node=zeros(b.CACHED_NODES * batched, wp.int32),
         cached_number=zeros(b.CACHED_NUMBERS * batched, real),
-        control=zeros(c.CONTROL_COUNT, wp.float64),
+        control=zeros(CONTROL_COUNT, wp.float64),
         wire_partial=rows(len(model.panel.block_first)),
         body_partial=rows(body_blocks(model)),
     )
-    gradient = {c.GRADIENT: 1.0, c.GRADIENT + 1: 0.0, c.GRADIENT + 2: 0.0, c.GRADIENT + 3: 1.0, c.LENGTH_FACTOR: 1.0}
     spacing = float(model.table.spacing.min())
-    relax = model.scene.solver.drive == "relax"
-    state.write_control(
-        gradient
-        | {int(c.FROM) + k: gradient[int(c.GRADIENT) + k] for k in range(5)}
-        | {int(c.TO) + k: gradient[int(c.GRADIENT) + k] for k in range(5)}
-        | {
-            c.CONTACT_STIFFNESS: model.contact_stiffness,
-            c.BODY_INVERSE_MASS: 1.0 / model.body_mass,
-            c.DRIVE: 0.0 if relax else 1.0,
-            c.TIME_STEP: model.time_step,
-            c.DAMPING: FIRST_DAMPING if relax else model.damping,
-            c.BOW_MOMENT: 2.0 * BOW if relax and model.scene.solver.multipliers else 0.0,
-            c.SLOPE_FACTOR: SLOPE_SHARE / model.bending_stiffness,
-            c.LOOK_AHEAD: LOOK_AHEAD if relax else 0.0,
-            c.FORCE_FACTOR: model.time_step,
-            c.VELOCITY_FACTOR: 1.0,
-            c.RAMP_SHARE: 1.0,
-            c.SPEED_LIMIT: SPEED_SHARE * spacing,
-            c.STEP_LIMIT: max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
-        }
+    relax, as_knitted = model.scene.solver.drive == "relax", (1.0, 0.0, 0.0, 1.0, 1.0)
+    state.steering.set(
+        load=as_knitted,
+        ramp_from=as_knitted,
+        ramp_to=as_knitted,
+        ramp_share=1.0,
+        contact_stiffness=model.contact_stiffness,
+        body_inverse_mass=1.0 / model.body_mass,
+        drive=0.0 if relax else 1.0,
+        time_step=model.time_step,
+        damping=FIRST_DAMPING if relax else model.damping,
+        bow_moment=2.0 * BOW if relax and model.scene.solver.multipliers else 0.0,
+        slope_factor=SLOPE_SHARE / model.bending_stiffness,
+        look_ahead=LOOK_AHEAD if relax else 0.0,
+        force_factor=model.time_step,
+        velocity_factor=1.0,
+        speed_limit=SPEED_SHARE * spacing,
+        step_limit=max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
     )
     return state

@@ -19,7 +19,6 @@ from ..compute.host import lanes, store
 from ..compute.launch import Launch, bind, replay
 from ..compute.row_sums import fewer_rows
 from ..compute.team import Pace, Team
-from ..kernels import control as c
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.bodies import BODY_BLOCK, step_bodies
 from ..kernels.contact import find_contact_forces
@@ -41,7 +40,7 @@ NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they sa
 # launches of one part of a stage of work, for a stepper and the number of its part
 Stage = Callable[["Stepper", int], list[Launch]]
 # a step then stores f/m as velocities and moves nothing
-PROBING = {c.VELOCITY_FACTOR: 0.0, c.FORCE_FACTOR: 1.0, c.TIME_STEP: 0.0}
+PROBING = {"velocity_factor": 0.0, "force_factor": 1.0, "time_step": 0.0}
 
 
 class Stepper:
@@ -231,8 +230,8 @@ class ForceProbe:
 
     def evaluate(self, *then: Stage) -> None:
         """Evaluate, and go on with other stages of work."""
-        kept = self.state.read_control().copy()
-        self.state.write_control(PROBING)
+        kept = self.state.steering.values.copy()
+        self.state.steering.set(None, **PROBING)
         self._stepper.run(self.stage, *then, contact=True)
         store(self.state.control, kept)
 

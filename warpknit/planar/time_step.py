@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-from ..kernels import control as c
 from ..mechanics.numerics import STEP_MARGIN
 from .frequency import frequency_square
 from .model import Model
@@ -26,9 +25,9 @@ NEAR = 0.02  # of the reach of a contact: smaller gaps count as closed
 def largest_step(host: PlanarObservables, steps: int) -> float:
     """Largest stable step [s] of the next `steps` steps."""
     model, control = host.model, host.control
-    move = FASTER * float(control[int(c.SPEED_MAX)] * control[int(c.TIME_STEP)])
+    move = FASTER * float(control.speed_max * control.time_step)
     approach = NEAR * abs(model.contact_reach) + 2.0 * steps * move
-    body = 2.0 * float(control[int(c.CONTACT_STIFFNESS)] * control[int(c.BODY_INVERSE_MASS)])
+    body = 2.0 * float(control.contact_stiffness * control.body_inverse_mass)
     square = max(frequency_square(host, approach), BOUNCING * body * (model.pair_count > 0))
     return 2.0 / math.sqrt(square)
 

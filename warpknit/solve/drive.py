@@ -11,7 +11,6 @@ import numpy as np
 
 from .. import measure
 from ..errors import Diverged
-from ..kernels import control as c
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
 from ..mechanics.numerics import MAX_OVERLAP
@@ -177,6 +176,5 @@ class Drive(ABC):
         )
 
     def _where(self) -> str:
-        control = self.state.read_control()
-        strain = [control[int(c.GRADIENT)] - 1, control[int(c.GRADIENT) + 3] - 1]
+        strain = np.diag(self.state.gradient) - 1.0
         return f"stage {self.progress.stage!r}, weft strain {strain[0]:.3g}, warp strain {strain[1]:.3g}"

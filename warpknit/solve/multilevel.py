@@ -13,7 +13,6 @@ from typing import cast
 import numpy as np
 
 from ..errors import Diverged
-from ..kernels import control as c
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text, stretch
@@ -371,6 +370,6 @@ class MultilevelRelaxation(Relaxation):
 
 def _load_of(relaxation: Relaxation) -> LoadPoint:
     """Gradient and temperature of its mesh now."""
-    wire, length = relaxation.scene.wire, float(relaxation.state.read_control()[int(c.LENGTH_FACTOR)])
+    wire, length = relaxation.scene.wire, relaxation.state.steering.length_factor
     temperature = wire.reference_temperature + (length - 1.0) / max(wire.expansion, 1e-12)
     return LoadPoint(relaxation.state.gradient, temperature)

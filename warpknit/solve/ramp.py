@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..measure import tension_scale
 from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import advance
@@ -45,7 +45,7 @@ class Ramp(Drive):
 
     @property
     def dissipated(self) -> float:
-        return float(self.state.read_control()[int(c.DISSIPATED)])
+        return self.state.steering.dissipated
 
     def stage(self, stage: Stage) -> Iterator[Record]:
         self.loading_time = self.model.loading_time
@@ -77,7 +77,7 @@ class Ramp(Drive):
             progress.time += CHECK_STEPS * step
             progress.checks += 1
             self._add_work()
-            control = self.state.read_control()
+            control = self.state.steering.read()
             share = self._share(stage, control)
             progress.load_factor = smooth(share)
             self.mechanics.follow_load()
@@ -94,17 +94,17 @@ class Ramp(Drive):
 
     def _step(self) -> float:
         """The time step [s], updated every few convergence checks, more often for short loading."""
-        control = self.state.read_control()
-        checks = np.clip(control[int(c.RAMP_STEPS)] // (CHECK_STEPS * RENEWALS), 1, RENEWAL_CHECKS)
+        control = self.state.steering.read()
+        checks = np.clip(control.ramp_steps // (CHECK_STEPS * RENEWALS), 1, RENEWAL_CHECKS)
         if self.progress.checks % int(checks):
-            return float(control[int(c.TIME_STEP)])
+            return control.time_step
         return self.mechanics.renew_time_step(CHECK_STEPS * int(checks))
 
-    def _share(self, stage: Stage, control: np.ndarray) -> float:
+    def _share(self, stage: Stage, control: Steering) -> float:
         """Elapsed share of the loading time."""
         if any(stage.by_tension):
             return min(1.0, self.progress.time / self.loading_time)
-        return min(1.0, float(control[int(c.RAMP_STEP)] / max(control[int(c.RAMP_STEPS)], 1.0)))
+        return min(1.0, float(control.ramp_step / max(control.ramp_steps, 1.0)))
 
     # --- directions driven by tension
 

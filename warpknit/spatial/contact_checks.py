@@ -12,7 +12,6 @@ import warp as wp
 from ..compute.host import fetch
 from ..compute.team import SharedLaunches
 from ..kernels import contact_checks as k
-from ..kernels import control as c
 from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
 from .pair_list import PairList
 from .rest_curve import RestCurve
@@ -83,7 +82,7 @@ class ContactChecks:
 
         pushing, force = total()[[int(k.PUSHING), int(k.PUSH_SUM)]].tolist()
         mean = force / pushing if pushing > 0.0 else 0.0
-        state.write_control({c.MEAN_PUSH: max(mean, 1e-300)})
+        state.steering.set(mean_push=max(mean, 1e-300))
         square = float(total()[int(k.ERROR_SQUARE)])
         return ContactSums(mean, int(pushing), float(self._stepper.sums.largest(fetch(self._partial))[int(k.ERROR_MAX)]), square)
 
@@ -97,6 +96,6 @@ class ContactChecks:
     def bound_stiffness(self) -> None:
         """Write bounds on the stiffness of contacts, up to the gap of the last evaluation, into `sweep` of the state."""
         state = self._stepper.state
-        stiffness = float(state.read_control()[int(c.CONTACT_STIFFNESS)])
-        state.write_control({c.STICKING: STICK_SHARE * stiffness if self._has_friction else 0.0})
+        stiffness = state.steering.contact_stiffness
+        state.steering.set(sticking=STICK_SHARE * stiffness if self._has_friction else 0.0)
         self.of_nodes(k.bound_contact_stiffness, **self._of_wires)

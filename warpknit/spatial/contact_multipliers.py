@@ -14,7 +14,6 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, store
-from ..kernels import control as c
 from ..kernels.contact_checks import MOST_RAISED, renew_contact_offsets
 from ..mechanics.numerics import error_ratio
 from .contact_checks import ContactSums
@@ -77,9 +76,9 @@ class ContactMultipliers:
         """Move the offsets by `rate` times the overlaps, and the penalties with the forces; contacts: those of this state."""
         state = self._state
         self.mean_force = contacts.mean_push or self.mean_force
-        is_fast = loading or float(state.read_control()[int(c.SPEED_MAX)]) > SLOW * self._thickness
+        is_fast = loading or state.steering.speed_max > SLOW * self._thickness
         floor = self._loading_floor if is_fast else LOADED * self._floor
-        state.write_control({c.MULTIPLIER_RATE: rate, c.PENALTY_FLOOR: floor, c.IS_LOADING: float(loading)})
+        state.steering.set(multiplier_rate=rate, penalty_floor=floor, loading=float(loading))
         self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
 
     def state_dict(self) -> dict[str, np.ndarray]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from .. import measure
 from ..compute.host import Entries, fetch, store
-from ..kernels import control as c
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check, Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
@@ -104,7 +103,7 @@ class SpatialMechanics:
         self.stepper.set_time_step(self.model.time_step, damping)
         # limits the approach of two colliding wires to half their thickness a step, so that they cannot pass through each other
         farthest = 0.5 * float(self.model.rods.wire_radius.min())
-        self.state.write_control({c.DRIVE: 1.0, c.SPEED_LIMIT: np.inf, c.STEP_LIMIT: farthest})
+        self.state.steering.set(drive=1.0, speed_limit=np.inf, step_limit=farthest)
         self.contact.list_near_pairs(np.inf)
 
     def _moving_clamps(self) -> MovingClamps | None:
@@ -146,13 +145,8 @@ class SpatialMechanics:
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
         self._untested += self._strain_to(load)
         state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
-        now = state.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 5].tolist()
-        then = [*load.gradient.ravel().tolist(), factor]
-        ramp = {int(c.FROM) + k: now[k] for k in range(5)} | {int(c.TO) + k: then[k] for k in range(5)}
-        if steps == 0:
-            ramp |= {int(c.GRADIENT) + k: then[k] for k in range(5)}
-        ramp |= {int(c.RAMP_STEP): 0.0, int(c.RAMP_STEPS): float(steps)}
-        state.write_control(ramp | {int(c.RAMP_LAG): 0.0, int(c.EVEN_RAMP): float(evenly)})
+        state.steering.begin_ramp([*load.gradient.ravel().tolist(), factor], steps, evenly=evenly)
+        state.steering.ramp_lag = 0.0
         if self.model.ramp is not None:
             return
         self._apply_release()
@@ -202,9 +196,9 @@ class SpatialMechanics:
         """
         if self._release is None:
             return
-        control, (before, after) = self.state.read_control(), self._release
-        ahead = CHECK_STEPS * (1.0 - control[int(c.RAMP_LAG)])
-        share = min(1.0, float((control[int(c.RAMP_STEP)] + ahead) / max(control[int(c.RAMP_STEPS)], ahead)))
+        control, (before, after) = self.state.steering.read(), self._release
+        ahead = CHECK_STEPS * (1.0 - control.ramp_lag)
+        share = min(1.0, float((control.ramp_step + ahead) / max(control.ramp_steps, ahead)))
         released = before + share * (after - before)
         set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, released, self.model.precision)
 
@@ -216,9 +210,9 @@ class SpatialMechanics:
 
     def _strain_to(self, load: LoadPoint) -> float:
         """Strain by which a load differs from the present one."""
-        control, scene = self.state.read_control(), self.model.scene
+        steering, scene = self.state.steering, self.model.scene
         strain = float(np.abs(load.gradient - self.state.gradient).max())
-        strain += abs(scene.wire.length_factor(load.temperature) - float(control[int(c.LENGTH_FACTOR)]))
+        strain += abs(scene.wire.length_factor(load.temperature) - steering.length_factor)
         if any(any(stage.temperature_gradient) for stage in scene.stages):
             strain += self.strip.largest_of_nodes(np.abs(self._thermal_strain(load) - self.relaxation.thermal_strain))
         if self.edge is not None and load.stations is not None:
@@ -284,8 +278,8 @@ class SpatialMechanics:
 
     def check(self, checks: int, *, loading: bool) -> Check:
         if loading and not self.may_overlap:
-            pace = 1.0 - float(self.state.read_control()[int(c.RAMP_LAG)])
-            self.state.write_control({c.RAMP_LAG: 1.0 - renewed_pace(pace, self._overlap)})
+            pace = 1.0 - self.state.steering.ramp_lag
+            self.state.steering.set(ramp_lag=1.0 - renewed_pace(pace, self._overlap))
         self._apply_release()
         if not loading:
             self._release = None
@@ -312,8 +306,8 @@ class SpatialMechanics:
 
     def _move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> None:
         """Move given stations while the load is applied, free ones once the mesh itself is close to convergence."""
-        control = self.state.read_control()
-        step, steps = float(control[int(c.RAMP_STEP)]), float(control[int(c.RAMP_STEPS)])
+        control = self.state.steering.read()
+        step, steps = control.ramp_step, control.ramp_steps
         if loading or (steps > 0.0 and not edge.is_at_target):
             move = edge.move_given(step / steps)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
@@ -369,7 +363,7 @@ class SpatialMechanics:
     def renew_time_step(self, steps: int) -> float:
         self.stepper.evaluate()
         step = self.relaxation.stable_time_step()
-        self.state.write_control({c.TIME_STEP: step})
+        self.state.steering.set(time_step=step)
         return step
 
     def reserve_for_load(self) -> None:

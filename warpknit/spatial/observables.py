@@ -14,7 +14,7 @@ import warp as wp
 
 from ..base.text import short_repr
 from ..compute.host import fetch
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..measure import strain
 from ..measure.boundary import Boundary
 from ..measure.contact_places import ContactPlaces
@@ -47,7 +47,7 @@ class SpatialObservables(Boundary):
 
     model: SpatialModel
     sites: Sites
-    control: np.ndarray
+    control: Steering
     position: np.ndarray  # (node, 3) [m]
     director: np.ndarray  # (node, 3) across the segment
     tension: np.ndarray  # [N] of the segments; 0 of rigid ones between held nodes
@@ -325,7 +325,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     state, strip, yielding = stepper.state, stepper.strip, stepper.yielding
     if strip.ranks.is_first:
         model = model.global_model
-    rods, factor = model.rods, float(state.read_control()[int(c.LENGTH_FACTOR)])
+    rods, factor = model.rods, state.steering.length_factor
 
     def of_mesh(array: wp.array) -> np.ndarray:
         return strip.gathered(fetch(array))
@@ -343,7 +343,7 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
     return SpatialObservables(
         model=model,
         sites=sites,
-        control=state.read_control().copy(),
+        control=Steering(state.steering.values.copy()),
         position=of_mesh(state.position),
         director=director,
         tension=tension,

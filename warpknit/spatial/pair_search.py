@@ -11,7 +11,6 @@ import warp as wp
 
 from ..compute.host import fetch, store
 from ..compute.launch import bind
-from ..kernels import control as c
 from ..kernels.wire_near import find_reach
 from ..kernels.wire_pairs import KEPT, find_segment_pairs, place_segments_in_hash
 from .pair_list import PairList
@@ -88,7 +87,7 @@ class PairSearch:
                     min_arc_separation=wp.float64(MIN_ARC_SEPARATION), tile=wp.vec3d(*rods.tile), **named,
                 )  # fmt: skip
                 pairs.find.append(one.record(stepper.device))
-        longer = max(float(stepper.state.read_control()[int(c.LENGTH_FACTOR)]), 1.0)
+        longer = max(stepper.state.steering.length_factor, 1.0)
         largest = longer * 2.0 * float(rods.wire_radius.max()) + self._margin
         for find in pairs.find:
             find.set_param_by_name("largest_distance", largest)

@@ -12,11 +12,12 @@ import numpy as np
 import warp as wp
 
 from ..base.text import short_repr
-from ..compute.host import fetch, is_in_place, lanes, shared, store, store_entries, zeros
+from ..compute.host import fetch, is_in_place, lanes, shared, store, zeros
 from ..compute.launch import Launch, bind
 from ..compute.precision import DOUBLE, Precision
-from ..kernels import control as c
+from ..compute.steering import Steering
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_borders, factor_masses
+from ..kernels.control import CONTROL_COUNT, PARTIAL_COUNT
 from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import ALWAYS, update_frames
@@ -131,25 +132,22 @@ class RodState:
     def set_load(self, force: np.ndarray, scale: float | None = None) -> None:
         """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh, default: over these."""
         store(self.load_force, force)
-        self.write_control({c.DEAD_LOAD: root_mean_square(force) if scale is None else scale})
+        self.steering.set(dead_load=root_mean_square(force) if scale is None else scale)
 
     @property
     def dead_load(self) -> float:
         """[N] root mean square of the dead loads on the nodes of the mesh; 0 without any."""
-        return float(self.read_control()[int(c.DEAD_LOAD)])
+        return self.steering.dead_load
 
-    def write_control(self, values: dict[int, float]) -> None:
-        """Set entries of the control array."""
-        store_entries(self.control, values)
-
-    def read_control(self) -> np.ndarray:
-        """The control array on the host: a view on the CPU, a copy from a GPU."""
-        return fetch(self.control)
+    @property
+    def steering(self) -> Steering:
+        """The control array by name."""
+        return Steering(self.control)
 
     @property
     def gradient(self) -> np.ndarray:
         """(2, 2) deformation gradient of the boundary, a copy."""
-        return self.read_control()[int(c.GRADIENT) : int(c.GRADIENT) + 4].reshape(2, 2).copy()
+        return np.asarray(self.steering.gradient)
 
 
 def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodArrays:
@@ -215,7 +213,7 @@ def set_natural_shape(
         forms = replace(rods.forms, set_fraction=rods.set_fraction)
         return set_natural_shape(arrays.forms, forms, device, released, precision)
     at_rest = rest_state(rods, device, precision)
-    at_rest.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
+    at_rest.steering.set(status=Steering.EVALUATING)
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device, precision)).run(device)
     curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
@@ -301,21 +299,12 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         torque=zeros(nodes, real, device),
         force_sum=zeros(nodes, vec3, device),
         sweep=zeros(nodes, vec4, device),
-        control=zeros(c.CONTROL_COUNT, wp.float64, device),
-        partial=zeros((len(rods.wire_first), c.PARTIAL_COUNT), wp.float64, device),
-        no_bodies=zeros((1, c.PARTIAL_COUNT), wp.float64, device),
+        control=zeros(CONTROL_COUNT, wp.float64, device),
+        partial=zeros((len(rods.wire_first), PARTIAL_COUNT), wp.float64, device),
+        no_bodies=zeros((1, PARTIAL_COUNT), wp.float64, device),
     )
-    state.write_control(
-        {
-            c.GRADIENT: 1.0,
-            c.GRADIENT + 3: 1.0,
-            c.LENGTH_FACTOR: 1.0,
-            c.VELOCITY_FACTOR: 1.0,
-            c.DRIVE: 1.0,
-            c.STEP_LIMIT: np.inf,
-            c.SPEED_LIMIT: np.inf,
-            c.TRAVEL_LIMIT: np.inf,
-        }
+    state.steering.set(
+        load=(1.0, 0.0, 0.0, 1.0, 1.0), velocity_factor=1.0, drive=1.0, step_limit=np.inf, speed_limit=np.inf, travel_limit=np.inf
     )
     return state
 

@@ -11,7 +11,6 @@ import warp as wp
 from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind
 from ..compute.team import SharedLaunches
-from ..kernels import control as c
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.rod_sums import sum_mass_products
@@ -76,7 +75,7 @@ class RodChecks:
         """Move the tension offsets by `rate` times the errors of the softening; `stiffening` [wire] raises the stiffness."""
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         store(arrays.stiffening, stiffening)
-        state.write_control({c.MULTIPLIER_RATE: rate})
+        state.steering.set(multiplier_rate=rate)
         sources = (stepper.arrays, state, arrays)
         self.launches.run("offsets", k.renew_tension_offsets, "first_node", range(stepper.rods.node_count), *sources, **self._own)
 

@@ -18,7 +18,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..compute.host import fetch, store, store_at
-from ..kernels import control as c
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..mechanics.numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
@@ -95,13 +94,13 @@ class RodRelaxation:
         self.keeps_arc_length = multipliers and softening != 1.0
         self._has_multipliers = self.keeps_arc_length
         self._stored_softening = 1.0 if multipliers else softening
-        state.write_control({c.BOW_MOMENT: 2.0 * float(BOW) if self.keeps_arc_length else 0.0})
+        state.steering.set(bow_moment=2.0 * float(BOW) if self.keeps_arc_length else 0.0)
         mesh = stepper.strip.whole
         spacing = float(mesh.natural_length[mesh.following >= 0].min())
         self._largest_move = SPEED_SHARE * spacing  # [m] a step
         if stepper.contact is not None:
             self._largest_move = min(self._largest_move, CONTACT_SPEED * rods.section.thickness)
-        state.write_control({c.DRIVE: 0.0, c.STEP_LIMIT: spacing})
+        state.steering.set(drive=0.0, step_limit=spacing)
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
         longest = float(mesh.wire_length.max())
         bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
@@ -147,7 +146,7 @@ class RodRelaxation:
         move = self._largest_move
         if stepper.contact is not None:
             if not loading:
-                speed = float(state.read_control()[int(c.SPEED_MAX)])
+                speed = state.steering.speed_max
                 move = min(move, max(FASTER * speed, LEAST_SPEED * stepper.rods.section.thickness))
             approach = min(APPROACH * CHECK_STEPS * move, EVALUATED * stepper.rods.section.thickness)
             stepper.contact.list_near_pairs(CHECK_STEPS * move)
@@ -155,7 +154,7 @@ class RodRelaxation:
             stepper.contact.bound_stiffness()
         else:
             stepper.evaluate()
-        state.write_control({c.SPEED_LIMIT: move})
+        state.steering.set(speed_limit=move)
         before = self._twice_energy()
         self._banded.find()
         now = self._twice_energy()
@@ -186,7 +185,7 @@ class RodRelaxation:
             stretch_stiffness=self.softened_stiffness,
             turning=self.turning(),
             tension=float(np.max(self.tension(), initial=0.0)),
-            contact_stiffness=float(state.read_control()[int(c.CONTACT_STIFFNESS)]),
+            contact_stiffness=state.steering.contact_stiffness,
             curve=self.curve,
         )
         return STEP_MARGIN * stable_step(rates)
@@ -198,7 +197,7 @@ class RodRelaxation:
     def strain(self) -> np.ndarray:
         """[node] strain of the chords of the segments, in the state last evaluated."""
         state, rods = self.stepper.state, self.stepper.rods
-        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+        factor = state.steering.length_factor
         strain = fetch(state.length) / (rods.natural_length * factor) - 1.0
         return np.where(self.has_segment, strain, 0.0)
 
@@ -265,8 +264,8 @@ class RodRelaxation:
         moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved")
         self._mean_energy = 0.5 * moved / CHECK_STEPS**2
         stiffness, inertia = np.float64(-work), np.float64(moved)
-        damping = renewed_damping(state.read_control()[int(c.DAMPING)], stiffness, inertia, LEAST_DAMPING)
-        state.write_control({c.DAMPING: float(damping)})
+        damping = renewed_damping(state.steering.damping, stiffness, inertia, LEAST_DAMPING)
+        state.steering.set(damping=float(damping))
 
     def _slide(self) -> np.ndarray:
         """(2, sliding clamp) [m] places of the sliding clamps, and [N] their forces."""
@@ -278,7 +277,7 @@ class RodRelaxation:
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
         diagonal masses, which overestimate smooth motion (SMOOTH).
         """
-        whole = 0.5 * float(self.stepper.state.read_control()[int(c.KINETIC_TWICE)])
+        whole = 0.5 * self.stepper.state.steering.kinetic_twice
         if self._mean_energy is not None and whole / self.vibration**2 <= self._mean_energy:
             return self._mean_energy
         whole = min(whole, 0.5 * SMOOTH**2 * self._twice_energy())
@@ -292,7 +291,7 @@ class RodRelaxation:
         Multipliers of contact and of tension together may still excite a slow mode: without progress the rate is lowered, and
         raised again with it.
         """
-        damping = float(self.stepper.state.read_control()[int(c.DAMPING)])
+        damping = self.stepper.state.steering.damping
         return min(self._rate, RATE_TO_DAMPING * CHECK_STEPS * damping)
 
     def watch_progress(self, ratio: float, excess: float) -> None:
@@ -351,13 +350,13 @@ class RodRelaxation:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
         self.checks.keep_motion()
         self._has_last, self._last_slide = True, self._slide()
-        self.stepper.state.write_control({c.KINETIC_TWICE: self._twice_energy()})
+        self.stepper.state.steering.set(kinetic_twice=self._twice_energy())
 
     def stop_motion(self) -> None:
         """Stop all motion, after the state was moved from outside; multipliers start with their full rate."""
         self._reset_rate()
         state = self.stepper.state
-        state.write_control({c.DAMPING: FASTEST_DAMPING, c.SPEED_MAX: 0.0})
+        state.steering.set(damping=FASTEST_DAMPING, speed_max=0.0)
         store(state.velocity, 0)
         store(state.spin, 0)
         if self.clamps is not None:

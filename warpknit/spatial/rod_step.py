@@ -26,8 +26,8 @@ from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind, replay
 from ..compute.precision import DOUBLE, Precision
 from ..compute.row_sums import fewer_rows
+from ..compute.steering import Steering
 from ..compute.team import Team
-from ..kernels import control as c
 from ..kernels.control import update_control
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..mechanics.numerics import thread_count
@@ -181,12 +181,12 @@ class RodStepper:
 
         gap [m]: up to which closest points of wires are found; default: EVALUATED thicknesses; accepting: see `WireContact`.
         """
-        kept = float(self.state.read_control()[int(c.STATUS)])
+        kept = self.state.steering.status
         gap = EVALUATED * self.rods.section.thickness if gap is None else gap
-        status = c.STATUS_ACCEPTING if accepting else c.STATUS_EVALUATING
-        self.state.write_control({c.STATUS: float(status), c.EVALUATED_GAP: gap})
+        status = Steering.ACCEPTING if accepting else Steering.EVALUATING
+        self.state.steering.set(status=float(status), evaluated_gap=gap)
         self._replay(0, 1)
-        self.state.write_control({c.STATUS: kept})
+        self.state.steering.set(status=kept)
 
     def sync(self) -> None:
         """Have the copies of wires of other ranks take over the state of those wires; a collective call."""
@@ -196,10 +196,10 @@ class RodStepper:
 
     def update_frames(self) -> None:
         """Compute positions and frames of the current state, without forces."""
-        kept = float(self.state.read_control()[int(c.STATUS)])
-        self.state.write_control({c.STATUS: float(c.STATUS_EVALUATING)})
+        kept = self.state.steering.status
+        self.state.steering.set(status=Steering.EVALUATING)
         self._frames.launch()
-        self.state.write_control({c.STATUS: kept})
+        self.state.steering.set(status=kept)
 
     @property
     def threads(self) -> int:
@@ -246,14 +246,12 @@ class RodStepper:
     def set_time_step(self, time_step: float, damping: float = 0.0, look_ahead: float = 0.0) -> None:
         """Set the step [s], mass-proportional damping [1/s] and look-ahead [steps] (kernels/control.py)."""
         half = 0.5 * damping * time_step
-        self.state.write_control(
-            {
-                c.TIME_STEP: time_step,
-                c.DAMPING: damping,
-                c.LOOK_AHEAD: look_ahead,
-                c.VELOCITY_FACTOR: (1 - half) / (1 + half),
-                c.FORCE_FACTOR: time_step / (1 + half),
-            }
+        self.state.steering.set(
+            time_step=time_step,
+            damping=damping,
+            look_ahead=look_ahead,
+            velocity_factor=(1 - half) / (1 + half),
+            force_factor=time_step / (1 + half),
         )
 
     def set_masses(self, masses: Masses) -> None:
@@ -298,7 +296,7 @@ class RodStepper:
     def energy(self) -> float:
         """[J] energy of stretch, bending and twist in the state last evaluated."""
         rods, state = self.rods, self.state
-        factor = float(state.read_control()[int(c.LENGTH_FACTOR)])
+        factor = state.steering.length_factor
         has_segment = rods.following >= 0
         natural = rods.natural_length * factor
         strain = fetch(state.length) / natural - 1.0

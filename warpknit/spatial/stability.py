@@ -13,7 +13,6 @@ import math
 import numpy as np
 
 from ..compute.host import fetch, store
-from ..kernels import control as c
 from ..measure.strain import strain_text
 from ..mechanics.numerics import FASTEST_DAMPING
 from .model import SpatialModel
@@ -57,7 +56,7 @@ class Stability:
         elif self._checks >= MOST_CHECKS or (self._checks >= LEAST_CHECKS and energy < before):
             self._is_over = True
             self.relaxation.begin_anew()
-            self.relaxation.stepper.state.write_control({c.DAMPING: FASTEST_DAMPING})
+            self.relaxation.stepper.state.steering.set(damping=FASTEST_DAMPING)
         self._energy, self._least, self._checks = energy, min(self._least, energy), self._checks + 1
         if energy > GROWN * self._least and not self.has_left:
             self.has_left = True
@@ -68,7 +67,7 @@ class Stability:
     def hold_damping(self) -> None:
         """Damp the mesh little while it is tested."""
         if self.is_running:
-            self.relaxation.stepper.state.write_control({c.DAMPING: DAMPING})
+            self.relaxation.stepper.state.steering.set(damping=DAMPING)
 
     def _note(self) -> None:
         strains = strain_text(self.relaxation.stepper.state.gradient)

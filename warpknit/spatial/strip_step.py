@@ -17,8 +17,8 @@ import warp as wp
 from ..compute.host import Mirror, fetch, is_in_place
 from ..compute.launch import Launch, bind, replay
 from ..compute.row_sums import fewer_rows
+from ..compute.steering import Steering
 from ..errors import ModelError
-from ..kernels import control as c
 from ..kernels.control import PARTIAL_COUNT, update_control
 from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
 from .model import BORDER, SpatialModel
@@ -123,7 +123,7 @@ class StripRodStepper(RodStepper):
         for _ in range(times):
             for k in range(steps):
                 self._share_step(is_first=k == 0, is_last=k == steps - 1)
-            if self.state.read_control()[int(c.STATUS)] != float(c.STATUS_RUNNING):
+            if self.state.steering.status != Steering.RUNNING:
                 return
 
     def _share_step(self, *, is_first: bool, is_last: bool) -> None:

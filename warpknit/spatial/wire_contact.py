@@ -12,7 +12,6 @@ from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..errors import OutOfResources
-from ..kernels import control as c
 from ..kernels.lanes import QUAD, QUADS_A_BLOCK
 from ..kernels.wire_closest import (
     NOT_NEAR,
@@ -94,7 +93,7 @@ class WireContact:
         self._other = self._new_list(LEAST_CAPACITY, 1) if friction else self._list  # the list before, for its elastic slips
         now = (getattr(stepper.state, field.name.removeprefix("before_")) for field in fields(_Before))
         self._before = _Before(*(wp.clone(array) if friction else array for array in now))
-        stepper.state.write_control({c.CONTACT_STIFFNESS: stiffness})
+        stepper.state.steering.set(contact_stiffness=stiffness)
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
 
@@ -165,7 +164,7 @@ class WireContact:
         self._search.fill(pairs)
         if self.friction > 0.0:
             bind(
-                transfer_elastic_slip, pairs.capacity, step=int(state.read_control()[int(c.STEP)]),
+                transfer_elastic_slip, pairs.capacity, step=int(state.steering.step),
                 old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
                 old_step=before.slip_step, old_place=before.slip_place, old_elastic_slip=before.elastic_slip,
                 pair_count=pairs.total, slip_step=pairs.slip_step, slip_place=pairs.slip_place,
@@ -179,7 +178,7 @@ class WireContact:
         self._search_travel = self._approach / float(CLOSING_RATE)
         store(state.block_travel, 0.0)
         reach = self._search.reach(pairs, total) / float(CLOSING_RATE)
-        state.write_control({c.TRAVEL: 0.0, c.STEP_TRAVEL: 0.0, c.PAIR_REACH: reach})
+        state.steering.set(travel=0.0, step_travel=0.0, pair_reach=reach)
         self.list_near_pairs()
 
     def list_near_pairs(self, travel: float | None = None) -> None:
@@ -194,13 +193,13 @@ class WireContact:
             self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
         self._mark_near(float(CLOSING_RATE) * self._travel)
         self._take_near_pairs()
-        reached = float(state.read_control()[int(c.TRAVEL)]) + self._travel
-        state.write_control({c.TRAVEL_LIMIT: min(reached, self._search_travel), c.STATUS: 0.0})
+        reached = state.steering.travel + self._travel
+        state.steering.set(travel_limit=min(reached, self._search_travel), status=0.0)
 
     def _mark_near(self, gap: float) -> None:
         """Mark the pairs that are within a gap [m] at the present positions, without what pushes them apart."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
-        state.write_control({c.NEAR_GAP: gap})
+        state.steering.set(near_gap=gap)
         if not pairs.mark:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
             named = pairs.named("first", "second", "shift", "wake_travel", "found", "is_near")
@@ -229,8 +228,8 @@ class WireContact:
 
     def refresh(self, moved: float = 0.0) -> None:
         """Search again, or list near pairs again, whichever the travel has used up; moved [m]: travel by no step."""
-        travel = float(self.stepper.state.read_control()[int(c.TRAVEL)]) + moved
-        self.stepper.state.write_control({c.TRAVEL: travel})
+        travel = self.stepper.state.steering.travel + moved
+        self.stepper.state.steering.set(travel=travel)
         if travel > self._search_travel:
             self.search()
         else:
@@ -300,7 +299,7 @@ class WireContact:
         self.dissipated += self.stepper.sums.of_nodes(of_node)
         for name, array in vars(self._before).items():
             store(array, fetch(getattr(state, name.removeprefix("before_"))))
-        state.write_control({c.STEP: float(state.read_control()[int(c.STEP)]) + 1.0})
+        state.steering.step += 1.0
 
     def pop_max_penetration(self) -> float:
         """[m] largest penetration of the mesh since the last call; resets it."""

@@ -10,7 +10,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ..compute.host import fetch, store
-from ..kernels import control as c
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
 
@@ -33,7 +32,7 @@ class Yielding:
     @property
     def length(self) -> np.ndarray:
         """[node] [m] natural length of a node at the current temperature."""
-        return self.rods.node_length * float(self.state.read_control()[int(c.LENGTH_FACTOR)])
+        return self.rods.node_length * self.state.steering.length_factor
 
     @property
     def plastic(self) -> np.ndarray:

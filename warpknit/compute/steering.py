@@ -1,0 +1,135 @@
+"""The control array of a time step by name: what kernels/control.py declares entry by entry, for one world or for many.
+
+steering = state.steering
+steering.set(time_step=1.0, damping=0.1)
+steering.damping                                  # float, or [world] where the array has a row a world
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..kernels import control as c
+from .host import fetch, is_in_place, store_at
+
+
+class Entry:
+    """Entries of the control array from one on; shape () for a single one."""
+
+    def __init__(self, first: Any, *shape: int) -> None:
+        self.first, self.shape = int(first), shape
+        self.count = int(np.prod(shape, dtype=int))
+
+    def __get__(self, steering: Steering | None, owner: type | None = None) -> Any:
+        if steering is None:
+            return self
+        values = steering.values
+        if not self.shape:
+            return float(values[self.first]) if values.ndim == 1 else values[:, self.first].copy()
+        return values[..., self.first : self.first + self.count].reshape(*values.shape[:-1], *self.shape).copy()
+
+    def __set__(self, steering: Steering, value: Any) -> None:
+        steering.write({self: value})
+
+
+class Steering:
+    """Reads and writes a control array; units as in kernels/control.py."""
+
+    velocity_factor = Entry(c.VELOCITY_FACTOR)
+    force_factor = Entry(c.FORCE_FACTOR)
+    time_step = Entry(c.TIME_STEP)
+    gradient = Entry(c.GRADIENT, 2, 2)
+    load = Entry(c.GRADIENT, 5)  # gradient and length factor
+    length_factor = Entry(c.LENGTH_FACTOR)
+    look_ahead = Entry(c.LOOK_AHEAD)
+    contact_stiffness = Entry(c.CONTACT_STIFFNESS)
+    bow_moment = Entry(c.BOW_MOMENT)
+    body_inverse_mass = Entry(c.BODY_INVERSE_MASS)
+    ramp_from = Entry(c.FROM, 5)
+    ramp_to = Entry(c.TO, 5)
+    ramp_step = Entry(c.RAMP_STEP)
+    ramp_steps = Entry(c.RAMP_STEPS)
+    ramp_share = Entry(c.RAMP_SHARE)
+    ramp_lag = Entry(c.RAMP_LAG)
+    even_ramp = Entry(c.EVEN_RAMP)
+    drive = Entry(c.DRIVE)
+    damping = Entry(c.DAMPING)
+    dead_load = Entry(c.DEAD_LOAD)
+    speed_limit = Entry(c.SPEED_LIMIT)
+    step_limit = Entry(c.STEP_LIMIT)
+    travel = Entry(c.TRAVEL)
+    step_travel = Entry(c.STEP_TRAVEL)
+    travel_limit = Entry(c.TRAVEL_LIMIT)
+    status = Entry(c.STATUS)
+    step = Entry(c.STEP)
+    kinetic_twice = Entry(c.KINETIC_TWICE)
+    speed_max = Entry(c.SPEED_MAX)
+    force_max = Entry(c.FORCE_MAX)
+    force_square = Entry(c.FORCE_SQUARE)
+    dissipated = Entry(c.DISSIPATED)
+    multiplier_rate = Entry(c.MULTIPLIER_RATE)
+    slope_factor = Entry(c.SLOPE_FACTOR)
+    evaluated_gap = Entry(c.EVALUATED_GAP)
+    near_gap = Entry(c.NEAR_GAP)
+    pair_reach = Entry(c.PAIR_REACH)
+    load_motion = Entry(c.LOAD_MOTION)
+    extrapolation = Entry(c.EXTRAPOLATION)
+    penalty_floor = Entry(c.PENALTY_FLOOR)
+    mean_push = Entry(c.MEAN_PUSH)
+    loading = Entry(c.IS_LOADING)
+    sticking = Entry(c.STICKING)
+
+    RUNNING, STALE, DIVERGED, EVALUATING, ACCEPTING = (
+        float(status) for status in (c.STATUS_RUNNING, c.STATUS_STALE, c.STATUS_DIVERGED, c.STATUS_EVALUATING, c.STATUS_ACCEPTING)
+    )
+
+    def __init__(self, array: wp.array | np.ndarray) -> None:
+        """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host."""
+        self.array = array
+
+    @property
+    def values(self) -> np.ndarray:
+        """The array on the host: a view on the CPU, a copy from a GPU."""
+        return self.array if isinstance(self.array, np.ndarray) else fetch(self.array)
+
+    def read(self) -> Steering:
+        """The entries of now, read once."""
+        return Steering(self.values)
+
+    def write(self, values: dict[Entry, Any], rows: np.ndarray | None = None) -> None:
+        """Set entries of one world, of all, or of `rows`; values broadcast to (row, ...)."""
+        array = self.array
+        if not isinstance(array, np.ndarray) and array.ndim == 1 and not is_in_place(array.device):
+            for entry, value in values.items():  # without waiting for the device
+                for k, number in enumerate(np.broadcast_to(value, entry.shape).ravel()):
+                    array[entry.first + k : entry.first + k + 1].fill_(float(number))
+            return
+        host = self.values
+        lead = host.shape[:-1] if rows is None else (len(rows),)
+        for entry, value in values.items():
+            columns = np.arange(entry.first, entry.first + entry.count)
+            given = np.broadcast_to(value, (*lead, *entry.shape)).reshape(*lead, entry.count)
+            host[(..., columns) if rows is None else (rows[:, None], columns)] = given
+        if not isinstance(array, np.ndarray) and not is_in_place(array.device):
+            store_at(array, ..., host)
+
+    def set(self, rows: np.ndarray | None = None, **values: Any) -> None:
+        """Set entries by name; see `write`."""
+        self.write({vars(Steering)[name]: value for name, value in values.items()}, rows)
+
+    def begin_ramp(self, load: Sequence[float], steps: int, *, evenly: bool) -> None:
+        """Have the load go from where it is to `load` (gradient and length factor) over so many steps; at once with none."""
+        now = self.load
+        if steps == 0:
+            self.load = load
+        self.set(ramp_from=now, ramp_to=load, ramp_step=0.0, ramp_steps=float(steps), even_ramp=float(evenly))
+
+    @property
+    def is_loading(self) -> Any:
+        """Whether a load is being applied, of one world or of each."""
+        now = self.read()
+        return now.ramp_step < now.ramp_steps
