@@ -13,7 +13,7 @@ control.py.
 
 import warp as wp
 
-from warpknit.kernels.control import (
+from .control import (
     BODY_INVERSE_MASS,
     DRIVE,
     FORCE_FACTOR,

@@ -6,23 +6,10 @@ each do a part of a step; between the parts each launches `wait_for_all`.
 
 import warp as wp
 
+from .native_text import native_text
 
-@wp.func_native(r"""
-    int* arrived = state.data;
-    int* round = state.data + 32;  // on a cache line of its own
-    const int now = __atomic_load_n(round, __ATOMIC_ACQUIRE);
-    if (__atomic_add_fetch(arrived, 1, __ATOMIC_ACQ_REL) == threads) {
-        __atomic_store_n(arrived, 0, __ATOMIC_RELAXED);
-        __atomic_store_n(round, now + 1, __ATOMIC_RELEASE);
-    } else {
-        for (int turn = 1; __atomic_load_n(round, __ATOMIC_ACQUIRE) == now; ++turn) {
-#if defined(__x86_64__)
-            __builtin_ia32_pause();
-#endif
-            if (yield_address && turn % 32 == 0) { typedef int yield_function(void); ((yield_function*)yield_address)(); }
-        }
-    }
-""")
+
+@wp.func_native(native_text("arrive_and_wait"))
 def arrive_and_wait(
     # in
     threads: wp.int32,

@@ -29,9 +29,9 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TRAVEL
-from warpknit.kernels.stretch import edge_component
-from warpknit.kernels.wires import node_at
+from .control import CONTACT_STIFFNESS, GRADIENT, LENGTH_FACTOR, STATUS, STATUS_RUNNING, TRAVEL
+from .stretch import edge_component
+from .wires import node_at
 
 CURVE_COEFFICIENTS = 10  # a, b of the node; then four of b_t and four of b_n of the segment to the next node
 CLOSEST_POINT_ITERATIONS = 8

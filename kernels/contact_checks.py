@@ -16,9 +16,9 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import EVALUATED_GAP, IS_LOADING, MEAN_PUSH, MULTIPLIER_RATE, PENALTY_FLOOR, STICKING
-from warpknit.kernels.native import constants
-from warpknit.kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES
+from .control import MEAN_PUSH
+from .native_text import native_text
+from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 
 # columns of the sums
 PUSHING = wp.constant(0)  # contacts that push
@@ -38,153 +38,8 @@ LEAST_SHARE = 0.3  # the same at the two nodes of its segment, at least
 RAISED, MOST_RAISED = 2.0, 64.0  # factor of the penalty where overlaps stall, and the most that it comes to
 PROGRESS, PATIENCE = 0.8, 8  # an overlap makes progress if it falls to this share of itself within so many checks
 
-# The contacts of the segments on whose curve node i has a weight: as the node before them, as their first and second node, and as
-# the node behind them. CONTACT stands for what is done with each.
-_GATHER = (
-    constants(NOT_NEAR=NOT_NEAR, ONE_PLACE=ONE_PLACE, PLACES=PLACES)
-    + r"""
-    const int after_node = following.data[i], before_node = previous.data[i];
-    const int segments[4] = {after_node, i, before_node, before_node >= 0 ? previous.data[before_node] : -1};
-    const double* places = (const double*)pair_place.data;
-    const int* start_of_first = touch_first_start.data;
-    const int* start_of_second = touch_second_start.data;
-    for (int role = 0; role < 4; ++role) {
-        const int segment = segments[role];
-        if (segment < 0 || following.data[segment] < 0) continue;
-        for (int side = 0; side < 2; ++side) {
-            const int* start = (side ? start_of_second : start_of_first) + segment;
-            for (int q = start[0]; q < start[1]; ++q) {
-                const int touch = side ? touch_of_second.data[q] : q;
-                const int pair = touch_pair.data[touch], found = pair_found.data[pair];
-                for (int a = 0; a < (found == ONE_PLACE ? 1 : PLACES) && found > NOT_NEAR; ++a) {
-                    const double push = touch_normal_force.data[PLACES * touch + a];
-                    const double overlap = touch_overlap.data[PLACES * touch + a];
-                    const double place = places[2 * (PLACES * pair + a) + side];
-                    CONTACT
-                }
-            }
-        }
-    }
-"""
-)
 
-_BOUND = (
-    constants(
-        WEIGHT_SUM=WEIGHT_SUM,
-        MORE_TILT=MORE_TILT,
-        LEAST_WEIGHT=LEAST_WEIGHT,
-        BEYOND_WEIGHT=BEYOND_WEIGHT,
-        EVALUATED_GAP=EVALUATED_GAP,
-        STICKING=STICKING,
-    )  # fmt: skip
-    + r"""
-    const double distance = control.data[EVALUATED_GAP], sticking = control.data[STICKING];
-    double x = 0, y = 0, z = 0, turn = 0;
-"""
-    + _GATHER.replace(
-        "CONTACT\n",
-        r"""if (push == 0 && !(overlap > -distance)) continue;
-                    const int one = pair_first.data[pair], other = pair_second.data[pair];
-                    const double* weight = (const double*)(slope_weight.data + rest_row.data[segment]);
-                    const double* of_one = (const double*)(slope_weight.data + rest_row.data[one]);
-                    const double* of_other = (const double*)(slope_weight.data + rest_row.data[other]);
-                    const double* normal = (const double*)(touch_normal.data + PLACES * touch + a);
-                    const double here = contact_penalty.data[one], there = contact_penalty.data[other];
-                    const double next_here = contact_penalty.data[following.data[one]];
-                    const double next_there = contact_penalty.data[following.data[other]];
-                    double largest = here > next_here ? here : next_here;
-                    largest = there > largest ? there : largest;
-                    largest = next_there > largest ? next_there : largest;
-                    const double stiffness = weight_square * largest;
-                    const double tilt = MORE_TILT + (overlap < 0 ? -overlap / thickness : 0.0);
-                    const double nx = (normal[0] < 0 ? -normal[0] : normal[0]) + tilt;
-                    const double ny = (normal[1] < 0 ? -normal[1] : normal[1]) + tilt;
-                    const double nz = (normal[2] < 0 ? -normal[2] : normal[2]) + tilt;
-                    const double total = 2 + WEIGHT_SUM * (of_one[0] + of_one[3] + of_other[0] + of_other[3]);
-                    double share = BEYOND_WEIGHT * (role == 0 ? weight[0] : weight[3]);
-                    if (role == 1) share = 1 - place > LEAST_WEIGHT ? 1 - place : LEAST_WEIGHT;
-                    if (role == 2) share = place > LEAST_WEIGHT ? place : LEAST_WEIGHT;
-                    const double slender = thickest / natural_length.data[segment];
-                    const double along = stiffness * (nx + ny + nz), arm = sticking * slender * slender;
-                    x += share * total * (along * nx + sticking) + arm;
-                    y += share * total * (along * ny + sticking) + arm;
-                    z += share * total * (along * nz + sticking) + arm;
-                    if (role < 3) turn += stiffness * lever * lever + 0.25 * sticking * thickest * thickest;
-""",
-    )
-    + r"""
-    return {x, y, z, turn};
-"""
-)
-
-_RENEW = (
-    constants(
-        GROWTH=GROWTH,
-        DECAY=DECAY,
-        WITHOUT_CONTACT=WITHOUT_CONTACT,
-        NEIGHBOUR=NEIGHBOUR,
-        LEAST_SHARE=LEAST_SHARE,
-        RAISED=RAISED,
-        MOST_RAISED=MOST_RAISED,
-        PROGRESS=PROGRESS,
-        PATIENCE=PATIENCE,
-        MULTIPLIER_RATE=MULTIPLIER_RATE,
-        PENALTY_FLOOR=PENALTY_FLOOR,
-        MEAN_PUSH=MEAN_PUSH,
-        IS_LOADING=IS_LOADING,
-    )  # fmt: skip
-    + r"""
-    const double rate = control.data[MULTIPLIER_RATE], floor = control.data[PENALTY_FLOOR], mean_force = control.data[MEAN_PUSH];
-    double total = 0, moved = 0, largest = 0, error = 0;
-"""
-    + _GATHER.replace(
-        "CONTACT\n",
-        r"""if (push == 0) continue;
-                    double share = NEIGHBOUR;
-                    if (role == 1) share = 1 - place > LEAST_SHARE ? 1 - place : LEAST_SHARE;
-                    if (role == 2) share = place > LEAST_SHARE ? place : LEAST_SHARE;
-                    if (push > 0) {
-                        total += share * push;
-                        moved += share * push * overlap;
-                        largest = push > largest ? push : largest;
-                    }
-                    if (role == 1 || role == 2) {
-                        const double counts = push < mean_force ? (push > 0 ? push / mean_force : 0.0) : 1.0;
-                        const double size = counts * (overlap < 0 ? -overlap : overlap);
-                        error = size > error ? size : error;
-                    }
-""",
-    )
-    + r"""
-    double raised = penalty_raised.data[i];
-    if (control.data[IS_LOADING] == 0) {
-        const double best = overlap_best.data[i];
-        const bool waits = error > allowed && error > PROGRESS * best;
-        if (!waits) overlap_best.data[i] = error;
-        int checks = waits ? overlap_checks.data[i] + 1 : 0;
-        if (checks >= PATIENCE) {
-            checks = 0;
-            raised = RAISED * raised < MOST_RAISED ? RAISED * raised : MOST_RAISED;
-        }
-        overlap_checks.data[i] = checks;
-        penalty_raised.data[i] = raised;
-    }
-    const double before = contact_penalty.data[i], offset = contact_offset.data[i];
-    double penalty = floor, next = WITHOUT_CONTACT * offset;
-    if (total > 0) {
-        const double wanted = force_penalty * raised * largest;
-        penalty = wanted > floor ? wanted : floor;
-        penalty = penalty < DECAY * before ? DECAY * before : (penalty > GROWTH * before ? GROWTH * before : penalty);
-        penalty = penalty > floor ? penalty : floor;
-        next = offset * before / penalty + 0.5 * rate * moved / total;
-    }
-    contact_penalty.data[i] = penalty;
-    contact_offset.data[i] = next < 0 ? 0.0 : (next > most_offset ? most_offset : next);
-"""
-)
-
-
-@wp.func_native(_BOUND)
+@wp.func_native(native_text("bound_contact", globals()))
 def contact_bound_at(
     # in: the node, and wires
     i: wp.int32,
@@ -214,7 +69,7 @@ def contact_bound_at(
 ) -> wp.vec4d: ...
 
 
-@wp.func_native(_RENEW)
+@wp.func_native(native_text("renew_contact", globals()))
 def renew_contact_at(
     # in: the node, and wires
     i: wp.int32,

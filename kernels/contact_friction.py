@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import CONTACT_STIFFNESS, STATUS, STATUS_RUNNING
+from .control import CONTACT_STIFFNESS, STATUS, STATUS_RUNNING
 
 TANGENTIAL = wp.constant(wp.float64(0.5))  # stiffness along the wire over the contact penalty
 LOOSE = wp.constant(wp.float64(-1.0e30))  # a place on the wire: the contact sticks nowhere

@@ -7,7 +7,7 @@ is lost: the pair carries no force.
 
 import warp as wp
 
-from warpknit.kernels.control import STATUS, STATUS_RUNNING
+from .control import STATUS, STATUS_RUNNING
 
 
 @wp.kernel

@@ -10,9 +10,9 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import GRADIENT, LOAD_MOTION
-from warpknit.kernels.stretch import edge_component
-from warpknit.kernels.wires import node_at
+from .control import GRADIENT, LOAD_MOTION
+from .stretch import edge_component
+from .wires import node_at
 
 
 @wp.kernel

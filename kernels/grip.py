@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import GRADIENT, RAMP_SHARE, STATUS, STATUS_RUNNING
+from .control import GRADIENT, RAMP_SHARE, STATUS, STATUS_RUNNING
 
 
 @wp.func

@@ -11,8 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.banded_mass import HELD_NODE
-from warpknit.kernels.prolong import weighed
+from .banded_mass import HELD_NODE
+from .prolong import weighed
 
 
 @wp.struct

@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import EXTRAPOLATION, MULTIPLIER_RATE
+from .control import EXTRAPOLATION, MULTIPLIER_RATE
 
 
 @wp.kernel

@@ -10,11 +10,11 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.bodies import step_block_of_bodies
-from warpknit.kernels.contact_by_batch import contact_of_batch
-from warpknit.kernels.control import STATUS, STATUS_RUNNING, STEP, renew_control
-from warpknit.kernels.grip import count_of, held_move
-from warpknit.kernels.wires import block_step, rounding_phase
+from .bodies import step_block_of_bodies
+from .contact_by_batch import contact_of_batch
+from .control import STATUS, STATUS_RUNNING, STEP, renew_control
+from .grip import count_of, held_move
+from .wires import block_step, rounding_phase
 
 
 @wp.kernel

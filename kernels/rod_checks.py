@@ -15,10 +15,10 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.banded_mass import HELD_NODE, HELD_TURN
-from warpknit.kernels.bend import BOW
-from warpknit.kernels.control import LENGTH_FACTOR, MULTIPLIER_RATE
-from warpknit.kernels.native import constants
+from . import bend
+from .banded_mass import HELD_NODE, HELD_TURN
+from .control import LENGTH_FACTOR, MULTIPLIER_RATE
+from .native_text import native_text
 
 # columns of the sums of a state
 UNBALANCED_SQUARE = wp.constant(0)  # [N2] of free nodes, summed
@@ -30,26 +30,8 @@ EXCESS_SQUARE = wp.constant(5)  # squares of the excess, summed
 EXCESS_SUM = wp.constant(6)  # [m] excess times length of segments that can stretch
 STATE_COLUMNS = 7
 
-_EXCESS = (
-    constants(LENGTH_FACTOR=LENGTH_FACTOR, BOW=BOW)
-    + r"""
-    const double* turn = (const double*)curvature.data;
-    const double* weight = (const double*)(bow_weight.data + i);
-    double strain = length.data[i] / (natural_length.data[i] * control.data[LENGTH_FACTOR]) - 1;
-    const double tension = tension_offset.data[i] + stretch_stiffness.data[i] * strain;
-    if (keeps_arc_length) {
-        const int j = following.data[i];
-        const double own = turn[2 * i] * turn[2 * i] + turn[2 * i + 1] * turn[2 * i + 1];
-        const double next = turn[2 * j] * turn[2 * j] + turn[2 * j + 1] * turn[2 * j + 1];
-        strain += BOW * (weight[0] * own + weight[1] * next) - bow_at_rest.data[i];
-    }
-    const double longer = 1 + half_in_clamp.data[i] / natural_length.data[i], heated = thermal_strain.data[i];
-    return (strain - heated * longer) / ((1 + heated) * longer) - tension / axial_stiffness;
-"""
-)
 
-
-@wp.func_native(_EXCESS)
+@wp.func_native(native_text("excess_strain", vars(bend)))
 def excess_strain(
     # in: the node before the segment; rest data
     i: wp.int32,

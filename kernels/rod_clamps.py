@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import (
+from .control import (
     FORCE_FACTOR,
     FORCE_PART,
     GRADIENT,
@@ -27,7 +27,7 @@ from warpknit.kernels.control import (
     TIME_STEP,
     VELOCITY_FACTOR,
 )
-from warpknit.kernels.wire_travel import add_travel
+from .wire_travel import add_travel
 
 
 @wp.kernel

@@ -8,8 +8,8 @@ times the rest area, in rows xx, xy, yx, yy of blocks. Clamps come on top (spati
 
 import warp as wp
 
-from warpknit.kernels.wire_closest import NOT_NEAR, ONE_PLACE, PLACES
-from warpknit.kernels.wire_curve import hermite_10, hermite_11
+from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
+from .wire_curve import hermite_10, hermite_11
 
 
 @wp.func

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.rod_frames import affine_map
+from .rod_frames import affine_map
 
 LEAST_COSINE = wp.constant(wp.float64(1.0e-9))  # of 1 + c
 

@@ -2,32 +2,13 @@
 
 import warp as wp
 
-from warpknit.kernels.native import SHARING, STEERING, SUM_OF_LANES, constants
+from .native_text import native_text
 
 ROWS = 1024  # that become one
 ROW_LANES = 256
 
-_SUM = (
-    STEERING
-    + SHARING
-    + constants(ROWS=ROWS)
-    + r"""
-    const int begin = ROWS * group, left = partial.shape[0] - begin, count = left < ROWS ? left : ROWS;
-    double kinetic = 0, fastest = 0, strongest = 0, square = 0;
-    EVERY(k, 0, count) {
-        const double* part = partial.data + PARTIAL_COUNT * (size_t)(begin + k);
-        kinetic += part[KINETIC_PART];
-        fastest = part[SPEED_PART] > fastest ? part[SPEED_PART] : fastest;
-        strongest = part[STRONGEST_PART] > strongest ? part[STRONGEST_PART] : strongest;
-        square += part[FORCE_PART];
-    }
-    double* row = fewer.data + PARTIAL_COUNT * group;
-"""
-    + SUM_OF_LANES
-)
 
-
-@wp.func_native(_SUM)
+@wp.func_native(native_text("sum_rows", globals()))
 def sum_group(
     # in
     group: wp.int32,

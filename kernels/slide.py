@@ -12,7 +12,7 @@ are not out of balance.
 
 import warp as wp
 
-from warpknit.kernels.control import (
+from .control import (
     FORCE_FACTOR,
     FORCE_PART,
     GRADIENT,

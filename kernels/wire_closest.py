@@ -16,10 +16,20 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, is_halted
-from warpknit.kernels.rod_frames import affine_map
-from warpknit.kernels.wire_curve import CLOSING_RATE, Bump, Nodes, closest_on_chords, curve_through, rest_shape, row, sag, stencil
-from warpknit.kernels.wire_minima import (
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, is_halted
+from .rod_frames import affine_map
+from .wire_curve import (
+    CLOSING_RATE,
+    Bump,
+    Nodes,
+    closest_on_chords,
+    curve_through,
+    rest_shape,
+    row,
+    sag,
+    stencil,
+)
+from .wire_minima import (
     NEWTON_ACCURACY,
     are_distinct,
     beyond_saddle,
@@ -31,8 +41,8 @@ from warpknit.kernels.wire_minima import (
     projected_end,
     saddle_of,
 )
-from warpknit.kernels.wire_prefetch import first_of_part
-from warpknit.kernels.wire_travel import travel_of_pair
+from .wire_near import first_of_part
+from .wire_travel import travel_of_pair
 
 MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the contact distance: ten times NEWTON_ACCURACY squared
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import (
+from .control import (
     CONTACT_STIFFNESS,
     DRIVE,
     LENGTH_FACTOR,
@@ -36,25 +36,15 @@ from warpknit.kernels.control import (
     TIME_STEP,
     is_halted,
 )
-from warpknit.kernels.rod_frames import affine_map
-from warpknit.kernels.wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
-from warpknit.kernels.wire_curve import (
-    Bump,
-    curve_through,
-    derivative_at,
-    node_weights,
-    point_at,
-    rest_shape,
-    row,
-    section_offsets,
-    stencil,
-)
-from warpknit.kernels.wire_friction import previous_slip, surface_before
-from warpknit.kernels.wire_minima import is_bounded
-from warpknit.kernels.wire_motion import node_velocities, point_velocity, section_rate
-from warpknit.kernels.wire_pairs import NO_COMMON_WIRE
-from warpknit.kernels.wire_prefetch import first_of_part
-from warpknit.kernels.wire_weights import friction_weight, line_weight, saddle_weight
+from .rod_frames import affine_map
+from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
+from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
+from .wire_friction import previous_slip, surface_before
+from .wire_minima import is_bounded
+from .wire_motion import node_velocities, point_velocity, section_rate
+from .wire_near import first_of_part
+from .wire_pairs import NO_COMMON_WIRE
+from .wire_weights import friction_weight, line_weight, saddle_weight
 
 
 @wp.func

@@ -13,8 +13,8 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import LENGTH_FACTOR
-from warpknit.kernels.wire_curve import Bump, curve_through, point_at, rest_shape, stencil
+from .control import LENGTH_FACTOR
+from .wire_curve import Bump, curve_through, point_at, rest_shape, stencil
 
 MAX_HANDOVER = wp.constant(wp.float64(0.5))  # segments, largest motion of a contact in one step
 

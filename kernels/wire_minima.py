@@ -5,7 +5,7 @@ Newton's method never leads away from a minimum: a step that increases the dista
 
 import warp as wp
 
-from warpknit.kernels.wire_curve import Powers, derivative_at, point_at, second_derivative_at
+from .wire_curve import Powers, derivative_at, point_at, second_derivative_at
 
 NEWTON_STEPS = 40
 NEWTON_ACCURACY = wp.constant(wp.float64(1.0e-6))  # of a segment: convergence is quadratic below this step

@@ -4,9 +4,9 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import LOAD_STEP, TIME_STEP
-from warpknit.kernels.wire_curve import Nodes, row, weighted_sum
-from warpknit.kernels.wire_pairs import affine_inverse
+from .control import LOAD_STEP, TIME_STEP
+from .wire_curve import Nodes, row, weighted_sum
+from .wire_pairs import affine_inverse
 
 
 @wp.func

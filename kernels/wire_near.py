@@ -15,6 +15,13 @@ def before(counts: wp.array(dtype=wp.int32), k: int) -> int:
     return counts[k - 1]
 
 
+@wp.func
+def first_of_part(count: wp.array(dtype=wp.int32), part: int, parts: int) -> int:
+    """The first pair of a part of a list, which is cut into `parts` of the same length."""
+    length = (count[0] + parts - 1) / parts
+    return wp.min(part * length, count[0])
+
+
 @wp.kernel
 def count_by_second(
     # in

@@ -12,9 +12,9 @@ from typing import Any
 
 import warp as wp
 
-from warpknit.kernels.control import GRADIENT, LENGTH_FACTOR
-from warpknit.kernels.rod_frames import affine_map
-from warpknit.kernels.wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
+from .control import GRADIENT, LENGTH_FACTOR
+from .rod_frames import affine_map
+from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
 
 KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
 NO_COMMON_WIRE = wp.constant(wp.float64(1.0e30))  # [m] arc separation of segments of different wires

@@ -6,16 +6,10 @@ included. Travel of all nodes, by the load or from outside, comes on top. Where 
 
 import warp as wp
 
-from warpknit.kernels.native import STEERING
-
-# C++ that finds `travel` [m] of segments i and j from what steers a step
-TRAVEL_OF_PAIR = r"""
-    const double of_blocks = block_travel.data[node_block.data[i]] + block_travel.data[node_block.data[j]];
-    const double travel = block_travel.shape[0] == 1 ? steer[TRAVEL] : steer[TRAVEL] - steer[STEP_TRAVEL] + 0.5 * of_blocks;
-"""
+from .native_text import native_text
 
 
-@wp.func_native(STEERING + "    const double* steer = control.data;\n" + TRAVEL_OF_PAIR + "    return travel;\n")
+@wp.func_native(native_text("travel_of_pair") + "return travel;\n")
 def travel_of_pair(
     # in: segments
     i: int,
@@ -36,7 +30,7 @@ def add_travel(
     node_block: wp.array(dtype=wp.int32),
     block_travel: wp.array(dtype=wp.float64),
 ):
-    """Add the way [m] of a node to the travel of the blocks whose segments it shapes, where blocks count (TRAVEL_OF_PAIR)."""
+    """Add the way [m] of a node to the travel of the blocks whose segments it shapes, where blocks count (travel_of_pair.h)."""
     if block_travel.shape[0] == 1:
         return
     own = node_block[i]

@@ -23,7 +23,7 @@ into two, and 1 once the wires are separate in between.
 
 import warp as wp
 
-from warpknit.kernels.wire_curve import Nodes, row
+from .wire_curve import Nodes, row
 
 # separation of the wires over the contact distance, within a segment or, if longer, within the contact distance
 LINE_FRACTION = wp.constant(wp.float64(0.25))  # below: contact along a line

@@ -15,11 +15,7 @@ def put(value: wp.float64, target: wp.array(dtype=wp.float64)):
     target[0] = value
 
 
-@wp.func_native("""
-    const double* from = source.data;
-    double* to = target.data;
-    to[0] = from[0];
-""")
+@wp.func_native(native_text("take"))
 def take(
     # in
     source: wp.array(dtype=wp.float64),
@@ -42,6 +38,10 @@ def work(
 
 def said(tmp_path: Path, a: str, b: str, body: str) -> list[str]:
     """What is wrong with the arrays of a kernel."""
+    (tmp_path / "native").mkdir()
+    (tmp_path / "native" / "take.h").write_text('#include "pointers.h"\nto[0] = from[0];\n', encoding="utf-8")
+    pointers = "const double* from = source.data;\ndouble* to = target.data;\n"
+    (tmp_path / "native" / "pointers.h").write_text(pointers, encoding="utf-8")
     path = tmp_path / "work.py"
     path.write_text(FILE.format(a=a, b=b, body=body), encoding="utf-8")
     return [fault.split(": work: ")[1] for fault in lint_kernels.faults(path)]
@@ -80,3 +80,11 @@ def test_groups_that_say_what_happens(tmp_path, a, b, body):
 )
 def test_groups_that_say_otherwise(tmp_path, a, b, body, fault):
     assert said(tmp_path, a, b, body)[0].startswith(fault)
+
+
+def test_cpp_stands_in_no_string(tmp_path):
+    path = tmp_path / "work.py"
+    path.write_text('"""A kernel file."""\n\nTEXT = """\ndouble x = 1;\nreturn x;  // [m]\n"""\n', encoding="utf-8")
+    assert [fault.split(":", 2)[2] for fault in lint_kernels.faults(path)] == [
+        " C++ in a string: put it into a file of native/, and load it with native_text"
+    ]

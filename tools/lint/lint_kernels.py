@@ -3,7 +3,8 @@
     python tools/lint/lint_kernels.py [FILE]...          all of kernels/ without a FILE; exit status 1 where a rule is broken
 
 * A kernel file begins with a docstring and does not print.
-* It imports `typing`, `warp` and its neighbours, nothing else.
+* It imports `typing`, `warp` and its neighbours, nothing else; the one that loads C++ also `collections`, `pathlib` and `re`.
+* C++ stands in files of native/, never in a string.
 * Arguments of a kernel and of a native function stand in groups, each under a comment; every argument has a type.
 * The comment above arrays begins with what happens to them: "in", "out" or "in and out" (or "state in" ...), and it is what the
   body does: an array "in" is read and never written, one "out" is written and never read but to add to it, one "in and out"
@@ -23,6 +24,8 @@ from pathlib import Path
 
 KERNELS = Path(__file__).parents[2] / "kernels"
 ALLOWED_IMPORTS = {"typing", "warp"}
+LOADER, IMPORTS_OF_LOADER = "native_text", {"collections", "pathlib", "re"}
+STATEMENTS = re.compile(r";[ \t]*(?://.*)?\n")  # ends of lines of C++
 DIRECTION = re.compile(r"(?:state )?(in and out|in|out)(?=$|[:,])")
 READ, WRITTEN, ADDED, MAYBE_READ = "read", "written", "added to", "perhaps read"
 Effects = frozenset[str]
@@ -37,8 +40,10 @@ def faults(path: Path) -> Iterator[str]:
         if isinstance(node, ast.Call) and ast.unparse(node.func) in ("print", "wp.print", "wp.printf", "printf"):
             yield f"{path}:{node.lineno}: prints"
         for name in imported(node):
-            if name not in ALLOWED_IMPORTS:
+            if name not in ALLOWED_IMPORTS | (IMPORTS_OF_LOADER if path.stem == LOADER else set()):
                 yield f"{path}:{node.lineno}: imports {name}"
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and len(STATEMENTS.findall(node.value)) > 1:
+            yield f"{path}:{node.lineno}: C++ in a string: put it into a file of native/, and load it with {LOADER}"
         if isinstance(node, ast.FunctionDef) and (is_a(node, "wp.kernel") or is_a(node, "wp.func_native")):
             for line, text in argument_faults(node, file):
                 yield f"{path}:{line}: {node.name}: {text}"
@@ -189,8 +194,9 @@ class KernelFile:
 
     def _of_text(self, function: ast.FunctionDef) -> dict[str, Effects]:
         """The same of a native function, by its C++ text."""
-        decorator = next(d for d in function.decorator_list if isinstance(d, ast.Call))
-        text = "\n".join(self._strings(decorator.args[0]))
+        calls = [node for d in function.decorator_list for node in ast.walk(d) if isinstance(node, ast.Call)]
+        names = [ast.literal_eval(call.args[0]) for call in calls if ast.unparse(call.func) == LOADER]
+        text = "\n".join(native_source(self.path.parent / "native", name) for name in names)
         found = {}
         for argument in function.args.args:
             name, effects = argument.arg, set()
@@ -204,31 +210,15 @@ class KernelFile:
                 is_stored = behind.startswith("=") and not behind.startswith("==")
                 effects.add(WRITTEN if is_stored else ADDED if behind.startswith("+=") else READ)
             effects |= {ADDED for _ in re.finditer(rf"\batomic_\w+\({name}\b", text)}
-            effects |= {MAYBE_READ for _ in re.finditer(rf"__builtin_prefetch\({name}\.data\b", text)}
+            effects |= {MAYBE_READ for _ in re.finditer(rf"\bfetch\w*\([^;]*\b{name}\.data\b", text)}
             found[name] = frozenset(effects)
         return found
 
-    def _strings(self, node: ast.AST) -> Iterator[str]:
-        """All string constants that an expression of the module is made of."""
-        for part in ast.walk(node):
-            if isinstance(part, ast.Constant) and isinstance(part.value, str):
-                yield part.value
-            if isinstance(part, ast.Name):
-                yield from self._strings_of(part.id)
 
-    def _strings_of(self, name: str) -> Iterator[str]:
-        """The same of what a name of the module stands for: a constant, a function that makes text, one of a neighbour."""
-        for statement in self.tree.body:
-            if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == name:
-                yield from self._strings(statement.value)
-            if isinstance(statement, ast.FunctionDef) and statement.name == name and not is_a(statement, "wp.func_native"):
-                for inside in statement.body:
-                    yield from self._strings(inside)
-            if isinstance(statement, ast.ImportFrom) and statement.level == 1 and statement.module:
-                for alias in statement.names:
-                    path = self.path.parent / f"{statement.module}.py"
-                    if (alias.asname or alias.name) == name and path.exists():
-                        yield from self.known.setdefault(path, KernelFile(path))._strings_of(alias.name)
+def native_source(folder: Path, name: str) -> str:
+    """C++ of a file of native/ with the files that it includes."""
+    text = (folder / f"{name}.h").read_text(encoding="utf-8")
+    return re.sub(r'#include "(\w+)\.h"', lambda found: native_source(folder, found[1]), text)
 
 
 def closing(text: str, begin: int) -> int:

@@ -19,7 +19,7 @@ def is_in_place(device: wp.DeviceLike) -> bool:
 
 
 def lanes(on_gpu: int, device: wp.DeviceLike) -> int:
-    """Threads that share what one thread of the CPU does: so many on a GPU (kernels/native.py)."""
+    """Threads that share what one thread of the CPU does: so many on a GPU (kernels/native/sharing.h)."""
     return 1 if is_in_place(device) else on_gpu
 
 

@@ -20,7 +20,7 @@ class Launch(NamedTuple):
 
     @property
     def block_dim(self) -> int | None:
-        """Threads of a CUDA block: those that share arrays (kernels/native.py), or None for Warp's default."""
+        """Threads of a CUDA block: those that share arrays (kernels/native/sharing.h), or None for Warp's default."""
         names = [argument.label for argument in self.kernel.adj.args]
         return int(self.arguments[names.index(SHARED_BY)]) if SHARED_BY in names else None
 

@@ -40,7 +40,7 @@ class HostState(Boundary):
     edge: np.ndarray  # [node, 2] [m] zero behind the last node of an open wire
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
-    segment_force: np.ndarray  # [node, 2] [N] gradient of the energy by the edge (kernels/wire_forces.py)
+    segment_force: np.ndarray  # [node, 2] [N] gradient of the energy by the edge (kernels/native/wire_forces.h)
     moment: np.ndarray  # [node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)
     bow_moment: np.ndarray  # [node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)
     turning: np.ndarray  # [node] [rad] turning angle less its natural value

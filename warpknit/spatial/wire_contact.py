@@ -12,7 +12,6 @@ from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..errors import OutOfResources
-from ..kernels.lanes import QUAD, QUADS_A_BLOCK
 from ..kernels.wire_closest import (
     NOT_NEAR,
     ONE_PLACE,
@@ -22,7 +21,7 @@ from ..kernels.wire_closest import (
     list_awake_pairs,
     mark_near_pairs,
 )
-from ..kernels.wire_contact_by_batch import find_followed_contacts
+from ..kernels.wire_contact_by_batch import QUAD, QUADS_A_BLOCK, find_followed_contacts
 from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
