@@ -21,9 +21,3 @@ import warp as wp
 def edge_component(row_x: Any, row_y: Any, rest_x: Any, rest_y: Any, u_next: Any, u: Any, unit: Any):
     """One component of the deformed edge [m]; the difference is taken before the conversion, so it is exact."""
     return row_x * rest_x + row_y * rest_y + unit * type(unit)(u_next - u)
-
-
-@wp.func
-def axial_force(length: Any, natural_length: Any, axial_stiffness: Any, offset: Any):
-    """Tension of a segment [N]."""
-    return offset + axial_stiffness * (length - natural_length) / natural_length

@@ -9,33 +9,9 @@ if (lane > 0) return;
 #endif
 #include "lanes.h"
     // rows of the numbers of a segment: nodes and sections of a segment and of those beside it, and its rest data
-    enum {
-        X = 0,
-        EDGE = 3,
-        BEFORE = 6,
-        AFTER = 9,
-        T = 12,
-        D = 15,
-        T_BEFORE = 18,
-        D_BEFORE = 21,
-        T_AFTER = 24,
-        D_AFTER = 27,
-        M = 30,
-        A = 34,
-        NEXT_A = 36,
-        B = 38,
-        LENGTH = 46,
-        SLOPE_BEFORE,
-        SLOPE_AFTER,
-        RADIUS,
-        OFFSET,
-        NEXT_OFFSET,
-        PENALTY,
-        NEXT_PENALTY,
-        GOES_BACK,
-        GOES_ON,
-        ROWS
-    };
+    enum { X = 0, EDGE = 3, BEFORE = 6, AFTER = 9, T = 12, D = 15, T_BEFORE = 18, D_BEFORE = 21, T_AFTER = 24, D_AFTER = 27 };
+    enum { M = 30, A = 34, NEXT_A = 36, B = 38, LENGTH = 46, SLOPE_BEFORE, SLOPE_AFTER, RADIUS, OFFSET, NEXT_OFFSET };
+    enum { PENALTY = NEXT_OFFSET + 1, NEXT_PENALTY, GOES_BACK, GOES_ON, ROWS };
     // what steers a step
     const double* steer = control.data;
     const double factor = steer[LENGTH_FACTOR];

@@ -3,7 +3,7 @@
 const int nodes = count + 2 * HALO, whole = 1 + (nodes - 2 + PAD - 1) / PAD * PAD;
 SHARED int at[SPAN];
 SHARED real has[SPAN], inner[SPAN];
-const bool inside = first - HALO > wire_begin&& first + count + HALO < wire_end;
+const bool inside = wire_begin < first - HALO && first + count + HALO < wire_end;
 EACH(k, 0, whole) {
     int i = first - HALO + (k < nodes ? k : nodes - 1);
     if (inside) {
