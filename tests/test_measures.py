@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from warpknit import export, measure
+from warpknit.base.text import engineering
 from warpknit.design.fine_states import states_at
 from warpknit.errors import Diverged
 from warpknit.measure import Observables, table
@@ -19,7 +20,9 @@ from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
+from warpknit.runner.history import read_history
 from warpknit.runner.run import run_scene
+from warpknit.runner.summary_table import summary_rows
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -56,6 +59,17 @@ def test_a_line_of_the_table_is_a_column_and_a_key(kind: str, tmp_path: Path, mo
     assert found > 0.0
     assert summary["wire"]["longest_segment_m"] == summary["stages"][0]["wire"]["longest_segment_m"] == found
     assert "nothing" not in rows[-1] and "nothing" not in summary["wire"]
+
+
+def test_the_largest_contact_force_is_one_value(tmp_path: Path) -> None:
+    """Below the threshold of active pairs, too: the key of the summary, the column of history.csv and the row of the table."""
+    scene = load_scene(CELL, [*QUICK, "contact.threshold=1 N", "load.strain_weft=0.1", "load.strain_warp=0.1"])
+    summary = run_scene(scene, out=tmp_path / "run", device="cpu").summary
+    [_, row] = read_history(tmp_path / "run" / "history.csv")
+    assert summary["contacts"]["active"] == 0 and row.contact_force_max_N > 1e-6
+    assert summary["contacts"]["force_max_N"] == row.contact_force_max_N
+    shown = dict(summary_rows(summary, tmp_path))["largest contact force"]
+    assert shown == engineering(row.contact_force_max_N, "N")
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -278,3 +279,26 @@ def test_the_summary_has_the_last_record_however_a_run_ends(
     assert found["stages"][-1]["mesh"] == found["mesh"] and found["mesh"]["strain_weft"] > 0.0
     for group in ("mesh", "contacts", "wire", "quality", "stages", "answers", "jumps", "warnings"):
         assert found[group] == first[group], group
+
+
+def test_the_summary_has_the_last_record_after_an_interrupt_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second Ctrl-C stops two records behind the checkpoint; a resumed run begins there again, and so do its rows."""
+    scene, original, out = cell("output.frames=3"), Watch._check, tmp_path / "r"
+
+    def records_of_a_part(until: int, requests: int, *, resume: bool) -> int:
+        def interrupt(self: Watch, progress: object) -> None:
+            for _ in range(requests if self.simulation.progress.records == until else 0):
+                self.interrupts.request()
+            original(self, progress)
+
+        monkeypatch.setattr(Watch, "_check", interrupt)
+        with contextlib.suppress(KeyboardInterrupt):
+            assert run_scene(scene, out=out, device="cpu", resume=resume).exit_code == 130
+        found, rows = json.loads((out / "summary.json").read_text()), read_history(out / "history.csv")
+        assert found["stop_reason"] == "interrupted" and found["mesh"]["strain_weft"] == rows[-1].strain_weft
+        assert found["contacts"]["force_max_N"] == rows[-1].contact_force_max_N
+        return len(rows)
+
+    assert records_of_a_part(1, 1, resume=False) == 1
+    assert records_of_a_part(3, 2, resume=True) == 3
+    assert records_of_a_part(1, 1, resume=True) == 1

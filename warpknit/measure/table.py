@@ -26,7 +26,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     active_bodies_percent   share of the bodies both of whose pairs are active
     active_rhombus_percent  share of the active pairs at the central rhombus; empty without one
     at_reach_end            active pairs whose contact has slid to the end of its range along the wire: not reliable
-    force_max_N             largest force of the active pairs
+    force_max_N             largest force of a pair, active or not: `contact_force_max_N` of history.csv
     force_mean_N            mean force of the active pairs
     contact_force_sum_N     sum of the contact forces, in the tables of a trade; in space each twice, as pairs
     threshold_N             force above which a pair is active, at least 1e-4 EI/W^2
@@ -55,7 +55,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     plastic_strain_max      with `wire.plastic`: largest plastic strain of a fibre
     axial_strain_max        largest T/EA of a segment
     slid_max_m              largest difference between the mean displacements of two wires of a periodic tile
-    contact_force_max_N     largest contact force, active or not; in space that of a site
+    contact_force_max_N     largest force of a pair, active or not; in space that of a site
     stress_interior_max_Pa  largest stress away from the edges
     energy_stretch_J        stored in stretch
     energy_bend_J           stored in bending, and in twist
@@ -248,7 +248,7 @@ MEASURES: tuple[Measure, ...] = (
         may_be_empty=True,
     ),
     Measure("at_reach_end", m.pairs_at_reach_end, summary="contacts"),
-    Measure("force_max_N", lambda r: float(m.active_forces(r).max(initial=0.0)), summary="contacts"),
+    Measure("force_max_N", m.largest_contact_force, summary="contacts"),
     Measure("force_mean_N", _mean_force, summary="contacts"),
     Measure("contact_force_sum_N", lambda r: float(r.pair_force.sum() + 2.0 * r.elsewhere_force.sum())),
     Measure("threshold_N", lambda r: m.active_threshold(r.model), summary="contacts"),

@@ -125,6 +125,9 @@ class Recorder:
                 self._reserve.unlink(missing_ok=True)
                 self._write_summary("interrupted", "ran out of memory or disk")
                 raise
+            except KeyboardInterrupt:  # the second one, which stops without a checkpoint
+                self._write_summary("interrupted", "interrupted")
+                raise
             code, message = loop.exit_code, loop.message
             is_unconverged = loop.reason == "steady" and not self.rows[-1].steady
             estimate = None
@@ -205,9 +208,9 @@ class Recorder:
         return summary
 
     def _load_rows(self) -> None:
-        """Load the rows in the directory, up to the checkpoint."""
-        count = self.simulation.progress.records
-        self.rows = read_history(self.out / "history.csv")[:count] if count else []
+        """Load the rows up to the checkpoint, and remove later ones from history.csv: their records are solved again."""
+        count, path = self.simulation.progress.records, self.out / "history.csv"
+        self.rows = read_history(path)[:count] if count else []
         if len(self.rows) < count:
             raise RunDirectoryError(f"{self.out}: history.csv is shorter than the checkpoint; start over with --force")
         probed = extra_columns(vars(self.rows[0])) if self.rows else self.probes.names
@@ -215,6 +218,10 @@ class Recorder:
             raise RunDirectoryError(
                 f"{self.out}: the run began with the probes {probed}, not {self.probes.names}; give those, or --force"
             )
+        if self.rows:
+            write_history(path, self.rows)
+        else:
+            path.unlink(missing_ok=True)
 
     # --- while it runs ---
 
