@@ -16,6 +16,7 @@ from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.scene.resolved import resolved_toml
 from warpknit.scene.scene_loader import make_scene
+from warpknit.solve.model import build_model
 from warpknit.wires.read import rest_wires
 
 SCENES = Path(__file__).parents[2] / "scenes" / "wires"
@@ -181,3 +182,28 @@ def test_a_weave_that_overlaps_is_told_when_planned_and_run(tmp_path):
     assert any("no wires hook each other" in line for line in planned)
     said = run_scene(scene, out=tmp_path / "run").summary["warnings"]
     assert any(line.startswith("the mesh is prestressed before it is loaded") for line in said), said
+
+
+def crossing(folder, gap, spacing):
+    """A straight wire of 30 um over another, `gap` diameters apart."""
+    lines = ["0,-2,0,0", "0,2,0,0", f"1,0,-2,{0.03 * gap}", f"1,0,2,{0.03 * gap}"]
+    (folder / "cross.csv").write_text("\n".join(["wire,x [mm],y [mm],z [mm]", *lines, ""]))
+    wires = {"file": "cross.csv", "node_spacing": spacing, "interpolation": "linear"}
+    table = {"wires": wires, "wire": {"diameter": "30 um"}, "load": {"strain_weft": 0.005}}
+    return make_scene(table, path=folder / "cross.toml")
+
+
+@pytest.mark.parametrize(("gap", "said"), [(0.997, "by up to 0.3 % of"), (0.9995, ""), (1.0, "")])
+def test_wires_that_only_touch_do_not_overlap(gap, said, tmp_path):
+    warnings = [line for line in make_plan(crossing(tmp_path, gap, "0.1 mm")).lines() if "overlap as they come" in line]
+    assert len(warnings) == bool(said) and all(said in line for line in warnings)
+
+
+@pytest.mark.parametrize(("spacing", "few"), [("0.6 mm", "11 nodes a loop are few"), ("0.5 mm", "")])
+def test_nodes_are_few_where_wires_hook(spacing, few, tmp_path):
+    """Loops of 3.3 x 2 mm of wire; straight wires have none, however far their nodes are apart."""
+    hooked = load_scene(PATCH, [f"wires.node_spacing={spacing}"])
+    for scene, expected in ((hooked, few), (crossing(tmp_path, 1.5, "0.3 mm"), "")):
+        planned = [line for line in make_plan(scene).warnings if "nodes a loop are few" in line]
+        built = [line for line in build_model(scene).panel.notes if "nodes a loop are few" in line]
+        assert planned == built and len(planned) == bool(expected) and all(expected in line for line in planned)

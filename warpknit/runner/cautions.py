@@ -12,7 +12,7 @@ from ..base.text import celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
-from ..mechanics.numerics import FOLLOWED_INCREMENT
+from ..mechanics.numerics import FOLLOWED_INCREMENT, few_nodes
 from ..mesh.smaller import smaller_scene
 from ..mesh.tight_loops import is_tight
 from ..scene import Scene, Stage
@@ -25,7 +25,6 @@ METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
 BARE_KELVIN = 100.0  # [K] a colder temperature without a unit was probably meant in degrees Celsius
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
-FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
 BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the error of its minimum
 SEVERAL = (
     "a tight knit without friction has several equilibria under one load, and this is one of them: compare with other"
@@ -54,10 +53,8 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     yield from _about_constants(scene)
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
         yield "no load is given: [load] has neither strain nor tension nor temperature"
-    nodes = scene.model.nodes_per_loop
-    if scene.hook is None and nodes < FEWEST_NODES:
-        yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
     if cloth is not None:
+        yield from few_nodes(scene.model.nodes_per_loop)
         yield from _about_tension(scene, cloth, scene.stages)
         yield from _about_strain(scene, cloth, scene.stages)
         if scene.model.kind == "spatial" and not scene.depends_on_path and smaller_scene(scene) is None:

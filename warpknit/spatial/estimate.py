@@ -34,7 +34,6 @@ from ..scene import Scene, Stage
 from ..scene.presets import PRESETS
 from ..wires.centre_lines import Wires
 from ..wires.overlaps import find_overlaps
-from .mechanics import CLOSEST
 from .model import SpatialModel, build_model
 from .nearby import pair_gaps
 from .search_cells import search_cells
@@ -224,7 +223,7 @@ def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
     threads = tuple(thread.points for thread in repeat.threads)
     kinds, along_warp = ("periodic",) * len(threads), np.tile([0, 1], (len(threads), 1))
     found = find_overlaps(Wires(threads, kinds, along_warp, repeat.size, None, None), scene.wire.thickness)
-    if found.closest is not None and found.closest < (1.0 - CLOSEST) * scene.wire.thickness:
+    if found.closest is not None and found.places:
         places = f"{found.places} place{'s' if found.places > 1 else ''}"
         depth = short_percent(1.0 - found.closest / scene.wire.thickness)
         yield f"as knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness: {TOO_THICK}"

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ..kernels.clamp import CLAMP_NUMBERS
+from ..mechanics.numerics import few_nodes
 from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
 from ..wires.centre_lines import Wires
@@ -60,7 +61,8 @@ def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float
     rods = _with_natural_shape(rods, wires)
     rods = rods.holding(placed.held_node.tolist(), placed.held_section.tolist())
     placed = _with_close_places(wires, placed, rods, slack)
-    return _panel(wires, placed, rods, places), placed, rods
+    nodes_per_loop = round(loop_length * float(wires.segment_counts.sum() / wires.lengths.sum()))
+    return _panel(wires, placed, rods, places, nodes_per_loop), placed, rods
 
 
 def _with_natural_shape(rods: Rods, wires: Wires) -> Rods:
@@ -142,7 +144,7 @@ def _in_first_round(wires: Wires, wire: np.ndarray, place: np.ndarray) -> np.nda
     return np.where(closed, np.mod(place, wires.segment_counts[wire]), place)
 
 
-def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places) -> Panel:
+def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes_per_loop: int) -> Panel:
     points, first, count = rods.position[:, :2], rods.wire_first, rods.wire_count
     site_wire = placed.site_wire[len(places) :, 0]
     nearest = first[site_wire] + placed.site_seed[len(places) :, 0].astype(int)
@@ -164,6 +166,6 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places) -> Pa
         body_rest=np.concatenate([places.position, points[nearest]]),
         body_origin=np.zeros((len(placed.site_wire), 2)),
         pair_wire=placed.site_wire.ravel().astype(np.int32),
-        notes=wires.notes,
+        notes=(*wires.notes, *(few_nodes(nodes_per_loop) if places.hooks else ())),
         **none,
     )

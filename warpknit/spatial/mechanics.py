@@ -16,6 +16,7 @@ from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
 from ..mesh.load_point import LoadPoint
 from ..mesh.rim import Rim
 from ..mesh.smaller import smaller_scene
+from ..wires.overlaps import CLOSEST
 from .clamps import MovingClamps
 from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
@@ -25,7 +26,7 @@ from .masses import Masses
 from .membrane_grid import MembraneGrid
 from .model import SpatialModel
 from .observables import SpatialObservables, read
-from .overlap_text import CLOSEST, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
+from .overlap_text import overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .prolongation import Prolongation
 from .residual import Residual
 from .rod_arrays import RodState, root_mean_square, set_natural_shape

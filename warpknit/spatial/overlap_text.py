@@ -10,13 +10,13 @@ from .. import measure
 from ..base.text import engineering, place_text
 from ..errors import ModelError
 from ..kernels.banded_mass import HELD_NODE
+from ..wires.overlaps import CLOSEST
 from .contacts import Contacts
 from .observables import SpatialObservables
 from .rods import Rods
 from .strip import RodStrip
 
 CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
-CLOSEST = 1e-3  # of the thickness: smaller overlaps as knitted, and smaller distances of centre lines, count as zero
 LEAST_DIFFERENCE = 0.005  # of a stiffness that differs from that of the scene: three digits
 
 

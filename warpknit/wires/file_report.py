@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from warpknit.base.text import percent
+from warpknit.base.text import short_percent
 from warpknit.scene import Scene
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import Overlaps, find_overlaps
@@ -30,10 +30,8 @@ class WireReport:
         """What to look at before a run."""
         found = list(self.wires.notes)
         if self.overlaps.crowded or self.overlaps.places:
-            closest = self.overlaps.closest
-            depth = (
-                "" if closest is None else f", by up to {percent(1.0 - closest / self.overlaps.thickness, 0)} of their thickness"
-            )
+            closest, touch = self.overlaps.closest, self.overlaps.thickness
+            depth = "" if closest is None else f", by up to {short_percent(1.0 - closest / touch)} of their thickness"
             found.append(
                 f"wires overlap as they come{depth}: a run pushes them apart first, which prestresses the mesh before"
                 " it is loaded"

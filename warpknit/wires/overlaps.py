@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from warpknit.base.text import engineering
 from warpknit.wires.centre_lines import Wires
 
+CLOSEST = 1e-3  # of the thickness: smaller overlaps, and smaller distances of centre lines, count as zero
 REACH = 2.0  # thicknesses up to which the closest places are found
 MOST_PAIRS = 200_000_000  # of segments within reach of each other
 MOST_TOUCHING = 2_000_000  # of these that overlap
@@ -96,7 +97,7 @@ def find_overlaps(wires: Wires, thickness: float | np.ndarray) -> Overlaps:
     for near in _near_pairs(segments, wires, thickness):
         if near is None or count > MOST_TOUCHING:
             return Overlaps(thickest, None, None, None, 0, crowded=True)
-        touching.append(near.taken(near.share < 1.0))
+        touching.append(near.taken(near.share < 1.0 - CLOSEST))
         count += len(touching[-1].distance)
         if len(near.distance):
             least = near.taken(np.argmin(near.share, keepdims=True))
