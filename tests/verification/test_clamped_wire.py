@@ -37,5 +37,6 @@ def test_the_strain_of_a_straight_wire_does_not_depend_on_its_nodes(load: str, s
     section = np.pi * DIAMETER**2 / 4
     pull = scene.wire.youngs_modulus * section * expected
     assert np.abs(observed.edge_force).max() == pytest.approx(pull, rel=1e-3)
+    assert observed.wire_stress.node == pytest.approx(pull / section, rel=1e-3)  # in its clamps, too
     between = LENGTH - spacing * DIAMETER  # the clamps end half a segment inside the file's ends
     assert observed.energies.stored == pytest.approx(0.5 * pull * expected * between, rel=2e-3)

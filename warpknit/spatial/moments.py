@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from .rest_curve import node_weights, section_offsets
+from .rods import Rods
 
 BETWEEN = np.array([0.25, 0.5, 0.75])  # places on a segment where moments are taken too
 STRAIGHT = 1e-9  # [rad] turn whose axis does not matter
@@ -83,13 +84,19 @@ def bending_moments(r: Any) -> Moments:
         under[lag:] += np.where(same[:, None], np.cross(lever, at.force[:-lag]), 0.0)
     peak = np.where(elastic[at.node], _bending(under, curve.derivative(at.node, at.place)), 0.0)
     # a clamp in the middle of a rigid segment: at the outer one of its nodes
-    rigid = np.flatnonzero(~elastic & (after >= 0))
-    first, last = rigid[before[rigid] < 0], rigid[(before[rigid] >= 0) & (after[after[rigid]] < 0)]
+    first, last = clamped_ends(rods)
     moment[first] = moment[after[first]] + np.cross(0.5 * edge[first], force[after[first]])
     moment[after[last]] = moment[last] - np.cross(0.5 * edge[last], force[before[last]])
     along = curve.begin.copy()
     along[after[last]] = edge[last]
     return Moments(_bending(moment, along), np.stack(sizes, axis=1), peak, at.node)
+
+
+def clamped_ends(rods: Rods) -> tuple[np.ndarray, np.ndarray]:
+    """Rigid segments at the beginning and at the end of wires, between the two nodes that a clamp holds."""
+    rigid = np.flatnonzero((rods.slope_length == 0.0) & (rods.following >= 0))
+    begins = rods.previous[rigid] < 0
+    return rigid[begins], rigid[~begins & (rods.following[rods.following[rigid]] < 0)]
 
 
 def _pushes(r: Any) -> _Pushes:

@@ -28,7 +28,7 @@ from .contact_places import contact_places, site_places, touched_places
 from .contacts import Contacts
 from .hook_contact import hook_contact
 from .model import SpatialModel
-from .moments import bending_moments
+from .moments import bending_moments, clamped_ends
 from .panel_map import find_panel_map
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
@@ -201,9 +201,14 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def wire_stress(self) -> WireStress:
-        """[Pa] E (d/2) M/EI + N E/EA with the moments of moments.py; at nodes the larger tension of the two segments."""
+        """[Pa] E (d/2) M/EI + N E/EA with the moments of moments.py; at nodes the larger tension of the two segments.
+
+        The rigid segment of a clamp has the tension of the one beside it.
+        """
         modulus, rods = self.model.scene.wire.youngs_modulus, self.model.rods
         own = np.abs(self.tension) * modulus / rods.of_nodes("axial_stiffness")
+        first, last = clamped_ends(rods)
+        own[first], own[last] = own[rods.following[first]], own[rods.previous[last]]
         before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
         moments, per_moment = bending_moments(self), modulus * rods.of_nodes("radius") / rods.of_nodes("bending_stiffness")
         segment = np.flatnonzero(rods.slope_length > 0.0)
