@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.errors import ModelError, SceneError
-from warpknit.measure.measures import positions
+from warpknit.measure.measures import mesh_tension, positions
 from warpknit.mechanics.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.scene_loader import make_scene
@@ -47,8 +47,8 @@ def test_straight_wires_carry_ea_times_strain(tmp_path):
 
 def test_open_wires_are_clamped_in_the_middle_of_their_end_segments(tmp_path):
     """The clamps of a wire of length L are L - h apart, in the middle of the segments of length h that they hold: a load e
-    stretches the wire between them by e (L - h). So it stores EA e^2 (L - h)/2, and the tension of the box of L x L around both
-    wires is the derivative of this by e, over L^2."""
+    stretches the wire between them by e (L - h). So it stores EA e^2 (L - h)/2, whose derivative by e over the area of the box
+    of L x L around both wires is the nominal stress. The tension is the force over the width of this box, EA e/(L (1 + e'))."""
     wires = {"file": "wires.npz", "unit": "m", "node_spacing": DIAMETER}
     model = {"kind": "spatial", "boundary": "gripped"}
     scene = crossing(tmp_path, 3.0 * DIAMETER, wires=wires, model=model, load={"strain_weft": 0.01, "strain_warp": 0.02})
@@ -56,7 +56,11 @@ def test_open_wires_are_clamped_in_the_middle_of_their_end_segments(tmp_path):
     apart = PERIOD - DIAMETER
     stiffness = scene.wire.axial_stiffness * apart / PERIOD**2
     stress = np.diag(records[-1].observables.nominal_stress)
-    assert stress == pytest.approx(stiffness * np.array([0.01, 0.02]), rel=0, abs=stiffness * AXIAL_ERROR)
+    strain = np.array([0.01, 0.02])
+    assert stress == pytest.approx(stiffness * strain, rel=0, abs=stiffness * AXIAL_ERROR)
+    stiffness = scene.wire.axial_stiffness / PERIOD
+    tension = stiffness * strain / (1.0 + strain[::-1])
+    assert mesh_tension(records[-1].observables) == pytest.approx(tension, rel=0, abs=stiffness * AXIAL_ERROR)
     assert len(relaxation.model.wires.held_node) == 8
 
 

@@ -67,8 +67,11 @@ def boundary_stress(r: Observables) -> np.ndarray:
 
 
 def mesh_tension(r: Observables) -> tuple[float, float]:
-    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary."""
-    cauchy = true_stress(boundary_stress(r), r.stretch)
+    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary.
+
+    The force is that between the outermost clamps.
+    """
+    cauchy = true_stress(boundary_stress(r) / r.model.panel.clamp_share, r.stretch)
     return float(cauchy[0, 0]), float(cauchy[1, 1])
 
 

@@ -70,7 +70,7 @@ Names and meanings; docs/reference/summary.md has them too. A unit is the end of
     penetration             largest overlap over the wire diameter
     steps                   time steps since the start
     steady                  True where the level has converged
-    nominal_weft_N_per_m    force per reference width, conjugate to the strain in weft
+    nominal_weft_N_per_m    work per strain in weft and area as knitted; of wires from a file the area of the box around them
     nominal_shear_N_per_m   force per reference width, conjugate to the shear
     nominal_warp_N_per_m    force per reference width, conjugate to the strain in warp
     clamp_couple_N_per_m    moment on all clamps per reference area, conjugate to their rotation

@@ -68,6 +68,8 @@ class Panel:
     rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
     # [wire] [m] arc of its lower clamp along its thread, counted as `block_table` of its first block; without clamps: empty
     wire_begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    # (2,) distance of the outermost clamps over `size`; below 1 for wires from a file, whose clamps end inside it
+    clamp_share: np.ndarray = field(default_factory=lambda: np.ones(2))
     notes: tuple[str, ...] = field(default=())  # what the user should know about how the mesh was cut
     # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
     sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))

@@ -110,7 +110,7 @@ class Drive(ABC):
         before = self.scene.stages[index - 1].temperature if index else self.scene.wire.reference_temperature
         gradient, stress = self.state.gradient, self.mechanics.stress()
         turned = rotation(clamp_rotation(gradient))
-        tension = true_stress(turned @ stress, turned @ gradient)
+        tension = true_stress(turned @ stress / self.model.panel.clamp_share, turned @ gradient)
         return LoadStart(gradient.ravel().tolist(), np.diag(tension).tolist(), before)
 
     def target(self, stage: Stage, factor: float) -> LoadPoint:

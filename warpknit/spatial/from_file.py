@@ -151,8 +151,13 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
     none: dict[str, Any] = dict.fromkeys(EMPTY_INDEX_FIELDS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(
         EMPTY_VECTOR_FIELDS, np.zeros((0, 2))
     )
+    clamps = (points[placed.held_node] - placed.held_lever)[::2]
+    size, clamp_share = wires.period, np.ones(2)
+    if size is None:
+        size, distance = np.maximum(np.ptp(points, axis=0), rods.section.thickness), np.ptp(clamps, axis=0)
+        clamp_share = np.where(distance > 0.0, distance / size, 1.0)
     return Panel(
-        size=np.maximum(np.ptp(points, axis=0), rods.section.thickness) if wires.period is None else wires.period,
+        size=size,
         low=points.min(axis=0) if wires.period is None else np.zeros(2),
         outline=None,
         boundary="gripped" if wires.period is None else "periodic",
@@ -161,7 +166,8 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
         wire_closed=np.array([kind != "open" for kind in wires.kinds]),
         wire_thread=np.zeros(len(count), dtype=np.int32),
         wire_length=wires.lengths,
-        clamp_position=(points[placed.held_node] - placed.held_lever)[::2],
+        clamp_position=clamps,
+        clamp_share=clamp_share,
         wire_clamp=np.zeros((len(count), 2, int(CLAMP_NUMBERS))),
         body_rest=np.concatenate([places.position, points[nearest]]),
         body_origin=np.zeros((len(placed.site_wire), 2)),
