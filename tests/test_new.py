@@ -203,6 +203,15 @@ def test_loops_without_room_are_told_the_nearest_gauges_that_have_it() -> None:
     assert new("--wales", "26", "--courses", f"{courses - 1}", "d").exit_code == 2
 
 
+def test_wires_that_overlap_as_knitted_are_a_warning() -> None:
+    """A run pushes them apart; loops that cannot be laid out are refused (docs/how-to/new_scene.md)."""
+    knit = ("--knit", "reverse-locknit", "--diameter", "17 um", "--ends", "4")
+    dense = new(*knit, "--wales", "60", "--courses", "60", "dense")
+    assert dense.exit_code == 0 and "by up to 89 % of their thickness" in dense.output
+    denser = new(*knit, "--wales", "120", "--courses", "120", "denser")
+    assert denser.exit_code == 2 and "loops of neighbouring wales run into each other" in denser.stderr
+
+
 def test_a_new_scene_tells_that_the_elastic_limit_is_assumed() -> None:
     """The line has the value of the material, and is taken without its #."""
     assert new("--material", "molybdenum").exit_code == 0
