@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from warpknit.commands.plan import make_plan
+from warpknit.commands.plan import outline_of
 from warpknit.knit import Thread
 from warpknit.knit.cloth import Cloth
 from warpknit.knit.straight_wires import ROUNDED, least_length
@@ -147,7 +147,7 @@ def test_a_natural_curvature_that_no_wire_holds_is_told_by_the_plan(share: float
     assert bool(found) == says and list(release_cautions(scene, cloth)) == []
     least = 1.0 - 16.0 / (3.0 * math.pi) * wire.yield_stress / bent
     assert all(line.endswith(f"set wire.set_fraction = {math.ceil(100 * least) / 100:g} or more") for line in found)
-    assert (found == []) or found[0] in make_plan(released, "cpu").warnings
+    assert (found == []) or found[0] in outline_of(released, "cpu").warnings
 
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])
@@ -196,7 +196,7 @@ def test_a_run_of_a_tight_knit_says_what_plan_says_of_its_preset(changes: list[s
     said = [line for line in cautions(build_model(scene), []) if "of the reference preset" in line]
     assert len(said) == says
     for line in said:
-        assert line.removeprefix(f"preset {scene.solver.preset}: ") in make_plan(scene, "cpu").accuracy
+        assert line.removeprefix(f"preset {scene.solver.preset}: ") in outline_of(scene, "cpu").accuracy
 
 
 def test_a_wire_hooked_once_each_way_needs_the_polygon_through_its_hooks() -> None:
@@ -304,7 +304,7 @@ def test_an_empty_file_is_told(text: str, told: bool, tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text(text)
     scene = load_scene(tmp_path / "a.toml", ["output.frames=2"])
     said = "the scene file is empty: all values that no override gives are defaults"
-    assert (said in make_plan(scene).warnings) == told
+    assert (said in outline_of(scene).warnings) == told
     assert not load_scene({}).is_empty
 
 
@@ -318,12 +318,12 @@ def test_a_patch_of_fragments_is_told_by_the_plan_and_the_run(repeats: tuple[int
     is_short = length < model.cloth.stitch_length
     short = np.count_nonzero(is_short)
     assert (length[is_short].sum() >= 0.1 * length.sum()) == few
-    for warnings in (make_plan(scene).warnings, warnings_of(model, [], [])):
+    for warnings in (outline_of(scene).warnings, warnings_of(model, [], [])):
         told = [line for line in warnings if "are fragments of less than a loop" in line]
         assert len(told) == few
         if few:
             assert told[0].startswith(f"{short} of {len(length)} wires") and "model.boundary = 'periodic'" in told[0]
-    assert not any("fragments" in line for line in make_plan(scene.changed({"model.boundary": "periodic"})).warnings)
+    assert not any("fragments" in line for line in outline_of(scene.changed({"model.boundary": "periodic"})).warnings)
 
 
 def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut() -> None:

@@ -12,13 +12,12 @@ import warp as wp
 from click.testing import CliRunner
 
 from warpknit.commands.cli import main
-from warpknit.commands.plan import make_plan
+from warpknit.commands.plan import outline_of
 from warpknit.commands.run import run
 from warpknit.compute import device, memory
 from warpknit.compute.device_choice import DEFAULT_DEVICE, LEAST_NODES, device_of_mesh
 from warpknit.compute.ranks import One
 from warpknit.errors import MemoryNeeded, OutOfResources
-from warpknit.mechanics.estimate import Size
 from warpknit.mesh.layout import knit_scene
 from warpknit.runner import run as runner
 from warpknit.scene import Scene, load_scene
@@ -80,7 +79,7 @@ def test_ranks_that_take_gpus_in_turn_are_not_warned(
     tmp_path: Path,
 ) -> None:
     caplog.set_level(logging.WARNING, logger="warpknit")
-    monkeypatch.setattr(runner, "size_of", lambda _scene: Size(LEAST_NODES, 0, 0))
+    monkeypatch.setattr(runner, "mesh_nodes", lambda _scene: LEAST_NODES)
     monkeypatch.setattr(runner, "build_model", ends)
     with pytest.raises(Reached):
         runner.run_scene(load_scene(CELL), out=tmp_path / "run", device=asked, ranks=Pair())
@@ -102,19 +101,19 @@ def test_a_study_of_a_small_mesh_takes_the_cpu(graphics: None, monkeypatch: pyte
 
 def test_a_plan_compares_with_the_memory_that_is_free_on_the_gpu(graphics: None, monkeypatch: pytest.MonkeyPatch) -> None:
     small_gpu(monkeypatch, 2**28)
-    assert make_plan(load_scene(CELL), "cuda:0").available_bytes == 2**28
+    assert outline_of(load_scene(CELL), "cuda:0").available_bytes == 2**28
     small_gpu(monkeypatch, 2**60)
     monkeypatch.setattr("warpknit.commands.plan.available_memory", lambda name="cpu": 2**30 if name == "cpu" else 2**60)
-    assert make_plan(load_scene(CELL), "cuda:0").available_bytes == 2**30
+    assert outline_of(load_scene(CELL), "cuda:0").available_bytes == 2**30
 
 
 def test_a_mesh_that_the_gpu_has_no_room_for_is_refused(graphics: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is laid out in main memory first, so that it needs room there, too."""
     small_gpu(monkeypatch, 2**20)
-    for ask in (make_plan, knit_scene):
+    for ask in (outline_of, knit_scene):
         with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[8, 8\]: 8.19e\+03 nodes need .* 0.000977 GiB are available"):
             ask(load_scene(CELL, PATCH), "cuda:0")
-    assert make_plan(load_scene(CELL, PATCH), "cpu").device == "cpu"
+    assert outline_of(load_scene(CELL, PATCH), "cpu").device == "cpu"
     small_gpu(monkeypatch, 2**60)
     monkeypatch.setattr(memory, "available_memory", lambda name="cpu": 2**20 if name == "cpu" else 2**60)
     with pytest.raises(MemoryNeeded):

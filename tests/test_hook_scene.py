@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from warpknit.commands.plan import make_plan
+from warpknit.commands.plan import outline_of
 from warpknit.runner.run import run_scene
 from warpknit.scene import SceneError, load_scene, make_scene, resolved_toml
 
@@ -96,10 +96,10 @@ def test_a_run_of_a_hook_leaves_what_was_asked_for(tmp_path: Path) -> None:
 
 
 def test_the_plan_of_a_hook() -> None:
-    plan = make_plan(load_scene(SCENES / "hook_ring.toml"), "cpu")
+    plan = outline_of(load_scene(SCENES / "hook_ring.toml"), "cpu")
     assert (plan.wires, plan.bodies, plan.nodes) == (2, 1, 2 * 51)
     assert any("'ring'" in sentence for sentence in plan.physics)
-    assert any(line.startswith("hook ") for line in plan.lines())
+    assert plan.mesh[0][0] == "hook"
 
 
 def test_a_spring_stiffer_than_the_contact_is_refused() -> None:

@@ -18,7 +18,6 @@ from warpknit.runner.interrupts import Interrupts
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.estimate import START_TIME, endless_size, map_time
 from warpknit.studies import state_processes
 from warpknit.studies.state_processes import StateProcesses
 from warpknit.studies.sweep import run_map
@@ -70,9 +69,8 @@ def test_the_share_that_is_done_counts_load_levels():
     assert both.done == 0.0 and next(both.run()).index == 1 and both.done == pytest.approx(0.25)
 
 
-def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch, caplog):
-    """Stopped as the first pair is done, and gone on with: the same rows, to the bit, as in one go. The time that is estimated
-    then is that of the second pair alone."""
+def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch):
+    """Stopped as the first pair is done, and gone on with: the same rows, to the bit, as in one go."""
     monkeypatch.setenv("WARPKNIT_THREADS", "1")
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     plain = "--set", "output.figures=false"
@@ -101,9 +99,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     monkeypatch.setenv("WARPKNIT_THREADS", "1")
     assert stopped.exit_code == 130 and "--resume" in stopped.stderr
     assert len(rows(cut / "map.csv")) == 1
-    with caplog.at_level("INFO", logger="warpknit.studies.sweep"):
-        assert run_map(load_scene(cut / "scene.toml"), out=cut, resume=True).exit_code == 0
-    assert [line.partition(":")[0] for line in caplog.messages] == ["estimated time of the 1 pair that is missing"]
+    assert run_map(load_scene(cut / "scene.toml"), out=cut, resume=True).exit_code == 0
     assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()
 
 
@@ -131,13 +127,3 @@ def test_what_a_map_in_space_cannot_do_is_refused(tmp_path, setting, said):
     done = make_map(tmp_path / "m", "--set", setting)
     assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "m").exists()
-
-
-def test_the_time_of_a_map_counts_the_start_of_its_processes():
-    """Once, as they start side by side; twice the levels take twice the rest."""
-    table = {"load": {"strain_warp": 0.02}, "model": {"kind": "spatial", "boundary": "periodic"}}
-    scene = load_scene(table | {"sweep": {"strain_weft": [0.0], "strain_warp": [0.02]}, "output": {"frames": 2}})
-    size = endless_size(100, 1, 4)
-    one, two = (map_time(scene, size, [levels]) for levels in (1, 2))
-    assert 0.0 < one - START_TIME == pytest.approx(0.5 * (two - START_TIME))
-    assert map_time(scene, size, []) == 0.0

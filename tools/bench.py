@@ -8,7 +8,7 @@
     mpirun -n 2 python tools/bench.py --ranks --nodes 1e5    steps where ranks share a mesh, and what they spend on each other
     python tools/bench.py --search                           what finding contacts costs, of the patch or of --scene
     python tools/bench.py --map                              a contact map as one batch, beside its cells one by one
-    python tools/bench.py --plan                             what `warpknit plan` says of scenes in space, beside what they take
+    python tools/bench.py --plan                             what `warpknit plan` says of scenes, beside what they take
 
 The parts are in tools/benchmarks; its README says what each measures and how long it takes.
 """

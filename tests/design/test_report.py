@@ -3,7 +3,6 @@
 import csv
 import html
 import json
-import os
 import re
 import shutil
 from dataclasses import replace
@@ -17,8 +16,6 @@ from reference.map_rows import row
 from warpknit import __version__
 from warpknit.base.text import duration
 from warpknit.commands.cli import main
-from warpknit.commands.plan import make_plan
-from warpknit.commands.report import make_report as run_report
 from warpknit.design import curves
 from warpknit.design.curves import CurvePoint
 from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
@@ -125,21 +122,6 @@ def test_the_wall_time_is_that_of_the_whole_report(reports):
     shown = ", ".join(f"{name} {duration(took)}" for name, took in report["stages_s"].items() if took >= LEAST_TOLD)
     assert f"wall time {duration(report['wall_s'], 3)} for the report: {shown} optimum" in said["0.06 N/m"]
     assert re.search(r"wall time [0-9.]+ s for the report: map [0-9.]+ s, tension-strain curves ", said[""])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scene", "settings"), [("contact_map.toml", []), ("heat.toml", []), ("atlas_cell_spatial.toml", ["solver.preset=draft"])]
-)
-def test_a_plan_tells_the_time_of_a_report_within_its_factor(tmp_path, monkeypatch, scene, settings):
-    """Beside the computing time of a report on one core, its processes included, which other work on the machine moves little."""
-    monkeypatch.setenv("WARPKNIT_THREADS", "1")
-    loaded = load_scene(SCENES / scene, [*settings, *SMALL[1:]])
-    planned = make_plan(loaded, "cpu")
-    begin = sum(os.times()[:4])
-    run_report(loaded, tmp_path / "r", quiet=True)
-    took = sum(os.times()[:4]) - begin
-    assert took / planned.factor < planned.report_s < took * planned.factor
 
 
 def test_without_a_tension_the_card_is_for_the_optimum(reports):

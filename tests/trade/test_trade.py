@@ -114,7 +114,7 @@ def test_interrupted_study_goes_on_where_it_stopped(
     names = [row.point for row in rows]
     assert len(set(names)) == len(names)
     assert not any(re.search(r"[0-9]\.[0-9]{5,}", name) for name in names)  # labels of more digits than a table can show
-    said = [re.match(r"(\d+) points to run: about [0-9.]+ (s|min|h) on this CPU", message) for message in caplog.messages]
+    said = [re.match(r"(\d+) points to run", message) for message in caplog.messages]
     assert [int(line[1]) for line in said if line] == [len(names), len(names) - 3]
     assert (tmp_path / "t" / "figures" / "trade.png").stat().st_size > 10_000
     _check_study(tmp_path / "t", rows, result.summary)
@@ -138,7 +138,7 @@ def _check_study(out: Path, rows: list[Row], summary: dict) -> None:
 
 def test_study_in_space_varies_what_space_has(tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points stay in the kind of model of the scene, whatever `auto` would take with one of their values; settings that it lacks
-    are left out, and a point that is expected far beyond the limit is not run. More nodes are nearer to the reference."""
+    are left out, and a ramp far beyond the limit is not run. More nodes are nearer to the reference."""
     monkeypatch.setattr(spatial_trials, "REFERENCE", ((math.inf, 40),))
     monkeypatch.setattr(spatial_trials, "COMBINED", ((24,), (0.01,)))
     for name, values in (("NODES", (16, 32)), ("TOLERANCES", (0.01,)), ("SOFTENINGS", (0.25,)), ("RAMP_NODES", (40,))):

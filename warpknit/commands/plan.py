@@ -1,123 +1,113 @@
-"""Estimates of a run without running it: size, physics, memory, time step, steps, time.
+"""What a run would take, without running it: size, physics, memory, time step, steps, time.
 
     plan = make_plan(load_scene("scenes/atlas_patch.toml"))
     print("\n".join(plan.lines()))
 
-Sizes are exact for small meshes, whose model is built, and those of endless cloth for large ones. planar/estimate.py and
-spatial/estimate.py estimate steps and time.
+Steps and time are measured on a small mesh of the scene (solve/sample_run.py); sizes are those of endless cloth for large meshes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ..base.text import celsius, duration, engineering, exact, memory, rounded
+import psutil
+
+from ..base.text import celsius, duration, engineering, exact, memory, percent, rounded
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
-from ..design.estimate import report_time
-from ..design.findings import report_scene
-from ..errors import SceneError
 from ..knit.chain import parse_chain
 from ..knit.cloth import Cloth, same_cloth
-from ..mechanics.estimate import GPU_MEASURED, Size, levels_of_pairs
-from ..mesh.layout import knit_scene, refuse_large_mesh
+from ..mechanics.protocols import Model
+from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh
 from ..mesh.rim import net_nodes
+from ..mesh.smaller import smaller_scene
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from ..scene import Scene
 from ..scene.capabilities import without_effect
-from ..solve.model import build_model, estimates_of
-from ..solve.simulate import Simulation
+from ..solve.model import description_of
+from ..solve.sample_run import Measured, measure_run, sample_model
+from ..studies.contact_map import levels_of_pairs
 from ..wires.file_report import WireReport, wire_report
 
-CLOSE_WIRES = 0.1  # thicknesses between centre lines of wires from a file, below which the start of a run is checked
-PROGRAM_MEMORY = 430 * 2**20  # [bytes] of a run of few nodes, its libraries included
+HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Result of `make_plan`. `counted`: whether sizes are exact; `wall_s` on a GPU is that of GPU_MEASURED, or None."""
+class Outline:
+    """What would run, without steps and time: result of `outline_of`."""
 
-    scene: str
+    scene: Scene
     device: str
+    model: Model  # of the mesh, or of one of fewer repeats
+    is_whole: bool  # whether `model` is of the mesh
     nodes: int
     wires: int
     bodies: int
-    pairs: int
     memory_bytes: int
     available_bytes: int
-    time_step_s: float
-    limited_by: str
-    steps: int
-    wall_s: float | None
     physics: tuple[str, ...]
-    counted: bool
-    relaxes: bool
-    knit: str
-    sweep: str
+    mesh: tuple[tuple[str, str], ...]  # heading and text
     accuracy: str
-    factor: float  # uncertainty of steps and time
-    hooked_by: str  # meaning of the number of bodies, in words
-    exception: str  # known exceptions to the estimate, in words
-    kind: str  # of model
-    kind_reason: str
-    report_s: float | None  # of `warpknit report`; None of a scene without one
-    report_map_s: float  # of this, the map
-    loads: tuple[tuple[str, str], ...]  # heading and load of each stage, in words
-    file: WireReport | None = None  # of wires from a file
-    warnings: tuple[str, ...] = ()
+    file: WireReport | None  # of wires from a file
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Plan(Outline):
+    """Result of `make_plan`."""
+
+    run: Measured
+    map_s: float | None  # [s] of `warpknit map` on one core; None without a sweep
+
+    @property
+    def steps(self) -> int:
+        """Expected steps."""
+        return self.run.steps
+
+    @property
+    def wall_s(self) -> float | None:
+        """[s] of these steps; None on a GPU."""
+        return self.run.seconds if self.device == "cpu" else None
 
     def as_dict(self) -> dict[str, Any]:
         """The object that `warpknit plan --json` prints."""
-        values = asdict(replace(self, file=None))
-        for name in ("scene", "device", "available_bytes", "counted", "relaxes", "knit", "sweep", "accuracy", "hooked_by"):
-            del values[name]
-        for name in ("factor", "exception", "file", "kind", "kind_reason", "warnings", "report_map_s", "loads"):
-            del values[name]
-        values["model"] = {"kind": self.kind, "kind_reason": self.kind_reason}
         file = {} if self.file is None else self.file.as_dict()
-        return file | values | {"physics": list(self.physics)}
-
-    @property
-    def _report_text(self) -> str:
-        rest = (self.report_s or 0.0) - self.report_map_s
-        parts = f"{duration(self.report_map_s)} for its map, {duration(rest)} for curves, material card and page"
-        return f"warpknit report takes about {duration(self.report_s or 0.0)} on this CPU: {parts}"
+        return file | {
+            "nodes": self.nodes,
+            "wires": self.wires,
+            "bodies": self.bodies,
+            "pairs": 2 * self.bodies,
+            "memory_bytes": self.memory_bytes,
+            "time_step_s": self.model.time_step,
+            "limited_by": self.model.limited_by,
+            "steps": self.steps,
+            "wall_s": self.wall_s,
+            "physics": list(self.physics),
+            "model": {"kind": self.scene.model.kind, "kind_reason": self.scene.kind_reason},
+        }
 
     def lines(self) -> list[str]:
         """The plan as lines of text."""
-        about = "" if self.counted else "about "
-        step = f"{engineering(self.time_step_s, 's')}, limited by {self.limited_by}"
-        if self.relaxes:
-            step = "1, stable by fictitious masses"
-        if self.wall_s is None:
-            time = "not estimated on a GPU"
-        else:
-            time = f"about {duration(self.wall_s)} on {'this CPU' if self.device == 'cpu' else GPU_MEASURED}, kernels compiled"
-        if self.file is not None:
-            mesh = self.file.rows()
-        else:
-            # the pieces of a cut are known once it is laid out
-            wires = f" on {self.wires:,} wire{'s' if self.wires != 1 else ''}" if self.counted else ""
-            mesh = [
-                ("knit", self.knit) if self.knit else ("hook", "two wires, hooked once"),
-                ("mesh", f"{about}{self.nodes:,} nodes{wires}"),
-                ("contact", f"{about}{self.bodies:,} {self.hooked_by}"),
-            ]
+        model, is_ramp = self.scene.model, self.scene.solver.drive == "ramp"
+        step = f"{engineering(self.model.time_step, 's')}, limited by {self.model.limited_by}"
         rows = [
-            ("scene", f"{self.scene}, on {self.device}"),
-            *mesh,
-            *self.loads,
-            ("model", f"{self.kind} ({self.kind_reason})"),
+            ("scene", f"{self.scene.name}, on {self.device}"),
+            *self.mesh,
+            *_loads(self.scene),
+            ("model", f"{model.kind} ({self.scene.kind_reason})"),
             ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
-            ("time step", step),
-            ("steps", f"about {rounded(self.steps):,}"),
-            *([("sweep", self.sweep)] if self.sweep else []),
-            ("time", time),
-            *([] if self.report_s is None else [("report", self._report_text)]),
-            ("", f"steps and time within a factor of {self.factor:g}, for meshes like those measured"),
-            *([("", self.exception)] if self.exception else []),
+            ("time step", step if is_ramp else "1, stable by fictitious masses"),
+            ("steps", _about(lambda steps: f"{rounded(steps):,}", self.run)),
+            *([] if self.map_s is None else [("sweep", self._sweep_text)]),
+            (
+                "time",
+                "not measured on a GPU"
+                if self.wall_s is None
+                else f"{_about(self._time, self.run)} on this CPU, kernels compiled",
+            ),
+            ("", _measured(self.run)),
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
@@ -125,63 +115,87 @@ class Plan:
         ]
         return [f"{heading:<11}{text}" for heading, text in rows]
 
+    @property
+    def _sweep_text(self) -> str:
+        assert self.scene.sweep is not None and self.map_s is not None
+        sweep, seeds = self.scene.sweep, self.scene.sweep.seeds
+        what = f"{len(sweep.pairs):,} pairs of {sweep.quantity}{f' of {seeds} meshes' if seeds > 1 else ''}"
+        return (
+            f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
+        )
+
+    def _time(self, steps: int) -> str:
+        return duration(self.run.seconds * steps / max(1, self.steps))
+
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
-    """Plan a run of `scene`.
+    """Plan a run of `scene`, by steps of a small mesh.
 
     Raises the errors of a run: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`, `SceneError`.
     """
-    if device is not None:
-        find_device(device)
+    outline = outline_of(scene, device)
+    run = measure_run(outline.model, outline.nodes, scene)
+    failure = [f"a small mesh of this scene fails: {run.small.failure}"] if run.small.failure else []
+    warnings = (*outline.warnings, *failure)
+    return Plan(**vars(outline) | {"warnings": warnings}, run=run, map_s=_map_time(scene, outline))
+
+
+def _map_time(scene: Scene, outline: Outline) -> float | None:
+    """[s] of the pairs of the sweep one after another on one core, each with its load levels; None without a sweep."""
+    if scene.sweep is None:
+        return None
+    farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
+    run = measure_run(sample_model(farthest)[0], outline.nodes, farthest)
+    levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.frames))
+    return scene.sweep.seeds * levels / scene.output.frames * run.seconds
+
+
+def outline_of(scene: Scene, device: str | None = None) -> Outline:
+    """What would run. Raises the errors of `make_plan`."""
+    name = find_device(device, nodes=lambda: mesh_nodes(scene))
     file = None if scene.wires is None else wire_report(scene)
     cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
-    estimates = estimates_of(scene)
-    size, counted = estimates.size_of(scene, cloth)
-    name = find_device(device, nodes=lambda: size.nodes)
     if cloth is not None:
         refuse_large_mesh(scene, cloth, name)
-    _refuse_intersecting_wires(scene, file)
-    cost, notes = estimates.cost_of(scene, size), estimates.notes(scene, size)
-    report_s, report_map_s = _report(scene, size)
-    return Plan(
-        scene=scene.name,
+    model, is_whole = sample_model(scene)
+    nodes, wires, bodies, notes = model.node_count, len(model.panel.wire_first), model.panel.body_count, model.panel.notes
+    if not is_whole and cloth is not None:
+        (columns, rows), nodes, notes = copies_of_cloth(scene), mesh_nodes(scene), ()
+        wires, bodies = len(cloth.threads) * columns, len(cloth.clasps) * columns * rows
+    description = description_of(scene)
+    about = "" if is_whole else "about "
+    # the pieces of a cut are known once it is laid out
+    on_wires = f" on {wires:,} wire{'s' if wires != 1 else ''}" if is_whole else ""
+    mesh = (
+        ("hook", "two wires, hooked once") if cloth is None else ("knit", _repeat(scene, cloth)),
+        ("mesh", f"{about}{nodes:,} nodes{on_wires}"),
+        ("contact", f"{about}{description.contacts(bodies)}"),
+    )
+    return Outline(
+        scene=scene,
         device=name,
-        nodes=size.nodes,
-        wires=size.wires,
-        bodies=size.bodies,
-        pairs=2 * size.bodies,
-        memory_bytes=PROGRAM_MEMORY + required_memory(scene, size.nodes),
+        model=model,
+        is_whole=is_whole,
+        nodes=nodes,
+        wires=wires,
+        bodies=bodies,
+        memory_bytes=psutil.Process().memory_info().rss + required_memory(scene, nodes),
         available_bytes=min(available_memory(), available_memory(name)),
-        time_step_s=size.time_step,
-        limited_by=size.limited_by,
-        steps=cost.steps,
-        wall_s=cost.seconds if name == "cpu" else cost.gpu_seconds,
         physics=(
-            *estimates.physics(scene, size),
-            *physics_of(scene, size),
-            *estimates.limitations(scene, cloth),
+            *description.physics(model, bodies),
+            *physics_of(scene, model.loading_time),
+            *(() if cloth is None else description.limitations(scene, cloth)),
             *without_effect(scene),
         ),
-        counted=counted,
-        relaxes=scene.solver.drive == "relax",
-        knit="" if cloth is None else _repeat(scene, cloth),
-        sweep=_sweep(scene, size),
-        accuracy=notes.accuracy,
-        factor=notes.factor,
-        hooked_by=notes.hooked_by,
-        exception=notes.exception,
-        kind=scene.model.kind,
-        kind_reason=scene.kind_reason,
-        report_s=report_s,
-        report_map_s=report_map_s,
-        loads=_loads(scene),
+        mesh=mesh if file is None else tuple(file.rows()),
+        accuracy=description.accuracy(scene),
         file=file,
         warnings=(
-            *(note for note in size.notes if file is None or note not in file.warnings),
+            *(note for note in notes if file is None or note not in file.warnings),
             *scene_cautions(scene, cloth),
             *release_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),
-            *(() if cloth is None else estimates.overlaps_as_knitted(scene, _one_repeat(scene))),
+            *(() if cloth is None else description.overlaps_as_knitted(scene, _one_repeat(scene))),
         ),
     )
 
@@ -191,13 +205,6 @@ def _one_repeat(scene: Scene) -> Cloth:
     return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
 
 
-def _refuse_intersecting_wires(scene: Scene, file: WireReport | None) -> None:
-    """Raise `ModelError` where wires of a file pass through each other, as a run does."""
-    overlaps = None if file is None else file.overlaps
-    if overlaps is not None and overlaps.closest is not None and overlaps.closest < CLOSE_WIRES * overlaps.thickness:
-        Simulation(build_model(scene)).compile()
-
-
 def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:
     """A line for each stage, with its name where there are several or it has one of its own."""
     named = len(scene.stages) > 1 or scene.stages[0].name != "load"
@@ -205,27 +212,17 @@ def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:
     return tuple(("load" if number == 0 else "", text) for number, text in enumerate(texts))
 
 
-def _sweep(scene: Scene, size: Size) -> str:
-    """The sweep of `warpknit map` in words; empty without one."""
-    if scene.sweep is None:
-        return ""
-    pairs = len(scene.sweep.pairs)
-    meshes = f" of {scene.sweep.seeds} meshes" if scene.sweep.seeds > 1 else ""
-    levels = levels_of_pairs(scene.sweep.pairs, scene.output.frames)
-    seconds = scene.sweep.seeds * estimates_of(scene).map_time(scene, size, levels)
-    return (
-        f"warpknit map solves {pairs:,} pairs of {scene.sweep.quantity}{meshes} in about {duration(seconds)}; all other values"
-        " are for one run of [load]"
-    )
+def _about(text: Callable[[int], str], run: Measured) -> str:
+    """Text of the expected steps, with the fewest and the most."""
+    least, expected, most = (text(steps) for steps in (run.least_steps, run.steps, run.most_steps))
+    return f"about {expected}{f' ({least} to {most})' if least != most else ''}"
 
 
-def _report(scene: Scene, size: Size) -> tuple[float | None, float]:
-    """[s] of a report, and of its map; None and zero of a scene that has none."""
-    try:
-        by_map, rest = report_time(report_scene(scene), size)
-    except SceneError:
-        return None, 0.0
-    return by_map + rest, by_map
+def _measured(run: Measured) -> str:
+    """On what steps and time were measured."""
+    small, stages = run.small, len(run.small.model.scene.stages)
+    part = "the whole load" if small.place >= stages else f"{percent(small.place / stages, 0)} of the load"
+    return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps to {part}"
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:
@@ -242,10 +239,12 @@ def _repeat(scene: Scene, cloth: Cloth) -> str:
 # --- physics ----------------------------------------------------------------------------------------------------------
 
 
-def physics_of(scene: Scene, size: Size) -> Iterator[str]:
-    """Physics that panel, wire, stages and solver switch on and why, one sentence each."""
+def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
+    """Physics that panel, wire, stages and solver switch on and why, one sentence each; loading_time [s]: of a ramp."""
     if scene.hook is None:
         yield from _panel_physics(scene)
+    else:
+        yield HOOK_ENDS
     wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
         yield f"rest curvature: {wire.set_fraction:g} of the knitted one, given and not computed from yield, wire.set_fraction"
@@ -277,7 +276,7 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
             path = f", independent of the load path{' (except by the friction of the plane)' if by_plane else ''}"
         yield f"relaxation: one equilibrium a load level{path}, solver.drive = 'relax'"
     else:
-        yield f"ramp: {engineering(size.loading_time, 's')} of real time a stage, solver.drive = 'ramp'"
+        yield f"ramp: {engineering(loading_time, 's')} of real time a stage, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:
         yield f"mass scaling: all masses multiplied by {solver.mass_scaling:g}, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:
@@ -291,8 +290,17 @@ def physics_of(scene: Scene, size: Size) -> Iterator[str]:
 
 
 def _panel_physics(scene: Scene) -> Iterator[str]:
-    """Physics that [panel] and uneven loads switch on."""
+    """Physics that the boundary, [panel] and uneven loads switch on."""
     panel = scene.panel
+    if scene.model.boundary == "periodic":
+        yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"
+    else:
+        yield "grips: every cut wire end is held in position and direction, model.boundary = 'gripped'"
+    yield "affine prediction: the interior moves with the boundary; only the deviation is solved"
+    smaller = smaller_scene(scene) if scene.solver.drive == "relax" else None
+    if smaller is not None:
+        repeats = " x ".join(map(str, smaller.knit.repeats))
+        yield f"multilevel start: from the equilibrium of a smaller mesh of {repeats} repeats, recursively"
     if panel.outline != "rectangle":
         yield f"outline: the mesh is cut along a {panel.outline}, panel.outline"
     if panel.cord is not None and panel.grip_pitch is not None:

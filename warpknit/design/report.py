@@ -16,7 +16,6 @@ import numpy as np
 from ..base.text import exact
 from ..errors import Diverged
 from ..measure import Observables
-from ..mechanics.estimate import levels_of_pairs
 from ..runner.answers import answers_of
 from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
@@ -24,7 +23,7 @@ from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage
 from ..solve.progress import Record
-from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, model_warnings
+from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs, model_warnings
 from ..studies.states import Mesh, mesh_of
 from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card

@@ -43,6 +43,10 @@ class Model(MeshModel, Protocol):
         """[s] initial time step."""
 
     @property
+    def limited_by(self) -> str:
+        """What limits the time step."""
+
+    @property
     def loading_time(self) -> float:
         """Loading time [s] of a stage of a ramp."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import Protocol
 
 from ..scene import Scene
 
@@ -43,22 +42,6 @@ class Varied:
     residual_tolerance: tuple[float, ...]
     ramp_nodes_per_loop: tuple[int, ...]
     combined: tuple[Setting, ...]  # settings that differ in several parameters
-
-
-class Trials(Protocol):
-    """Settings of a kind of model: a module of each."""
-
-    def settings(self, scene: Scene, percent: float) -> list[Setting]:
-        """Settings to try, the cheapest first, with a tolerance of at most a tenth of `percent`."""
-
-    def fine(self, scene: Scene) -> Setting:
-        """Setting of the fine run of a small mesh, the reference of probe runs."""
-
-    def reference(self, scene: Scene, nodes: int) -> tuple[int, float]:
-        """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade; `nodes`: those of the mesh."""
-
-    def varied(self, scene: Scene, softening: float) -> Varied:
-        """Values that a trade of the scene tries; `softening` is the axial softening that its model takes."""
 
 
 def combined(

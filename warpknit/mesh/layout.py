@@ -11,10 +11,20 @@ from ..compute.memory import refuse_beyond_memory
 from ..knit.clasp_classes import clasp_classes
 from ..knit.cloth import Cloth, same_cloth
 from ..scene import Scene
+from ..wires.read import rest_wires
 from .panel import Panel, build_panel, table_lead
 from .rest_table import Table, rest_table
 
 SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire lengths of a loop
+
+
+def mesh_nodes(scene: Scene) -> int:
+    """Number of nodes of a scene's mesh, which is not laid out: estimated for cloth that is cut. Raises the errors of a file."""
+    if scene.wires is not None:
+        return rest_wires(scene).node_count
+    if scene.hook is not None:
+        return 2 * (scene.model.nodes_per_loop + 1)
+    return estimated_nodes(scene, knit_scene(scene))
 
 
 def estimated_nodes(scene: Scene, cloth: Cloth) -> int:

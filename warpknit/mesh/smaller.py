@@ -24,19 +24,27 @@ def smaller_scene(scene: Scene) -> Scene | None:
     clamps, wires would pass through each other.
     """
     repeats = scene.knit.repeats
-    if scene.knit.scatter or scene.depends_on_path:
+    if scene.hook is not None or scene.wires is not None or scene.knit.scatter or scene.depends_on_path:
         return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
+    elif scene.model.kind == "spatial" and (scene.panel.outline != "rectangle" or scene.has_moving_edge):
+        return None
     elif scene.panel.outline != "rectangle":
-        return one_repeat(scene) if scene.model.kind == "planar" else None
+        return one_repeat(scene)
     else:
         smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])
         if repeats[0] * repeats[1] < WORTH * smaller[0] * smaller[1]:
             return None
     if smaller == repeats:
         return None
-    return replace(scene, knit=replace(scene.knit, repeats=smaller), panel=PanelOptions(), stages=_plain_stages(scene))
+    return of_repeats(scene, *smaller)
+
+
+def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
+    """The scene of a tile, or a gripped rectangle, of so many repeats, without loads that vary over the mesh."""
+    knit = replace(scene.knit, repeats=(columns, rows))
+    return replace(scene, knit=knit, panel=PanelOptions(), stages=_plain_stages(scene))
 
 
 def one_repeat(scene: Scene) -> Scene:

@@ -17,9 +17,10 @@ from ..compute.device import compile_times, find_device
 from ..compute.ranks import One, Ranks
 from ..errors import RunDirectoryError
 from ..mechanics.protocols import Model
+from ..mesh.layout import mesh_nodes
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
-from ..solve.model import build_model, size_of
+from ..solve.model import build_model
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
 from .history import history_columns
@@ -66,7 +67,7 @@ def run_scene(
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force, own.names))
     if finished is not None:
         return finished
-    name = find_device(device, ranks.place, lambda: size_of(scene).nodes)
+    name = find_device(device, ranks.place, lambda: mesh_nodes(scene))
     if ranks.count > 1 and device is not None and name != "cpu":
         _log.warning("warning: --device %s puts all %d ranks on one GPU; without --device they take those of the machine in turn",
                      name, ranks.count)  # fmt: skip

@@ -6,16 +6,14 @@ Each kind is a package of that name; its module `kind` has the same functions.
 from __future__ import annotations
 
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 from ..base.text import either
 from ..compute.device import devices
 from ..compute.ranks import Ranks
 from ..errors import DeviceError, InputError
-from ..mechanics.estimate import Estimates, Size
 from ..mechanics.protocols import Group, Mechanics, Model
-from ..mechanics.trial import Trials
-from ..mesh.layout import knit_scene
 from ..scene import Scene
 
 
@@ -69,20 +67,13 @@ def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
     return replicas
 
 
-def size_of(scene: Scene) -> Size:
-    """Sizes of the mesh of a scene, estimated where it is large."""
-    cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
-    size, _counted = estimates_of(scene).size_of(scene, cloth)
-    return size
+def description_of(scene: Scene) -> ModuleType:
+    """The module that describes the kind of model of a scene in words."""
+    description: ModuleType = _kind(scene).description
+    return description
 
 
-def estimates_of(scene: Scene) -> Estimates:
-    """The estimates of the kind of model of a scene."""
-    estimates: Estimates = _kind(scene).estimate
-    return estimates
-
-
-def trials_of(scene: Scene) -> Trials:
-    """The probe-run settings of the kind of model of a scene."""
-    trials: Trials = _kind(scene).trials
+def trials_of(scene: Scene) -> ModuleType:
+    """The module of probe-run settings of the kind of model of a scene."""
+    trials: ModuleType = _kind(scene).trials
     return trials

@@ -1,8 +1,8 @@
 """The spatial model by the names that every kind of model has (model.py)."""
 
-from . import estimate, trials
+from . import description, trials
 from .mechanics import SpatialMechanics as mechanics
 from .model import build_model as build_model
 from .model import initial_state
 
-__all__ = ["build_model", "estimate", "initial_state", "mechanics", "trials"]
+__all__ = ["build_model", "description", "initial_state", "mechanics", "trials"]

@@ -32,6 +32,12 @@ TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns o
 Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
 
 
+def levels_of_pairs(pairs: Sequence[Pair], levels: int) -> list[int]:
+    """[pair] load levels of pairs of strains in a map, so many to the largest strain: increments of one size for all."""
+    largest = max((abs(strain) for pair in pairs for strain in pair), default=0.0) or 1.0
+    return [max(1, math.ceil(max(map(abs, pair)) / largest * levels - 1e-9)) for pair in pairs]
+
+
 class MapRow(SimpleNamespace):
     """One load of a map: the columns of map.csv and map_details.csv (measure/table.py); None where not converged."""
 

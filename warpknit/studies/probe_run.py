@@ -12,7 +12,8 @@ from functools import cached_property
 
 from ..errors import Diverged
 from ..mechanics.trial import Setting, edge_of
-from ..scene import PanelOptions, Scene
+from ..mesh.smaller import of_repeats
+from ..scene import Scene
 from ..solve.model import build_model, trials_of
 from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of
 
@@ -118,13 +119,5 @@ def _small(scene: Scene) -> Scene:
     small = replace(scene, output=output, solver=solver)
     if scene.hook is not None or scene.knit.scatter:
         return small
-    stages = tuple(replace(stage, pull=(), temperature_gradient=(0.0, 0.0)) for stage in scene.stages)
-    small = replace(small, panel=PanelOptions(), stages=stages)
-    columns, rows = scene.knit.repeats
-    if scene.model.boundary == "gripped":
-        return _of_repeats(small, min(PATCH, columns), min(PATCH, rows))
-    return _of_repeats(small, 1, 1)
-
-
-def _of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
-    return replace(scene, knit=replace(scene.knit, repeats=(columns, rows)))
+    side, (columns, rows) = PATCH if scene.model.boundary == "gripped" else 1, scene.knit.repeats
+    return of_repeats(small, min(side, columns), min(side, rows))

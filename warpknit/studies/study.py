@@ -9,23 +9,24 @@ import json
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from ..base.files import write_aside, write_table
-from ..base.text import duration, rounded
+from ..base.text import rounded
 from ..compute.device import find_device
 from ..errors import Diverged, InputError
 from ..mechanics.numerics import slowest_rate
 from ..mechanics.trial import Varied
+from ..mesh.layout import mesh_nodes
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Progress as Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
-from ..solve.model import build_model, estimates_of, size_of, trials_of
+from ..solve.model import build_model, trials_of
 from . import parameters
 from .extrapolation import extrapolate
 from .parameters import Overrides, Point
@@ -67,7 +68,7 @@ def run_trade(
         return finished
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
-    name = find_device(device, nodes=lambda: size_of(scene).nodes)
+    name = find_device(device, nodes=lambda: mesh_nodes(scene))
     base = build_model(scene, name)
     open_directory(out, resolved, keep=keep)
     return _Study(load, base, of_reference, name, out, progress or Display()).run()
@@ -81,7 +82,6 @@ class _Study:
         self.of_kind: Overrides = (("model.kind", base.scene.model.kind),)
         self.of_reference = of_reference
         self.scales = scales_of(base)
-        self.size = size_of(base.scene)
         self.path = out / "trade.csv"
         self.rows = read_rows(self.path)
         truth = load(of_reference, None)
@@ -96,7 +96,7 @@ class _Study:
                 for warning in self.base.warnings([]):
                     _log.warning("warning: %s", warning)
                 points = self._points()
-                self._log_estimate(points)
+                _log.info("%d points to run", len(points) - len(self.rows))
                 for number, point in enumerate(points, start=1):
                     self._interrupts.check()
                     self.display.stage(point.name, number=number, of=len(points))
@@ -133,48 +133,22 @@ class _Study:
         last = self.of_reference if point.group == "reference" else ()
         return self.load_with((*self.of_kind, *point.overrides, *last), point.preset)
 
-    def _log_estimate(self, points: Sequence[Point]) -> None:
-        """Log the number of remaining points and their estimated time."""
-        done = {row.point for row in self.rows}
-        remaining = [point for point in points if point.name not in done]
-        if not remaining:
-            return
-        limit, total = self._limit, 0.0
-        for point in remaining:
-            self._interrupts.check()
-            time, work = self._expected(point)
-            total += time * min(1.0, limit / max(work, 1.0)) * (work <= self._factor * limit)
-            if point.group == "reference" and limit == math.inf:
-                limit = COST_LIMIT * work
-        about = f"about {duration(total)} on this CPU, within a factor of {self._factor:g}"
-        _log.info("%d points to run: %s", len(remaining), "not estimated on a GPU" if self.device != "cpu" else about)
-
     @property
     def _limit(self) -> float:
         """Node-steps of a point, at most; none for the reference itself."""
         reference = next((row for row in self.rows if row.group == "reference"), None)
         return math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
 
-    @property
-    def _factor(self) -> float:
-        """By which estimates may be wrong."""
-        return estimates_of(self.base.scene).notes(self.base.scene, self.size).factor
-
-    def _expected(self, point: Point) -> tuple[float, float]:
-        """Expected time [s] and node-steps of a point; zero where it is refused."""
+    def _least_work(self, point: Point) -> float:
+        """Node-steps that a ramp takes at least, from its loading time and its first step; 0 of others."""
+        scene = self._load(point)
+        if scene.solver.drive != "ramp":
+            return 0.0
         try:
-            scene = self._load(point)
-            ramp = build_model(scene) if scene.solver.drive == "ramp" else None
+            ramp = build_model(scene)
         except InputError:
-            return 0.0, 0.0
-        finer = scene.model.nodes_per_loop / self.base.scene.model.nodes_per_loop
-        larger = math.prod(scene.knit.repeats) / math.prod(self.base.scene.knit.repeats)
-        counts = {name: round(finer * larger * getattr(self.size, name)) for name in ("nodes", "near", "close")}
-        size = replace(self.size, **counts, spacing=self.size.spacing / finer)
-        if ramp is not None:
-            size = replace(size, time_step=ramp.time_step, loading_time=ramp.loading_time)
-        cost = estimates_of(scene).cost_of(scene, size)
-        return cost.seconds, cost.steps * size.nodes
+            return 0.0
+        return len(scene.stages) * ramp.loading_time / ramp.time_step * ramp.node_count
 
     def _ramp_points(self, varied: Varied) -> Iterator[Point]:
         if self.base.node_count > RAMP_NODES:
@@ -192,11 +166,9 @@ class _Study:
         if any(row.point == point.name for row in self.rows):
             return
         is_reference = point.group == "reference"
-        if is_reference:
-            self._load(point)  # raises where the reference is refused
-        limit, expected = self._limit, self._expected(point)[1]
-        if expected > self._factor * limit:
-            message = f"not run: about {rounded(expected):,} node-steps, where the limit is {rounded(limit):,}"
+        limit, least = self._limit, self._least_work(point)
+        if least > limit:
+            message = f"not run: at least {rounded(least):,} node-steps, where the limit is {rounded(limit):,}"
             outcome = Outcome(settings_of_scene(self._load(point)), None, "cost limit", message)
         else:
             outcome = run_point(

@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from ..base.files import write_aside
-from ..base.text import celsius, duration, percent
+from ..base.text import celsius, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
-from ..mechanics.estimate import Size, levels_of_pairs
 from ..mechanics.numerics import thread_count
 from ..mesh.smaller import smaller_scene
 from ..runner.cautions import sweep_cautions
@@ -28,7 +27,6 @@ from ..runner.progress_display import Progress as Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
-from ..solve.model import estimates_of
 from .contact_map import (
     STEADY,
     MapRow,
@@ -37,6 +35,7 @@ from .contact_map import (
     find_optimum,
     grid,
     jump_warning,
+    levels_of_pairs,
     map_row,
     mean_map,
     model_warnings,
@@ -94,11 +93,8 @@ def run_map(
     seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
     meshes = [mesh_of(one) for one in seeds]
     _refuse_beyond_memory(meshes[0], sweep)
-    size = estimates_of(scene).size_of(scene, meshes[0].cloth)[0]
     open_directory(out, resolved, keep=keep)
-    mapper = _Mapper(meshes, sweep, out, progress or Display())
-    mapper.estimate(size)
-    return mapper.run()
+    return _Mapper(meshes, sweep, out, progress or Display()).run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -170,22 +166,6 @@ class _Mapper:
         return (
             f"the map is incomplete: {done} of {wanted} pairs of {self.sweep.quantity} are done, and the optimum is the best of"
             " these"
-        )
-
-    def estimate(self, size: Size) -> None:
-        """Tell the time of the pairs that are missing."""
-        estimates = estimates_of(self.scene)
-        missing = [self._missing(done) for done in self.maps]
-        seconds = [estimates.map_time(self.scene, size, list(levels.values())) for levels in missing]
-        if not any(missing):
-            return
-        count = sum(map(len, missing))
-        left = f"{count} pair{'s that are' if count > 1 else ' that is'} missing"
-        _log.info(
-            "estimated time of the %s: %s on idle cores, within a factor of %g",
-            left if any(self.maps) else "map",
-            duration(sum(seconds)),
-            estimates.notes(self.scene, size).factor,
         )
 
     # --- cells ---

@@ -1,0 +1,148 @@
+"""The first steps of a small mesh of a scene, measured: from them `warpknit plan` has steps and time of a run."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
+
+from ..errors import Diverged
+from ..mechanics.numerics import thread_count
+from ..mechanics.protocols import Model
+from ..mesh.layout import mesh_nodes
+from ..mesh.smaller import of_repeats, smaller_scene
+from ..scene import Scene
+from .model import build_model
+from .progress import Progress
+from .simulate import Simulation
+
+SAMPLE_NODES = 20_000  # a mesh up to here is built whole: a second
+WORK = 1e7  # steps times nodes of a sample run, of FEWEST_NODES at least: a second or two
+MOST_EXCESS = 4.0  # over WORK, before two load levels are solved: the first begins with the mesh as knitted
+FEWEST_NODES = 1_000
+TIMED_CHECKS = 8  # convergence checks by which the time of a step is measured
+PATCH = 2  # repeats a side of a small gripped mesh
+LARGE = 12, 2  # repeats of a gripped mesh that starts from a smaller one, as that of the scene does
+
+
+class _Enough(Exception):
+    """The sample run has taken its steps."""
+
+
+@dataclass
+class SampleRun:
+    """What a run of a small mesh took, to the end of the load or of WORK."""
+
+    model: Model
+    most_checks: int | None = None  # None: to the end of WORK
+    steps: int = 0
+    place: float = 0.0  # load steps that are done, with the share of the present one
+    marks: list[tuple[float, int]] = field(default_factory=list)  # place and steps of each load level
+    clock: list[tuple[float, int]] = field(default_factory=list)  # [s] and steps at each convergence check
+    failure: str = ""
+    seconds: float = 0.0  # with those of smaller meshes
+
+    def run(self) -> SampleRun:
+        """Take the steps. Raises `ModelError` where a run does."""
+        simulation = Simulation(self.model, watch=self._watch)
+        simulation.compile()
+        begin = time.perf_counter()
+        try:
+            for record in simulation.run():
+                self.place = record.stage_index + record.load_factor
+                self.marks.append((self.place, record.steps))
+        except _Enough:
+            pass
+        except Diverged as error:
+            self.failure = str(error)
+        self.seconds, self.steps = time.perf_counter() - begin, simulation.progress.steps
+        return self
+
+    def _watch(self, progress: Progress) -> None:
+        if self.clock and progress.steps == self.clock[-1][1]:  # a smaller mesh is solved
+            self.clock[-1] = time.perf_counter(), progress.steps
+            return
+        self.clock.append((time.perf_counter(), progress.steps))
+        before = self.marks[-1][0] if self.marks else 0.0
+        if self.model.scene.solver.drive == "ramp":
+            self.place = progress.stage_index + min(1.0, progress.time / self.model.loading_time)
+        else:
+            self.place = before + progress.level_share * (progress.stage_index + progress.load_factor - before)
+        work = progress.steps * max(FEWEST_NODES, self.model.node_count) / WORK
+        if (work > 1.0 and len(self.marks) > 2) or work > MOST_EXCESS or len(self.clock) == self.most_checks:
+            raise _Enough
+
+    def path_steps(self) -> tuple[float, float, float]:
+        """Steps to the end of the load: at least, expected and at most, by the levels measured.
+
+        The first level does not count where there are others: it begins with the mesh as knitted.
+        """
+        model, marks = self.model, self.marks
+        stages = len(model.scene.stages)
+        if model.scene.solver.drive == "ramp":  # its step shrinks with the load
+            steps = stages * max(self.steps / (self.place or 1.0), model.loading_time / model.time_step)
+            return steps, steps, steps
+        if len(marks) < 2:
+            marks = [(0.0, 0), (self.place or 1.0, self.steps)]
+        rates = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(marks)]
+        place, steps = marks[-1]
+        first, later = (marks[1], rates[1:]) if len(marks) > 2 else (marks[0], rates)
+        left, mean = stages - place, (steps - first[1]) / (place - first[0])
+        return steps + left * min(later), steps + left * mean, steps + left * max(later)
+
+    def step_time(self, checks: int | None = None) -> float:
+        """[s] of a step, the median over the first `checks` convergence checks or all of them."""
+        spans = list(pairwise(self.clock))[:checks]
+        return median((b[0] - a[0]) / (b[1] - a[1]) for a, b in spans) if spans else self.seconds / max(1, self.steps)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a run of a scene takes, by sample runs on the CPU."""
+
+    small: SampleRun
+    least_steps: int
+    steps: int
+    most_steps: int
+    seconds: float  # of these steps
+
+
+def sample_model(scene: Scene) -> tuple[Model, bool]:
+    """The model of the scene's mesh, and True; of fewer repeats where it is large, and False. Raises the errors of a run."""
+    nodes = mesh_nodes(scene)
+    if scene.hook is not None or scene.wires is not None or nodes <= SAMPLE_NODES:
+        return build_model(scene), True
+    columns, rows = scene.knit.repeats
+    most = max(1, math.isqrt(SAMPLE_NODES * columns * rows // nodes))
+    return build_model(of_repeats(scene, min(most, columns), min(most, rows))), False
+
+
+def measure_run(sample: Model, nodes: int, scene: Scene) -> Measured:
+    """Steps and time of a run of a scene of so many nodes, of which `sample` is the `sample_model`. Raises the errors of a run.
+
+    What happens within a repeat takes the same steps in any number of them, long waves between grips steps by the repeats a
+    side: the steps lie between, and the geometric mean is expected. Where the mesh starts from a smaller one, neither counts.
+    """
+    is_knit = scene.hook is None and scene.wires is None
+    is_gripped, is_rectangle = is_knit and scene.model.boundary == "gripped", scene.panel.outline == "rectangle"
+    is_large = scene.solver.drive == "relax" and is_rectangle and smaller_scene(scene) is not None
+    small_scene, (columns, rows) = sample.scene, scene.knit.repeats
+    if is_gripped:
+        small_scene = of_repeats(scene, *(LARGE if is_large else (min(PATCH, columns), min(PATCH, rows))))
+    elif is_knit and not is_large:
+        small_scene = of_repeats(scene, 1, 1)
+    small = SampleRun(sample if small_scene == sample.scene else build_model(small_scene)).run()
+    least, steps, most_steps = small.path_steps()
+    if is_gripped and not is_large:
+        side = math.sqrt(max(1.0, nodes / small.model.node_count))
+        steps, most_steps = math.sqrt(side) * steps, side * most_steps
+    seconds, larger = small.seconds * steps / max(1, small.steps), nodes / small.model.node_count
+    if is_large and larger > 1.0:
+        seconds += steps * small.step_time() * larger / thread_count(round(larger))
+    elif small.model is not sample:
+        closing = small.step_time() / small.step_time(TIMED_CHECKS)  # wires that touch take longer
+        step_time = SampleRun(sample, TIMED_CHECKS).run().step_time()
+        seconds = steps * max(1.0, closing) * step_time * nodes / sample.node_count
+    return Measured(small, round(least), round(steps), round(most_steps), seconds)
