@@ -16,10 +16,8 @@ from warpknit.compute.ranks import One
 from warpknit.errors import InputError
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
-from warpknit.scene.capabilities import goes_together, with_needs
+from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, goes_together, with_needs
 from warpknit.scene.reference import capabilities_page
-from warpknit.scene.rules import RULES
-from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS, Case
 from warpknit.studies import error_estimate, sweep
 
 ROOT = Path(__file__).parent.parent

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from warpknit.commands.plan import outline_of
-from warpknit.knit import Thread
+from warpknit.knit.centreline import Thread
 from warpknit.knit.cloth import Cloth
 from warpknit.knit.straight_wires import ROUNDED, least_length
 from warpknit.mesh.layout import knit_scene

@@ -14,9 +14,9 @@ from click.testing import CliRunner
 
 from warpknit import errors
 from warpknit.commands.cli import main
-from warpknit.knit.chain import KnitError
+from warpknit.knit.lapping import KnitError
 from warpknit.runner import progress_display
-from warpknit.runner.progress_display import Bar, NotebookBar, Progress, StageLines, progress_for
+from warpknit.runner.progress_display import NotebookBar, Progress, ProgressBar, StageLines, progress_for
 
 ROOT = Path(__file__).parent.parent
 CELL = str(ROOT / "scenes" / "atlas_cell.toml")
@@ -47,11 +47,11 @@ def behind(monkeypatch):
             raise stand_in.outcome
         return stand_in.outcome
 
-    for name, function in (("commands.run", "run_command"), ("commands.plan", "make_plan"), ("export", "export_run")):
-        module = ModuleType(f"warpknit.{name}")
-        setattr(module, function, answer)
-        module.FORMATS = ("usd",)
-        monkeypatch.setitem(sys.modules, f"warpknit.{name}", module)
+    monkeypatch.setattr("warpknit.commands.run.run_command", answer)
+    monkeypatch.setattr("warpknit.commands.plan.make_plan", answer)
+    module = ModuleType("warpknit.export")
+    module.export_run, module.FORMATS = answer, ("usd",)
+    monkeypatch.setitem(sys.modules, "warpknit.export", module)
     return stand_in
 
 
@@ -219,7 +219,7 @@ def test_progress_is_silent_when_quiet_and_lines_without_a_terminal(monkeypatch,
 
 
 def test_the_bar_goes_through_stages(capsys):
-    with Bar() as bar:
+    with ProgressBar() as bar:
         bar.update(done=0.0, load_factor=0.0)
         for number in (1, 2):
             bar.stage("load", number=number, of=2)

@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from warpknit.commands.cli import main
 from warpknit.commands.plan import outline_of
 from warpknit.commands.run import run
-from warpknit.compute import device, memory
-from warpknit.compute.device_choice import DEFAULT_DEVICE, LEAST_NODES, device_of_mesh
+from warpknit.compute import DEFAULT_DEVICE, LEAST_NODES, device, device_of_mesh, memory
 from warpknit.compute.ranks import One
 from warpknit.errors import MemoryNeeded, OutOfResources
 from warpknit.mesh.layout import knit_scene

@@ -19,9 +19,9 @@ from warpknit.measure import table
 from warpknit.runner import answers, panel_report, summary
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
-from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import keys_below
 from warpknit.scene.materials import MATERIALS
+from warpknit.scene.scene import SceneFile
 
 ROOT = Path(__file__).parents[1]
 PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]

@@ -17,7 +17,7 @@ from hypothesis import Phase, event, given, settings
 from hypothesis import strategies as st
 
 from warpknit.errors import WarpknitError
-from warpknit.knit.chain import KnitError
+from warpknit.knit.lapping import KnitError
 from warpknit.runner.run import run_scene
 from warpknit.runner.run_directory import CommandResult
 from warpknit.scene import make_scene

@@ -16,8 +16,7 @@ import warp as wp
 from reference.gpu_cases import CASES, SHARED, scene_of
 from reference.thread_ranks import run_ranks
 from warpknit import measure
-from warpknit.compute.host import fetch, store
-from warpknit.compute.pinned import LEAST_BYTES
+from warpknit.compute.host import LEAST_BYTES, fetch, store
 from warpknit.compute.ranks import One, Ranks
 from warpknit.errors import SceneError
 from warpknit.runner.run import run_scene

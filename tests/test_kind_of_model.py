@@ -11,7 +11,7 @@ from reference.interrupted import assert_parts_are_the_whole
 from warpknit.commands.cli import main
 from warpknit.commands.plan import make_plan
 from warpknit.design import curves
-from warpknit.knit.chain import KnitError
+from warpknit.knit.lapping import KnitError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.mesh.tight_loops import TIGHT, first_touch
 from warpknit.runner.run import run_scene

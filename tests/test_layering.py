@@ -49,7 +49,6 @@ MAY_IMPORT_EXPORT = {
     "studies.sweep",
     "studies.study",
     "commands.cli",
-    "commands.command_options",
     "design.report_files",
     "results.run",
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.mechanics.numerics import DEEP, LEAST_PACE, MAX_OVERLAP, SHALLOW, renewed_pace
-from warpknit.mesh.load_point import LoadPoint
+from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper

@@ -119,11 +119,6 @@ def test_every_measure_is_named_once_where_it_stands() -> None:
         assert len(named) == len(set(named))
 
 
-def test_the_door_names_what_it_has() -> None:
-    assert all(hasattr(measure, name) for name in measure.__all__)
-    assert sorted(measure.__all__) == measure.__all__
-
-
 def test_a_line_of_the_formats_is_an_export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One file and one line: `--to` takes the name, and the function gets the run."""
     scene = load_scene(CELL, [*QUICK, *OF_KIND["planar"]])

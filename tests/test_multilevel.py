@@ -12,8 +12,8 @@ import pytest
 from warpknit import measure
 from warpknit.compute.steering import Steering
 from warpknit.mechanics.response import STRAIN, zero_response
-from warpknit.mesh.load_point import LoadPoint
-from warpknit.mesh.smaller import smaller_scene
+from warpknit.mesh.layout import smaller_scene
+from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.mechanics import PlanarMechanics
 from warpknit.planar.model import Model

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from warpknit.commands import questions
+from warpknit.commands import new as new_module
 from warpknit.commands.cli import main
 from warpknit.commands.plan import make_plan
-from warpknit.knit.chain import KnitError
-from warpknit.knit.lapping import lapping_table
+from warpknit.knit.lapping import KnitError, lapping_table
 from warpknit.knit.named import NAMED_KNITS, named_knit
 from warpknit.scene import load_scene
 from warpknit.scene.new_scene import SceneRequest, scene_text
@@ -29,7 +28,7 @@ def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(questions, "on_terminal", lambda: True)
+    monkeypatch.setattr(new_module, "on_terminal", lambda: True)
 
 
 def new(*arguments: str, answers: str | None = None) -> Result:

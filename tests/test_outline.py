@@ -7,7 +7,7 @@ import pytest
 
 from warpknit.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
-from warpknit.mesh.cut import cut_cloth
+from warpknit.mesh.strands import cut_cloth
 from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.scene import load_scene, make_scene, resolved_toml
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, turned

@@ -12,8 +12,8 @@ from warpknit.commands.plan import make_plan, outline_of
 from warpknit.compute import device, memory
 from warpknit.compute.memory import MEMORY_PER_NODE
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
-from warpknit.knit.chain import KnitError
-from warpknit.mesh.load_point import LoadPoint
+from warpknit.knit.lapping import KnitError
+from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.runner.run import run_scene

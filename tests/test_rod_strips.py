@@ -17,7 +17,7 @@ from warpknit.compute.host import fetch, store
 from warpknit.compute.ranks import One, Ranks
 from warpknit.errors import Diverged, ModelError, SceneError
 from warpknit.mechanics.protocols import advance
-from warpknit.mesh.load_point import LoadPoint
+from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
 from warpknit.solve.membrane import Correction

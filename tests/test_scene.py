@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic_core import PydanticCustomError
 
-from warpknit.knit import knit_cloth, loops
+from warpknit.knit import loops
+from warpknit.knit.cloth import knit_cloth
 from warpknit.scene import SceneError, load_scene, make_scene
 from warpknit.scene.keys import keys_of
 from warpknit.scene.knit import Loop

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import get_args
 
 from warpknit.scene import make_scene
-from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import keys_below
 from warpknit.scene.messages import known_keys
 from warpknit.scene.reference import with_key_tables
+from warpknit.scene.scene import SceneFile
 
 ROOT = Path(__file__).parent.parent
 
-DECLARED = '    probe_spacing: Length = key("Distance of the probes.", 2e-3)\n'
+DECLARED = '    probe_spacing: values.Length = key("Distance of the probes.", 2e-3)\n'
 FOLLOWS = """
 import sys
 tomllib = __import__("tomllib" if sys.version_info >= (3, 11) else "tomli")
@@ -51,7 +51,7 @@ def test_a_key_is_one_line(tmp_path):
     shutil.copytree(ROOT / "warpknit", tmp_path / "warpknit", ignore=shutil.ignore_patterns("__pycache__"))
     path = tmp_path / "warpknit" / "scene" / "options.py"
     text = path.read_text(encoding="utf-8")
-    place = "    vtk: Flag = key("
+    place = "    vtk: values.Flag = key("
     assert text.count(place) == 1
     path.write_text(text.replace(place, DECLARED + place), encoding="utf-8")
     done = subprocess.run(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from warpknit.knit import KnitError
+from warpknit.knit.lapping import KnitError
 from warpknit.mesh.layout import knit_scene
 from warpknit.scene import SceneError, load_scene, make_scene
 from warpknit.scene.messages import known_keys

@@ -16,8 +16,8 @@ from warpknit import measure
 from warpknit.compute.ranks import One, Ranks, exact_parts
 from warpknit.errors import ModelError
 from warpknit.mechanics.protocols import advance
-from warpknit.mesh.load_point import LoadPoint
 from warpknit.mesh.panel import Panel
+from warpknit.mesh.rim import LoadPoint
 from warpknit.mesh.strip import Strip, cut_strip
 from warpknit.planar.friction import friction_energy
 from warpknit.planar.observables import PlanarObservables, read

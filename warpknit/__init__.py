@@ -33,9 +33,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from . import errors, measure, scene
-    from .commands.map import run_map
     from .commands.report import make_report
-    from .commands.run import run
+    from .commands.run import run, run_map
     from .results.run import Run, load_run
     from .scene import Scene, load_scene
     from .solve.model import build_model, initial_state
@@ -47,7 +46,7 @@ _DOOR = {
     "initial_state": "solve.model",
     "Simulation": "solve.simulate",
     "run": "commands.run",
-    "run_map": "commands.map",
+    "run_map": "commands.run",
     "make_report": "commands.report",
     "load_run": "results.run",
     "measure": None,

@@ -9,8 +9,7 @@ from reference.map_rows import row
 from warpknit.design.equal_tension import YIELDED, EqualTensionPath, service_points, unreached_text
 from warpknit.design.report import _another
 from warpknit.design.sections import outside_text
-from warpknit.design.service import REFINED, ServicePoint, equal_tension
-from warpknit.design.two_equilibria import branches_at
+from warpknit.design.service import REFINED, ServicePoint, branches_at, equal_tension
 from warpknit.runner.history import Row
 from warpknit.scene import load_scene
 from warpknit.studies.contact_map import MapRow

@@ -13,8 +13,7 @@ import pytest
 from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import write_card
 from warpknit.design.fe import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
-from warpknit.design.fe.tangent import ENGINEERING, GREEN, LOGARITHMIC, TRUE, tangent
-from warpknit.design.fe.yarn_curves import _rising
+from warpknit.design.fe.fe_card import ENGINEERING, GREEN, LOGARITHMIC, TRUE, _rising, tangent
 from warpknit.runner.history import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
 from warpknit.scene import load_scene

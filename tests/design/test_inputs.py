@@ -24,8 +24,7 @@ from warpknit.design.inputs import (
     with_openings,
     write_fit,
 )
-from warpknit.design.page import Page
-from warpknit.design.sections import mesh_section
+from warpknit.design.sections import Page, mesh_section
 from warpknit.errors import InputError
 from warpknit.knit.named import named_knit
 from warpknit.mesh.layout import knit_scene

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgba_array
 
 from reference.histories import history
 from warpknit.export import curves_figure, mesh_figure
-from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
+from warpknit.export.plots import EDGE, copied, over_under, tile_copies
 from warpknit.results.frame import Frame, WireLayout
 
 

@@ -9,9 +9,7 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
-from warpknit.export.usd.surface_mesh import Surface
-from warpknit.export.usd.thinning import STRIDE, Thinning
-from warpknit.export.usd.tiles import cut_tiles
+from warpknit.export.usd.tiles import STRIDE, Sheet, Thinning, cut_tiles
 from warpknit.results.frame import Frame, WireLayout, curve_position
 
 
@@ -207,7 +205,7 @@ def test_sheet_moves_with_the_mean() -> None:
     """x = F X + u: a uniform u moves every vertex by u; F alone carries the grid; faces turn counter-clockwise."""
     x, y = np.meshgrid(np.linspace(0.0, 4.0, 81), np.linspace(0.0, 3.0, 61))
     points = np.stack((x.ravel(), y.ravel(), np.full(x.size, 0.5)), axis=1)
-    sheet = Surface(points[:, :2], points[:7, :2], np.array([4.0, 3.0]), np.eye(2), np.array([4, 3]))
+    sheet = Sheet(points[:, :2], points[:7, :2], np.array([4.0, 3.0]), np.eye(2), np.array([4, 3]))
     assert (sheet.face_count, sheet.pair_counts.sum()) == (12, 14)
     deformation = np.array([[1.1, 0.2], [0.0, 0.9]])
     moved = points.copy()

@@ -5,7 +5,7 @@ import pytest
 
 from warpknit.export.usd import StageWriter
 from warpknit.results.frame import curve_position
-from warpknit.wires.curve import CurveFile
+from warpknit.wires.bases import CurveFile
 from warpknit.wires.read import read_wires
 from warpknit.wires.usd import read_usd
 

@@ -18,8 +18,7 @@ from pxr import Usd
 
 from warpknit.errors import OutOfResources
 from warpknit.export import writer_process
-from warpknit.export.frame_files import FrameFiles, FrameWriter, StageOptions
-from warpknit.export.writer_process import WriterProcess, frame_writer
+from warpknit.export.writer_process import FrameFiles, FrameWriter, StageOptions, WriterProcess, frame_writer
 from warpknit.results.frame import Frame, WireLayout
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="the writer is a process on POSIX systems only")

@@ -5,9 +5,7 @@ import random
 import pytest
 
 from reference.knits import PAPER, Bar
-from warpknit.knit import KnitError
-from warpknit.knit.chain import Link, parse_chain, parse_shift, parse_threading
-from warpknit.knit.lapping import lapping_table
+from warpknit.knit.lapping import KnitError, Link, lapping_table, parse_chain, parse_shift, parse_threading
 
 
 def test_links_name_needle_and_direction():

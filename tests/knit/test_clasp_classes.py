@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warpknit.knit.clasp_classes import clasp_classes
-from warpknit.knit.cloth import Cloth, same_cloth
-from warpknit.knit.loop_parts import part_of_loop
+from warpknit.knit.cloth import Cloth, clasp_classes, same_cloth
+from warpknit.measure.stress_peak import part_of_loop
 from warpknit.scene.knit import Knit
 from warpknit.scene.scene_loader import make_scene
 

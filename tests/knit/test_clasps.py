@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from reference.knits import BARS, COARSE, FINE, PAPER, Bar, Knit, cloth
-from warpknit.knit import LoopProportions, knit_cloth
-from warpknit.knit.loops import RANGES
+from warpknit.knit.cloth import knit_cloth
+from warpknit.knit.loops import RANGES, LoopProportions
 
 
 def stitches_of(knitted, clasp):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from reference.knits import BARS, PAPER, Knit, cloth
-from warpknit.knit import Thread, knit_cloth
+from warpknit.knit.centreline import Thread
+from warpknit.knit.cloth import knit_cloth
 from warpknit.knit.crossings import find_crossings
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.knit.clasps import Arm, Clasp
-from warpknit.knit.lens_width import lens_widths, way_left
+from warpknit.mesh.tight_loops import lens_widths, way_left
 
 DIAMETER, CURVATURE, WIDTH = 15e-6, 400.0, 90e-6
 

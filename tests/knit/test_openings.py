@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reference.knits import BARS, cloth
-from warpknit.knit.interior import deepest_point, is_inside, polygon_area
+from warpknit.knit.clasps import deepest_point, is_inside, polygon_area
 from warpknit.knit.openings import find_openings
 
 CONNECTED = [name for name in BARS if name not in ("pillar", "closed pillar")]

@@ -6,15 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warpknit.knit import Thread
-from warpknit.knit.chain import KnitError
+from warpknit.knit.centreline import LoopFrame, Thread
 from warpknit.knit.cloth import knit_cloth
-from warpknit.knit.keypoints import LoopFrame
-from warpknit.knit.lapping import lapping_table
+from warpknit.knit.lapping import KnitError, lapping_table
 from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.knit.named import NAMED_KNITS
-from warpknit.knit.near_wires import near_wires
-from warpknit.knit.scatter import MOST, scattered_proportions
+from warpknit.knit.scatter import MOST, near_wires, scattered_proportions
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model
 

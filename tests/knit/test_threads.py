@@ -6,8 +6,9 @@ from scipy.spatial import cKDTree
 
 import warpknit
 from reference.knits import BARS, COARSE, FINE, PAPER, Knit, cloth
-from warpknit.knit import KnitError, LoopProportions, knit_cloth
-from warpknit.knit.loops import RANGES
+from warpknit.knit.cloth import knit_cloth
+from warpknit.knit.lapping import KnitError
+from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.mesh.layout import knit_scene
 
 

@@ -16,7 +16,7 @@ from warp._src import context
 
 DEVICE = "cuda:0"
 
-if "warpknit.compute.row_sums" in sys.modules:
+if "warpknit.compute.launch" in sys.modules:
     raise ImportError("emulated_device: imported behind what uses warpknit/compute/host.py")
 wp.init()
 wp.config.launch_array_access_mode = wp.config.LaunchArrayAccessMode.STRICT

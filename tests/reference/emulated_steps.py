@@ -51,7 +51,7 @@ def main() -> None:
 def stepped(name: str, steps: int) -> dict[str, np.ndarray]:
     """Arrays of the state of a case after some steps towards its load, and the sums of the last one."""
     from reference.gpu_cases import DEVICE, scene_of
-    from warpknit.mesh.load_point import LoadPoint
+    from warpknit.mesh.rim import LoadPoint
     from warpknit.solve.model import build_model
     from warpknit.solve.simulate import Simulation
 

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from functools import cache
 
-from warpknit.knit import Cloth, LoopProportions, knit_cloth
+from warpknit.knit.cloth import Cloth, knit_cloth
+from warpknit.knit.loops import LoopProportions
 
 
 @dataclass(frozen=True)

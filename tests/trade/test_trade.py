@@ -24,7 +24,7 @@ from warpknit.studies.extrapolation import MIN_ORDER, extrapolate
 from warpknit.studies.pareto import pareto
 from warpknit.studies.point import Errors, Results, Scales, errors_of
 from warpknit.studies.study import run_trade
-from warpknit.studies.trade_table import Row, read_rows
+from warpknit.studies.trade_table import TradeRow, read_rows
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 SMALL = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")
@@ -120,7 +120,7 @@ def test_interrupted_study_goes_on_where_it_stopped(
     _check_study(tmp_path / "t", rows, result.summary)
 
 
-def _check_study(out: Path, rows: list[Row], summary: dict) -> None:
+def _check_study(out: Path, rows: list[TradeRow], summary: dict) -> None:
     with open(out / "trade.csv", newline="", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
     needed = {"preset", "wall_s", "node_steps", "error_active_percent", "error_tension", "error_contact_force", "error_stress"}

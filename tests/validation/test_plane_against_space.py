@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from condensation import PLANAR, SCENE, SINGLE_ATLAS, SPATIAL, TRICOT, lens_of
 
-from warpknit.measure.sliding import wires_slid
+from warpknit.measure import wires_slid
 from warpknit.mesh.layout import knit_scene
 from warpknit.planar.limits import slid_wires, tight_loops
 from warpknit.planar.state import initial_state

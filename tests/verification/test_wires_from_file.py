@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.errors import ModelError, SceneError
-from warpknit.measure.measures import mesh_tension, positions
+from warpknit.measure import mesh_tension, positions
 from warpknit.mechanics.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene
 from warpknit.scene.scene_loader import make_scene

@@ -11,8 +11,8 @@ from pxr import Sdf, Usd
 
 from warpknit.errors import SceneError
 from warpknit.scene import wire_file as limits
-from warpknit.wires import curve, read, usd
-from warpknit.wires.curve import BadFile
+from warpknit.wires import bases, read, usd
+from warpknit.wires.bases import BadFile
 from warpknit.wires.read import read_wires
 from warpknit.wires.stage_process import stage_arrays
 from warpknit.wires.usd import curves_of
@@ -94,7 +94,7 @@ def test_sizes_are_looked_at_before_files_are_read(tmp_path):
 def test_counts_are_looked_at_before_memory_is_taken(tmp_path):
     header = struct.pack("<3sB2sBBQQ40s", b"BCC", 0x44, b"C0", 3, 2, 1, 2**62, b"")
     (tmp_path / "many.bcc").write_bytes(header)
-    assert f"{2**62:,} points, more than {curve.MOST_POINTS:,}" in refused(tmp_path / "many.bcc")
+    assert f"{2**62:,} points, more than {bases.MOST_POINTS:,}" in refused(tmp_path / "many.bcc")
     (tmp_path / "many.pyp").write_text("*pattern\n1 1 0.1 1e8\n", encoding="utf-8")
     assert "points, more than" in refused(tmp_path / "many.pyp")
     with zipfile.ZipFile(tmp_path / "many.npz", "w", zipfile.ZIP_DEFLATED) as archive:
@@ -220,4 +220,4 @@ def test_keys_that_a_file_does_not_go_with(tmp_path):
     assert "1e-09 x 1e-09" in refused(valid(tmp_path, ".bcc"), period=(1e-12, 1e-12))
     for key, value in (("node_spacing", 0.0), ("unit", -1.0), ("unit", float("nan")), ("period", (1.0, float("inf")))):
         assert f"wires.{key}: " in refused(valid(tmp_path, ".bcc"), **{key: value})
-    assert read.MOST_NODES > curve.MOST_POINTS
+    assert read.MOST_NODES > bases.MOST_POINTS

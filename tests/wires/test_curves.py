@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from warpknit.wires.arc_length import ArcLength, resample, segment_count
-from warpknit.wires.bases import cubic, polyline
-from warpknit.wires.curve import BadFile
+from warpknit.wires.bases import BadFile, cubic, polyline
+from warpknit.wires.read import ArcLength, resample, segment_count
 
 RNG = np.random.default_rng(1)
 POINTS = RNG.normal(size=(7, 3))

@@ -95,7 +95,7 @@ def test_what_a_file_calls_up_is_z(tmp_path, up, expected):
 
 
 def samples_axis(up, axis):
-    from warpknit.wires.axes import upright
+    from warpknit.wires.bases import upright
 
     return upright(axis, up)
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pxr import Sdf, Tf, Usd
 
 from warpknit.errors import SceneError
-from warpknit.wires.curve import BadFile
+from warpknit.wires.bases import BadFile
 from warpknit.wires.overlaps import find_overlaps
 from warpknit.wires.read import _wires, read_wires
 from warpknit.wires.stage_process import stage_arrays

@@ -11,7 +11,7 @@ from warpknit.scene import Scene, make_scene
 from warpknit.solve.model import build_model, initial_state
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.places import LAYER, find_places
+from warpknit.wires.hooks import LAYER, find_places
 
 SPACING, DIAMETER = 2e-3, 20e-6  # [m]
 LOOP_LENGTH = 3.3 * SPACING

@@ -8,10 +8,9 @@ import pytest
 
 from warpknit.errors import SceneError
 from warpknit.scene import load_scene
-from warpknit.wires.centre_lines import Wires
+from warpknit.wires.centre_lines import Wires, repeated
 from warpknit.wires.overlaps import find_overlaps
 from warpknit.wires.read import rest_wires
-from warpknit.wires.repeat import repeated
 
 CELL = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_cell.toml"
 

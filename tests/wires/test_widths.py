@@ -9,7 +9,7 @@ from warpknit import measure
 from warpknit.commands.plan import outline_of
 from warpknit.errors import SceneError
 from warpknit.scene import load_scene
-from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.scene import resolved_toml
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.read import read_wires

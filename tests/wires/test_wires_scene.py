@@ -14,7 +14,7 @@ from warpknit.commands.plan import make_plan
 from warpknit.errors import SceneError
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
-from warpknit.scene.resolved import resolved_toml
+from warpknit.scene.scene import resolved_toml
 from warpknit.scene.scene_loader import make_scene
 from warpknit.solve.model import build_model
 from warpknit.wires.read import rest_wires

@@ -23,7 +23,7 @@ import warp as wp
 
 from warpknit.compute.launch import Launch
 from warpknit.errors import MemoryNeeded, OutOfResources
-from warpknit.mesh.load_point import LoadPoint
+from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.progress import Progress

@@ -26,9 +26,8 @@ import numpy as np
 import psutil
 
 from warpknit import measure
-from warpknit.export.frame_files import StageOptions
 from warpknit.export.usd import StageWriter
-from warpknit.export.writer_process import WriterProcess
+from warpknit.export.writer_process import StageOptions, WriterProcess
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state

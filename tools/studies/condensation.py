@@ -42,7 +42,7 @@ from study import (
 )
 
 from warpknit import measure
-from warpknit.measure.sliding import wires_slid
+from warpknit.measure import wires_slid
 from warpknit.planar.state import State, initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model

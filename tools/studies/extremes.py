@@ -25,7 +25,7 @@ from study import add_directory, new_parser, read_rows, show_rows, table_path, w
 
 from warpknit import measure
 from warpknit.errors import WarpknitError
-from warpknit.knit.chain import KnitError
+from warpknit.knit.lapping import KnitError
 from warpknit.planar.observables import read
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, make_scene

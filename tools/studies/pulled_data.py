@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from warpknit.design.loop_fit import fit_run_in
+from warpknit.design.inputs import fit_run_in
 from warpknit.scene import Scene
 
 RACK = 480  # courses

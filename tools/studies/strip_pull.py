@@ -18,7 +18,7 @@ from loop_set import releases
 from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.measure import tension_scale
-from warpknit.mesh.load_point import LoadPoint
+from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene
 from warpknit.scene.wire import Wire
 from warpknit.solve.model import build_model

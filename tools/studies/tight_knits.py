@@ -26,7 +26,7 @@ from warpknit import measure
 from warpknit.commands.plan import make_plan
 from warpknit.compute.device import start_warp
 from warpknit.errors import WarpknitError
-from warpknit.knit.chain import KnitError
+from warpknit.knit.lapping import KnitError
 from warpknit.knit.named import named_knit
 from warpknit.runner.history import row_of
 from warpknit.runner.warnings_of import warnings_of

@@ -16,8 +16,6 @@ from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["held_directory", "path_aside", "write_arrays", "write_aside", "write_table"]
-
 
 @contextmanager
 def path_aside(path: str | os.PathLike[str]) -> Iterator[Path]:

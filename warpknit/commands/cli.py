@@ -10,27 +10,123 @@ import json
 import logging
 import os
 import webbrowser
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit.commands.command_options import (
-    ExportFormat,
-    positive_lengths,
-    positive_quantity,
-    refuse_both,
-    result_options,
-    scene_options,
-)
 from warpknit.commands.program import Program, configure_logging
+from warpknit.compute import DEFAULT_DEVICE
 from warpknit.compute.ranks import Ranks
 from warpknit.errors import FINISHED, INTERRUPTED, Diverged
 
 if TYPE_CHECKING:
     from warpknit.runner.run_directory import CommandResult
     from warpknit.scene import Scene
+
+Rows = Iterable[tuple[str, str]]  # of a table
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The scene of a command and its results, as typed."""
+
+    scene: str
+    overrides: tuple[str, ...]
+    preset: str | None
+    device: str | None
+    out: str | None = None
+    resume: bool = False
+    force: bool = False
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        if self.resume and self.force:
+            raise click.UsageError(
+                "--resume: cannot be combined with --force; --resume continues the run in DIR, --force replaces it."
+            )
+
+
+SCENE_OPTIONS = (
+    click.option("--device", metavar="cpu|cuda:N", help=f"Default: {DEFAULT_DEVICE}."),
+    click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help='Another value for a dotted key of the scene, such as wire.diameter="17 um". Repeatable.',
+    ),
+    click.argument("scene", metavar="SCENE"),
+)
+RESULT_OPTIONS = (
+    click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed."),
+    click.option("--force", is_flag=True, help="Replace finished results in DIR."),
+    click.option("--resume", is_flag=True, help="Continue an interrupted command in DIR."),
+    click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
+)
+
+
+def on_scene(*more: Callable[[Any], Any]) -> Callable[[Callable[..., Any]], Any]:
+    """Give a command the options of the scene, and `more` options, as an `Asked` behind the ranks."""
+
+    def decorated(command: Callable[..., Any]) -> Any:
+        @wraps(command)
+        @click.pass_obj
+        def called(ranks: Ranks, /, **given: Any) -> Any:
+            asked = Asked(**{entry.name: given.pop(entry.name) for entry in fields(Asked) if entry.name in given})
+            return command(ranks, asked, **given)
+
+        for option in (*more, *SCENE_OPTIONS):
+            called = option(called)
+        return called
+
+    return decorated
+
+
+def positive_lengths(option: str, given: str | None) -> tuple[float, ...] | None:
+    """Lengths of an option in SI, with commas between them, or None."""
+    if given is None:
+        return None
+    return tuple(value for text in given.split(",") if (value := positive_quantity(option, text.strip(), "length")) is not None)
+
+
+def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
+    """Value of an option in SI, or None; raises unless it has a unit and is positive."""
+    from warpknit.commands.report import positive
+    from warpknit.scene.units import DIMENSIONS, has_unit, shown
+
+    if given is not None and not has_unit(given):
+        raise click.UsageError(f"{option}: {shown(given)} has no unit; give {DIMENSIONS[dimension]}.")
+    return positive(option, given, dimension)
+
+
+class ExportFormat(click.ParamType):
+    """An export format; the table is imported on demand."""
+
+    name = "format"
+
+    @property
+    def _choice(self) -> click.Choice[str]:
+        from warpknit.export import FORMATS
+
+        return click.Choice(tuple(FORMATS))
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The format; raises for other names."""
+        return self._choice.convert(value, param, ctx)
+
+    def get_metavar(self, *where: Any, **more: Any) -> str | None:
+        """The names for the usage line."""
+        return self._choice.get_metavar(*where, **more)
+
+    def get_missing_message(self, *where: Any, **more: Any) -> str | None:
+        """The names for the error of a missing option."""
+        return self._choice.get_missing_message(*where, **more)
+
 
 # NumPy's threads would take memory and cores from the time steps
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,194 +147,146 @@ def main(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-def open_scene(
-    scene: str, overrides: tuple[str, ...], preset: str | None, out: str | None, command: str, *, quiet: bool, ranks: int = 1
-) -> tuple[Scene, Path]:
+def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None = None) -> tuple[Scene, Path]:
     """Load the scene, refuse what does not go with the command (scene/capabilities.py), choose the directory, set up the log."""
-    configure_logging(logging.WARNING if quiet else logging.INFO)
-    from warpknit.commands.carried_out import default_directory
+    configure_logging(logging.WARNING if (asked.quiet if quiet is None else quiet) else logging.INFO)
+    from warpknit.commands.run import default_directory
     from warpknit.scene import load_scene
     from warpknit.scene.capabilities import refuse
 
-    loaded = load_scene(Path(scene), overrides, preset, command=command, ranks=ranks)
+    loaded = load_scene(Path(asked.scene), asked.overrides, asked.preset, command=command, ranks=ranks.count)
     if command == "report":
         from warpknit.design.findings import report_scene
 
-        report_scene(loaded, ranks=ranks)  # which has a sweep by default
+        report_scene(loaded, ranks=ranks.count)  # which has a sweep by default
     else:
-        refuse(loaded, command, ranks=ranks)
-    return loaded, Path(out) if out else default_directory(loaded)
+        refuse(loaded, command, ranks=ranks.count)
+    return loaded, Path(asked.out) if asked.out else default_directory(loaded)
 
 
-def unfinished(result: CommandResult, *, resume: bool, force: bool) -> int:
+def finished(result: CommandResult, asked: Asked, lines: Callable[[dict[str, Any]], Rows], out: Path) -> int:
+    """Print the table of a finished command, else why it did not finish; return its exit status."""
+    from warpknit.runner.summary_table import print_table
+
+    if result.exit_code != FINISHED:
+        return unfinished(result, asked)
+    print_table([*lines(result.summary), ("results in", str(out))])
+    return FINISHED
+
+
+def unfinished(result: CommandResult, asked: Asked, *, resume: bool = False) -> int:
     """Print why a command did not finish, and how an interrupted one goes on; return its exit status.
 
-    resume: whether it already resumes, of itself or by the option.
+    resume: whether it resumes of itself.
     """
     from warpknit.runner.interrupts import to_continue
 
-    go_on = to_continue("command", resume=resume, force=force) if result.exit_code == INTERRUPTED else ""
+    is_cut = result.exit_code == INTERRUPTED
+    go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut else ""
     click.echo(f"warpknit: {result.message}{go_on}", err=True)
     return int(result.exit_code)
 
 
-def finished(lines: Iterable[tuple[str, str]], directory: Path) -> int:
-    """Print the table of a finished command; return its exit status."""
-    from warpknit.runner.summary_table import print_table
-
-    print_table([*lines, ("results in", str(directory))])
-    return FINISHED
-
-
 @main.command()
-@scene_options
-@result_options
-@click.option("--error", metavar="PERCENT", help="Choose the cheapest settings within this error, and estimate the error.")
-@click.pass_obj
-def run(
-    ranks: Ranks,
-    scene: str,
-    overrides: tuple[str, ...],
-    preset: str | None,
-    device: str | None,
-    error: str | None,
-    out: str | None,
-    resume: bool,
-    force: bool,
-    quiet: bool,
-) -> int:
+@on_scene(
+    click.option("--error", metavar="PERCENT", help="Choose the cheapest settings within this error, and estimate the error."),
+    *RESULT_OPTIONS,
+)
+def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
     """Run SCENE and write its results to DIR."""
-    refuse_both(resume, force)
-    if error is not None and preset is not None:
+    if error is not None and asked.preset is not None:
         raise click.UsageError("--error: cannot be combined with --preset; give one of them.")
-    quiet = quiet or not ranks.is_first
-    command = "run" if error is None else "error"
-    loaded, directory = open_scene(scene, overrides, preset, out, command, quiet=quiet, ranks=ranks.count)
+    quiet = asked.quiet or not ranks.is_first
+    loaded, directory = open_scene(asked, "run" if error is None else "error", ranks, quiet=quiet)
 
-    from warpknit.commands.carried_out import naming_the_file
-    from warpknit.commands.run import run_command
+    from warpknit.commands.run import naming_the_file, run_command
     from warpknit.runner.progress_display import progress_for
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_command(
-            loaded, directory, device=device, error=error, resume=resume, force=force, progress=progress, ranks=ranks
-        )
+            loaded, directory, device=asked.device, error=error, resume=asked.resume, force=asked.force, progress=progress,
+            ranks=ranks,
+        )  # fmt: skip
     if not ranks.is_first:
         return int(result.exit_code)
     from warpknit.runner.summary_table import print_summary
 
     if result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.get("stages")):
         print_summary(result.summary, directory)
-    return FINISHED if result.exit_code == FINISHED else unfinished(result, resume=resume, force=force)
+    return FINISHED if result.exit_code == FINISHED else unfinished(result, asked)
 
 
 @main.command("map")
-@scene_options
-@result_options
-@click.pass_obj
-def contact_map(
-    ranks: Ranks,
-    scene: str,
-    overrides: tuple[str, ...],
-    preset: str | None,
-    device: str | None,
-    out: str | None,
-    resume: bool,
-    force: bool,
-    quiet: bool,
-) -> int:
+@on_scene(*RESULT_OPTIONS)
+def contact_map(ranks: Ranks, asked: Asked) -> int:
     """Run the strains of SCENE's [sweep] and write the contact map to DIR."""
-    refuse_both(resume, force)
-    loaded, directory = open_scene(scene, overrides, preset, out, "map", quiet=quiet, ranks=ranks.count)
+    loaded, directory = open_scene(asked, "map", ranks)
 
-    from warpknit.commands.carried_out import naming_the_file
-    from warpknit.commands.map import map_command
+    from warpknit.commands.run import map_command, naming_the_file
     from warpknit.runner.progress_display import progress_for
     from warpknit.studies.map_table import map_lines
 
-    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        result = map_command(loaded, directory, resume=resume, force=force, progress=progress, device=device)
-    if result.exit_code != FINISHED:
-        return unfinished(result, resume=resume, force=force)
-    return finished(map_lines(result.summary), directory)
+    with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
+        result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
+    return finished(result, asked, map_lines, directory)
 
 
 @main.command()
-@scene_options
-@result_options
-@click.option("--against", type=click.Choice(["planar", "spatial"]), help="Model of the reference.  [default: the scene's]")
-@click.pass_obj
-def trade(
-    ranks: Ranks,
-    scene: str,
-    overrides: tuple[str, ...],
-    preset: str | None,
-    device: str | None,
-    against: str | None,
-    out: str | None,
-    resume: bool,
-    force: bool,
-    quiet: bool,
-) -> int:
+@on_scene(
+    click.option("--against", type=click.Choice(["planar", "spatial"]), help="Model of the reference.  [default: the scene's]"),
+    *RESULT_OPTIONS,
+)
+def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
-    refuse_both(resume, force)
-    loaded, directory = open_scene(scene, overrides, preset, out, "trade", quiet=quiet, ranks=ranks.count)
+    loaded, directory = open_scene(asked, "trade", ranks)
 
-    from warpknit.commands.carried_out import naming_the_file
+    from warpknit.commands.run import naming_the_file
     from warpknit.runner.progress_display import progress_for
     from warpknit.studies.study import run_trade
     from warpknit.studies.trade_summary import trade_lines
 
-    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+    with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = run_trade(
             lambda more, other: loaded.changed(more, other, command="trade"),
-            out=directory, against=against, device=device, resume=resume, force=force, progress=progress,
+            out=directory, against=against, device=asked.device, resume=asked.resume, force=asked.force, progress=progress,
         )  # fmt: skip
-    if result.exit_code != FINISHED:
-        return unfinished(result, resume=resume, force=force)
-    return finished(trade_lines(result.summary), directory)
+    return finished(result, asked, trade_lines, directory)
 
 
 @main.command()
-@scene_options
-@click.option(
-    "--tension", metavar="TENSION", help='Equibiaxial tension of the material card, such as "2 N/m".  [default: the optimum]'
+@on_scene(
+    click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
+    click.option("--force", is_flag=True, help="Replace finished results in DIR."),
+    click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed."),
+    click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]"),
+    click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".'),
+    click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file."),
+    click.option(
+        "--fit-loop-length",
+        metavar="LENGTH",
+        help='Fit the loops to their wire length, such as "5.6 mm", or by bar to the wire a course: "4.6 mm, 4.9 mm".',
+    ),
+    click.option("--openings", metavar="COUNT", help='Scale wales and courses to this density of openings, such as "12 /inch".'),
+    click.option(
+        "--tension", metavar="TENSION", help='Equibiaxial tension of the material card, such as "2 N/m".  [default: the optimum]'
+    ),
 )
-@click.option("--openings", metavar="COUNT", help='Scale wales and courses to this density of openings, such as "12 /inch".')
-@click.option(
-    "--fit-loop-length",
-    metavar="LENGTH",
-    help='Fit the loops to their wire length, such as "5.6 mm", or by bar to the wire a course: "4.6 mm, 4.9 mm".',
-)
-@click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file.")
-@click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".')
-@click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]")
-@click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed.")
-@click.option("--force", is_flag=True, help="Replace finished results in DIR.")
-@click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]")
-@click.pass_obj
 def report(
     ranks: Ranks,
-    scene: str,
-    overrides: tuple[str, ...],
-    preset: str | None,
-    device: str | None,
+    asked: Asked,
     tension: str | None,
     openings: str | None,
     fit_loop_length: str | None,
     fit_curve: str | None,
     areal_mass: str | None,
     cards: str | None,
-    quiet: bool,
-    force: bool,
-    out: str | None,
 ) -> int:
     """Write SCENE's report for the designer to DIR: contact map, curves, material card, openings, resistance.
 
     A map of the same scene in DIR is reused.
     """
-    from warpknit.commands.carried_out import naming_the_file
     from warpknit.commands.report import ReportRequest, codes_of, report_command
+    from warpknit.commands.run import naming_the_file
     from warpknit.design.inputs import Known
     from warpknit.runner.progress_display import progress_for
 
@@ -248,12 +296,12 @@ def report(
         Path(fit_curve) if fit_curve else None,
         positive_quantity("--areal-mass", areal_mass, "areal_mass"),
     )
-    asked = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
-    loaded, directory = open_scene(scene, overrides, preset, out, "report", quiet=quiet, ranks=ranks.count)
-    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
-        done = report_command(loaded, directory, asked, force=force, progress=progress, device=device)
+    request = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
+    loaded, directory = open_scene(asked, "report", ranks)
+    with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
+        done = report_command(loaded, directory, request, force=asked.force, progress=progress, device=asked.device)
     if done.page is None:
-        return unfinished(done.result, resume=True, force=force)
+        return unfinished(done.result, asked, resume=True)
     from warpknit.runner.summary_table import print_table
     from warpknit.studies.map_table import map_lines
 
@@ -273,19 +321,18 @@ def report(
 
 
 @main.command()
-@scene_options
-@click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text.")
-def plan(scene: str, overrides: tuple[str, ...], preset: str | None, device: str | None, as_json: bool) -> None:
+@on_scene(click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text."))
+def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
     """Estimate a run of SCENE: nodes, physics and why, memory, time step, steps, time."""
     configure_logging(logging.WARNING)
     from warpknit.scene import load_scene
 
-    loaded = load_scene(Path(scene), overrides, preset)
-    from warpknit.commands.carried_out import naming_the_file
+    loaded = load_scene(Path(asked.scene), asked.overrides, asked.preset)
     from warpknit.commands.plan import make_plan
+    from warpknit.commands.run import naming_the_file
 
     with naming_the_file(loaded):
-        planned = make_plan(loaded, device)
+        planned = make_plan(loaded, asked.device)
     click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
 
 
@@ -345,8 +392,7 @@ def new(file: str | None, as_list: bool, force: bool, **values: str | None) -> N
     FILE is named after the knit by default. On a terminal, without --knit, it asks for what the options leave open.
     """
     configure_logging(logging.WARNING)
-    from warpknit.commands.new import checked_request, file_of, knit_list, new_command
-    from warpknit.commands.questions import ask, on_terminal
+    from warpknit.commands.new import ask, checked_request, file_of, knit_list, new_command, on_terminal
     from warpknit.runner.summary_table import print_table
 
     if as_list:

@@ -17,12 +17,11 @@ import psutil
 from ..base.text import celsius, duration, engineering, exact, memory, percent, rounded
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
-from ..knit.chain import parse_chain
 from ..knit.cloth import Cloth, same_cloth
+from ..knit.lapping import parse_chain
 from ..mechanics.protocols import Model
-from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh
+from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
 from ..mesh.rim import net_nodes
-from ..mesh.smaller import smaller_scene
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from ..scene import Scene
 from ..scene.capabilities import without_effect

@@ -22,7 +22,7 @@ from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..studies.contact_map import read_map
 from ..studies.sweep import run_map as sweep_scene
-from .carried_out import Directory, Source, carried_out
+from .run import Directory, Source, carried_out
 
 
 def make_report(

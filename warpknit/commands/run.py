@@ -1,24 +1,73 @@
-"""`warpknit run` as a function."""
+"""`warpknit run` and `warpknit map` as functions."""
 
 from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Mapping
-from contextlib import suppress
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from ..compute.ranks import One, Ranks
-from ..errors import InputError
-from ..results.run import Run
+from ..errors import INTERRUPTED, Diverged, InputError, ModelError, in_python, naming_arguments
+from ..knit.lapping import KnitError
+from ..results.run import Run, load_run
+from ..runner.interrupts import to_continue
 from ..runner.probes import Probe
-from ..runner.progress_display import Progress
+from ..runner.progress_display import Progress, progress_for
 from ..runner.run import run_scene
-from ..runner.run_directory import CommandResult
+from ..runner.run_directory import CommandResult, directory_of
 from ..scene import Scene, load_scene
 from ..scene.capabilities import refuse
+from ..scene.messages import scene_error
+from ..scene.options import DEFAULT, GIVEN
 from ..scene.units import QuantityError, has_unit, shown, si, tidy
-from .carried_out import Directory, Source, carried_out
+from ..studies.sweep import run_map as sweep_scene
+
+Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
+Directory = str | os.PathLike[str]
+
+
+def carried_out(
+    scene: Scene,
+    out: Directory | None,
+    quiet: bool,
+    command: Callable[[Path, Progress], CommandResult],
+    *,
+    resume: bool,
+    force: bool,
+) -> Run:
+    """The results of a command in its directory; what its exit status says is raised.
+
+    resume: whether it already continues an interrupted one, of itself or by the argument.
+    """
+    where = default_directory(scene) if out is None else directory_of(out, "out")
+    with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
+        result = command(where, progress)
+    if result.exit_code == INTERRUPTED:
+        raise KeyboardInterrupt(result.message + in_python(to_continue("call", resume=resume, force=force)))
+    if result.exit_code != 0:
+        raise Diverged(result.message)
+    return load_run(where)
+
+
+def default_directory(scene: Scene) -> Path:
+    """Where results go if nothing else is said."""
+    return Path("runs") / scene.name
+
+
+@contextmanager
+def naming_the_file(scene: Scene) -> Iterator[None]:
+    """Prefix errors of the knit and the model with the scene file."""
+    try:
+        yield
+    except KnitError as error:
+        raise scene_error(scene.path, error.key, error.wrong, error.instead) from error
+    except ModelError as error:
+        chosen = "" if scene.kind_reason in (GIVEN, DEFAULT) else f" (model.kind = '{scene.model.kind}': {scene.kind_reason})"
+        raise type(error)(f"{scene.path}: {error}{chosen}") from error
 
 
 def run(
@@ -109,3 +158,34 @@ def percentage(given: float | str) -> float:
         text = shown(given) if math.isnan(value) or isinstance(given, str) else f"{given:g}"
         raise InputError(f"--error: {text} is not a percentage above 0, up to 100; give one, such as 2 or '2 %'")
     return value
+
+
+def run_map(
+    scene: Source, out: Directory | None = None, *, resume: bool = False, force: bool = False, quiet: bool = False
+) -> Run:
+    """Run all strains of a scene's [sweep] into the directory `out`, as `warpknit map` does, and return the results.
+
+        run = warpknit.run_map("scenes/contact_map.toml", "runs/map")
+        run.summary["optimum"]["strain_weft"]
+        run.tables["map"]["active_percent"]                                  # [pair of strains] [%]
+        run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")  # (warp, weft) [%]
+
+    scene, out, resume, force, quiet and what is raised: as in `run`. Maps run on the CPU.
+    """
+    loaded = load_scene(scene, command="map")
+    return carried_out(
+        loaded,
+        out,
+        quiet,
+        lambda where, progress: map_command(loaded, where, resume=resume, force=force, progress=progress),
+        resume=resume,
+        force=force,
+    )
+
+
+def map_command(
+    scene: Scene, out: Path, *, resume: bool, force: bool, progress: Progress, device: str | None = None
+) -> CommandResult:
+    """`warpknit map`. Raises as `sweep_scene` does."""
+    refuse(scene, "map")
+    return sweep_scene(scene, out=out, device=device, resume=resume, force=force, progress=progress)

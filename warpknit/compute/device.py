@@ -16,7 +16,7 @@ import warp as wp
 
 from ..base.text import either
 from ..errors import DeviceError
-from .device_choice import device_of_mesh
+from . import device_of_mesh
 
 _log = logging.getLogger(__name__)
 

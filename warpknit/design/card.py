@@ -3,7 +3,7 @@
 The mesh is in equilibrium at a deformation gradient F0, and from there strained a little further by f, F = f F0. Everything
 refers to the tensioned mesh: its width and length count as 1, and the tension that is there is the prestress of the FE model.
 
-    stress   S = f^-1 P F0^T / det F0 [N/m]   second Piola-Kirchhoff, P the nominal stress of measure/measures.py
+    stress   S = f^-1 P F0^T / det F0 [N/m]   second Piola-Kirchhoff, P the nominal stress of measure/__init__.py
     strain   E = (f^T f - 1) / 2              Green-Lagrange
     C = dS/dE at f = 1                        by central differences, symmetric as S = dw/dE
 

@@ -60,12 +60,7 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     yield "stress_max", card.stress_max, "Pa", "largest stress in the wire"
     yield "active", 0.01 * card.active_percent, "1", "fraction of active contacts"
     yield "stable", float(card.is_stable), "1", "whether the stiffness is positive definite (see the warnings)"
-    yield (
-        "difference",
-        card.difference,
-        "1",
-        "error estimate of the stiffness, over the largest entry; unreliable above 5 %",
-    )
+    yield ("difference", card.difference, "1", "error estimate of the stiffness, over the largest entry; unreliable above 5 %")
 
 
 def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:

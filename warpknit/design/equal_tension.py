@@ -21,8 +21,7 @@ from ..scene import Scene
 from ..studies.states import Mesh
 from .card import MaterialCard
 from .load_path import AS_KNITTED, LoadPath, PathState, part_of, under_tension
-from .service import EqualTension, ServicePoint
-from .two_equilibria import is_other
+from .service import EqualTension, ServicePoint, is_other
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least

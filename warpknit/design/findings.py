@@ -22,10 +22,9 @@ from .curves import CurvePoint
 from .equal_tension import EqualTensionPath
 from .fe import limit_of_curves
 from .heat import HeatedMesh, later_temperatures
-from .opening_size import Opening
+from .opening_size import OpeningSize
 from .sections import missing_text
-from .service import EqualTension, ServicePoint
-from .two_equilibria import branches_at
+from .service import EqualTension, ServicePoint, branches_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
 DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)  # of the map where the scene has no [sweep]
@@ -62,8 +61,8 @@ class Findings:
     loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
     tensioned: Observables | None  # the mesh of the card
     knitted: Observables | None  # the mesh as knitted
-    knitted_openings: Sequence[Opening]
-    tensioned_openings: Sequence[Opening]
+    knitted_openings: Sequence[OpeningSize]
+    tensioned_openings: Sequence[OpeningSize]
     model_warnings: Sequence[str]  # where the states are outside the validity of their model
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card

@@ -1,6 +1,6 @@
 """Sheet resistance of a mesh: its wires and contacts as a network of resistors.
 
-A stretch of wire between two touching places is a resistor, a place where wires touch (measure/contact_places.py) another: the
+A stretch of wire between two touching places is a resistor, a place where wires touch (measure/observables.py) another: the
 constriction of the current at one round spot between two wires whose surface yields (Holm, Electric Contacts, 1967),
 
     R = (rho / 2) sqrt(pi H / F),      rho resistivity, H hardness, F force of the contact.
@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..measure import Observables
-from ..measure.contact_places import ContactPlaces
+from ..measure.observables import ContactPlaces
 from ..scene import Wire
 from ..scene.materials import MATERIALS, Material
 
@@ -72,7 +72,7 @@ def wire_resistance(wire: Wire) -> float:
 
 
 def contact_resistances(r: Observables) -> np.ndarray:
-    """[Ohm] resistance of each contact (measure/contact_places.py)."""
+    """[Ohm] resistance of each contact (measure/observables.py)."""
     return holm_resistance(surface(r.model.scene.wire), r.contact_places.force)
 
 

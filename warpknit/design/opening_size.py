@@ -22,7 +22,7 @@ FINE_ENOUGH = (10.0, 20.0, 50.0)  # required wavelengths over the opening, for i
 
 
 @dataclass(frozen=True)
-class Opening:
+class OpeningSize:
     """One opening of a repeat."""
 
     area: float  # [m2]
@@ -31,7 +31,7 @@ class Opening:
     height: float  # [m] along warp
 
 
-def openings(r: Observables) -> list[Opening]:
+def openings(r: Observables) -> list[OpeningSize]:
     """The openings of one tile of a periodic mesh, the largest first."""
     layout = r.model.layout()
     node = r.node_position[:, None, :2]
@@ -44,7 +44,7 @@ def openings(r: Observables) -> list[Opening]:
     return openings_between(node, ends, r.gradient @ np.diag(layout.period), r.model.scene.wire.thickness)
 
 
-def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, thickness: float) -> list[Opening]:
+def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, thickness: float) -> list[OpeningSize]:
     """Openings between straight stretches (stretch, 2) [m] that repeat by the columns of `periods` (2, 2), the largest first.
 
     thickness: of the wire [m].
@@ -73,7 +73,7 @@ def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, 
             continue  # the copy of another tile
         circle = 2.0 * float(distance[where][inside].max()) - thickness
         extent = pitch * (np.ptp(place, axis=0) + 1.0)
-        found.append(Opening(pitch**2 * len(place), circle, *extent.tolist()))
+        found.append(OpeningSize(pitch**2 * len(place), circle, *extent.tolist()))
     if not found:
         return []
     ordered = sorted(found, key=lambda opening: -opening.area)

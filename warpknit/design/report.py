@@ -1,18 +1,24 @@
 """The states of a report: from the map to curves, answers, material card, heat and openings.
 
 What was not found is told in words: a tension that the mesh does not reach, a state that did not converge.
+Its curves and states under equal tensions are kept on disk for a further report of the same scene and map.
 """
 
 from __future__ import annotations
 
+import json
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from .. import __version__
+from ..base.files import write_arrays
 from ..base.text import exact
 from ..errors import Diverged
 from ..measure import Observables
@@ -22,12 +28,13 @@ from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.progress_display import Progress
 from ..scene import Scene, Stage
+from ..solve.drive import under
 from ..solve.progress import Record
 from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs, model_warnings
 from ..studies.states import Mesh, mesh_of
 from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card
-from .curves import tension_strain
+from .curves import CurvePoint, tension_strain
 from .equal_tension import (
     LEFT,
     EqualTensionPath,
@@ -43,12 +50,64 @@ from .fe import CODES
 from .findings import Findings
 from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .heat import heat, later_temperatures, tension_held
-from .kept_states import KeptStates, read_states, write_states
 from .load_path import LoadPath, PathState, part_of, under_strain, under_tension
 from .opening_size import openings
 from .report_files import write_files
-from .service import equal_tension
-from .two_equilibria import branches_at, is_other, map_cell, two_equilibria
+from .service import branches_at, equal_tension, is_other, map_cell, two_equilibria
+
+STATES = "report_states.npz"
+UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
+
+
+@dataclass(frozen=True)
+class KeptStates:
+    """What a report computes whatever tension is requested."""
+
+    curves: list[CurvePoint]
+    path: EqualTensionPath
+
+
+def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
+    """Write the file into `out`."""
+    path = states.path
+    numbers = {id(row): number for number, row in enumerate(path.rows)}
+    about = {
+        "made_by": _made_by(scene),
+        "curves": [asdict(point) for point in states.curves],
+        "rows": [vars(row) for row in path.rows],
+        "tensions": list(path.states),
+        "row_at": [numbers[id(path.at[tension])] for tension in path.states],
+        "ended": path.ended,
+    }
+    arrays = {"about": np.array(json.dumps(about, default=lambda value: value.item()))}
+    for number, state in enumerate(path.states.values()):
+        arrays |= {f"{number}_{name}": value for name, value in state.kept.items()}
+    write_arrays(out / STATES, arrays)
+
+
+def read_states(scene: Scene, out: Path) -> KeptStates | None:
+    """What `write_states` wrote for this scene, by this version, bit-identical; None without a file that can be read."""
+    try:
+        with np.load(out / STATES, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        about: dict[str, Any] = json.loads(str(arrays.pop("about")))
+        if about["made_by"] != _made_by(scene):
+            return None
+        rows, tensions = [Row(**row) for row in about["rows"]], about["tensions"]
+        stages = [under_tension(scene, tension) for tension in tensions]
+        states = {
+            tension: PathState(tuple(stages[: number + 1]), under(f"{number}_", arrays))
+            for number, tension in enumerate(tensions)
+        }
+        at = {tension: rows[number] for tension, number in zip(tensions, about["row_at"], strict=True)}
+        return KeptStates([CurvePoint(**point) for point in about["curves"]], EqualTensionPath(rows, states, at, about["ended"]))
+    except UNUSABLE:
+        return None
+
+
+def _made_by(scene: Scene) -> list[str]:
+    return [scene.hash, __version__]
+
 
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
 SEARCHES = ("equal tensions", "heat")  # of these, whose length is not known before

@@ -16,7 +16,7 @@ from warpknit.export.run_record import read_run
 __all__ = ["FORMATS", "ExportError", "export_run"]
 
 FORMATS = {  # what `--to` takes: the module here, and its function
-    "usd": "usd.export.export_usd",  # scene.usda and its layers
+    "usd": "usd.writer.export_usd",  # scene.usda and its layers
     "vtk": "vtk.export_vtk",  # vtk/wires.pvd, vtk/contacts.pvd
     "csv": "tables.export_tables",  # tables/*.csv
     "png": "figures.export_figures",  # figures/mesh*.png, figures/curves.png

@@ -1,31 +1,165 @@
-"""Active contacts, tension, energies and residual of a run against its load."""
+"""Curves of a run against its load and its temperature, each quantity in a colour and each stage in dashes and marks."""
 
+from __future__ import annotations
+
+import csv
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from warpknit.base.text import ZERO_CELSIUS, engineering
-from warpknit.export.plots import AMBER, BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import (
-    DECADES_DRAWN,
-    History,
-    columns_of,
-    draw_curves,
-    history_rows,
-    is_behind_jump,
-    stage_legend,
-    stage_slices,
-    stress_columns,
+from warpknit.base.text import ZERO_CELSIUS, engineering, is_at_grips
+from warpknit.export.plots import AMBER, BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, plain, save_figure, scale_of
+
+History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
+STRESS_COLUMNS = ("stress_max_Pa", "stress_interior_max_Pa")  # of history.csv: anywhere, and away from the grips
+DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
+FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
+JUMP = "jump to another equilibrium"
+JUMP_STYLE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
+WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a stage than of the next one, that may lie on it; of so many before the last
+LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
+STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
+    ("-", "o"),
+    ((0, (5, 1.5)), "s"),
+    ((0, (1.2, 1.2)), "^"),
+    ((0, (5, 1.5, 1, 1.5)), "D"),
+    ((0, (8, 3)), "v"),
+    ((0, (3, 1, 1, 1, 1, 1)), "P"),
 )
 
-__all__ = ["curves_figure"]
+
+def history_rows(history: History) -> list[Mapping[str, Any]]:
+    if isinstance(history, str | os.PathLike):
+        with open(history, newline="", encoding="utf-8") as file:
+            rows: list[Mapping[str, Any]] = list(csv.DictReader(file))
+    else:
+        rows = list(history)
+    if not rows:
+        raise ValueError("history: no row to draw")
+    return rows
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
+    """(row,) numbers of each column; nan where there is none."""
+    return {name: np.array([_number(row.get(name)) for row in rows]) for name in {name for row in rows for name in row}}
+
+
+def is_behind_jump(columns: Mapping[str, NDArray[Any]], count: int) -> NDArray[np.bool_]:
+    """(row,) whether the mesh has jumped to another equilibrium since the row before: the column `jump`, where there is one."""
+    return np.asarray(columns.get("jump", np.zeros(count)) > 0.0)
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def stage_slices(names: Sequence[str]) -> list[tuple[str, slice]]:
+    """Row ranges of the stages, each starting with the last row of the stage before, for continuous curves."""
+    first = [0, *(row for row in range(1, len(names)) if names[row] != names[row - 1])]
+    end = [*first[1:], len(names)]
+    return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]
+
+
+def stress_columns(columns: Mapping[str, NDArray[Any]]) -> list[tuple[str, str, str]]:
+    """Label, colour and column of the largest stress; where that away from the grips is well below, of both."""
+    everywhere, interior = STRESS_COLUMNS
+    if any(map(is_at_grips, columns.get(interior, ()), columns.get(everywhere, ()))):
+        return [("anywhere", PURPLE, everywhere), ("away from the grips", BLUE, interior)]
+    return [("", PURPLE, everywhere)]
+
+
+def draw_curves(
+    axes: Axes,
+    abscissa: NDArray[Any],
+    stages: Sequence[tuple[str, slice]],
+    curves: Sequence[tuple[str, str, NDArray[Any]]],
+    jumped: NDArray[np.bool_],
+    *,
+    least: float | None = None,
+    nothing: str = "not recorded",
+    beneath: bool = False,
+) -> None:
+    """Draw one line per quantity (colour) and stage (dashes and marks), dotted to a row that the mesh has `jumped` to.
+
+    least: of the values on a logarithmic axis, smaller ones are not drawn. nothing: what is written where there is no value.
+    beneath: the first line is wide, as others are drawn over it, also where these are on another axis.
+    """
+    handles = []
+    for (label, colour, values), width in zip(curves, WIDTHS if beneath or len(curves) > 1 else WIDTHS[1:], strict=False):
+        shown = np.isfinite(values) & (least is None or values > least)
+        if not shown.any():
+            continue
+        values = np.where(shown, values, np.nan)
+        for number, (_, rows) in enumerate(stages):
+            style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+            size = 2.5 + width + WIDER_MARK * min(len(stages) - 1 - number, WIDER_MARKS)
+            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": size}
+            face = colour if number % 2 == 0 else "white"
+            draw_line(axes, abscissa[rows], values[rows], jumped[rows], linewidth=width, markerfacecolor=face, **look)
+        if label:
+            handles.append(Line2D([], [], color=colour, linewidth=width, label=label))
+    if not axes.lines:
+        axes.text(0.5, 0.5, nothing, transform=axes.transAxes, ha="center", va="center", color=GREY)
+        axes.set_yticks([])
+    elif least is not None:
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        if high < 10.0 * low:
+            low, high = np.sqrt(low * high / 10.0), np.sqrt(10.0 * low * high)  # a decade
+            axes.set_ylim(low, high)
+        if high < FEW_DECADES * low:
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
+            axes.yaxis.set_minor_formatter(NullFormatter())
+    if handles:
+        axes.legend(
+            handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles), frameon=False, borderaxespad=0.2
+        )
+    plain(axes)
+
+
+def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: NDArray[np.bool_], **look: Any) -> None:
+    """Draw a line through points, dotted to each one that the mesh has `jumped` to."""
+    jumps = np.flatnonzero(jumped[1:]) + 1
+    for part in np.split(np.arange(len(values)), jumps):
+        axes.plot(abscissa[part], values[part], **look)
+    for point in jumps[np.isfinite(values[jumps - 1] + values[jumps])]:
+        axes.plot(abscissa[point - 1 : point + 1], values[point - 1 : point + 1], color=look["color"], **JUMP_STYLE)
+
+
+def jump_handles(figure: Figure) -> list[Line2D]:
+    """The dots over a jump, for a legend, where the figure has some."""
+    is_drawn = any(line.get_gid() == JUMP for axes in figure.axes for line in axes.lines)
+    return [Line2D([], [], color=GREY, label=JUMP, **JUMP_STYLE)] if is_drawn else []
+
+
+def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
+    """Legend of the dashes and marks of the stages, where there are several or a title; and of the dots over a jump."""
+    title = title or ("stage" if len(names) > 1 else "")
+    handles = []
+    for number, name in enumerate(names if title else ()):
+        style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
+        face = GREY if number % 2 == 0 else "white"
+        look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
+        handles.append(Line2D([], [], color=GREY, label=name, **look))
+    handles += jump_handles(figure)
+    if handles:
+        widest = max(len(str(handle.get_label())) for handle in handles)
+        columns = int(np.clip(LEGEND_WIDTH * figure.get_figwidth() // (widest + HANDLE_WIDTH), 1, 6))
+        figure.legend(handles=handles, title=title, loc="outside upper center", ncols=columns, frameon=False)
+
 
 SIDES = ("weft", "warp")
 SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
@@ -38,17 +172,11 @@ HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
 IMPOSED_STRAIN, IMPOSED_TENSION = 1e-6, 0.02  # of its range in a stage: departure from a straight line over the load factor
 
 
-def curves_figure(
-    history: History,
-    path: str | os.PathLike[str],
-    *,
-    yield_stress: float | None = None,
-    title: str = "",
-) -> Path:
+def curves_figure(history: History, path: str | os.PathLike[str], *, yield_stress: float | None = None, title: str = "") -> Path:
     """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
-    are left out beside others: they are in heat_figure.py. Lines to rows with a `jump` are dotted. yield_stress: [Pa] elastic
+    are left out beside others: they are in `heat_figure`. Lines to rows with a `jump` are dotted. yield_stress: [Pa] elastic
     limit of the wire. title: over the stages.
     """
     rows = history_rows(history)
@@ -121,11 +249,7 @@ def curves_figure(
 
 
 def _draw_count(
-    axes: Axes,
-    abscissa: NDArray[Any],
-    stages: Sequence[tuple[str, slice]],
-    count: NDArray[Any],
-    jumped: NDArray[np.bool_],
+    axes: Axes, abscissa: NDArray[Any], stages: Sequence[tuple[str, slice]], count: NDArray[Any], jumped: NDArray[np.bool_]
 ) -> None:
     """Draw the number of active contacts where no wires hook, on an axis of its own at the right: they have no pairs."""
     right = axes.twinx()
@@ -239,3 +363,113 @@ def _folds(values: NDArray[Any]) -> bool:
     steps = np.diff(values)
     least = LEAST_FOLD * float(np.ptp(values)) if len(values) and np.isfinite(values).all() else np.inf
     return bool((steps > least).any() and (steps < -least).any())
+
+
+LEAST_SPAN = 0.1  # of a value: shortest axis of a quantity against temperature
+HELD = 1e-6  # strain: a change of less is none
+LEAST_CHANGE = 0.1  # [%] of strain: shortest axis
+TICKS = [digit * 10.0**power for power in range(-2, 3) for digit in (1.0, 2.0, 5.0)]  # [%] of an axis with jumps
+MARGIN = 1.2  # of the limits of such an axis over its values
+FLAT = 0.1  # of the axis: what changes by less between jumps is hard to see
+
+
+def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> Path | None:
+    """Draw active contacts, tension, change of strain and largest stress against temperature, for the stages that change it.
+
+    None without such a stage. histories: each a history.csv or its rows; lines to rows with a `jump` are dotted. The change of a
+    strain is over one plus the strain at the begin of the stage; strains of stages that hold them are left out.
+    """
+    found = []  # a stage each
+    for history in histories:
+        rows = history_rows(history)
+        columns = columns_of(rows)
+        columns["jump"] = is_behind_jump(columns, len(rows))
+        columns["temperature_C"] = columns.get("temperature_K", np.zeros(len(rows))) - ZERO_CELSIUS
+        for name, part in stage_slices([str(row.get("stage", "")) for row in rows]):
+            if np.ptp(columns["temperature_C"][part]) > 1e-6:
+                found.append((name, {key: values[part] for key, values in columns.items()}))
+    if not found:
+        return None
+    unknown = [np.full(len(stage["temperature_C"]), np.nan) for _, stage in found]
+    ends = np.cumsum([len(one) for one in unknown])
+    stages = [(name, slice(end - len(one), end)) for (name, _), one, end in zip(found, unknown, ends, strict=True)]
+
+    def all_of(name: str, changes: bool = False) -> np.ndarray:
+        parts = [stage.get(name, none) for (_, stage), none in zip(found, unknown, strict=True)]
+        return np.concatenate([(part - part[0]) / (1.0 + part[0]) if changes else part for part in parts])
+
+    strain = {side: 100.0 * all_of(f"strain_{side}", changes=True) for side, _ in SIDE_COLOURS}
+    held = [part for _, part in stages if all(np.ptp(values[part]) <= 100.0 * HELD for values in strain.values())]
+    for part in held:
+        for values in strain.values():
+            values[part] = np.nan
+    tension = {side: all_of(f"tension_{side}_N_per_m") for side, _ in SIDE_COLOURS}
+    stress = {name: all_of(name) for name in STRESS_COLUMNS}
+    (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", *stress.values())
+    figure = figure_of(10.5, 7.6)
+    panels = figure.subplots(2, 2, sharex=True).ravel()
+    for axes, label, curves, least, is_held in zip(
+        panels,
+        (
+            "active contacts [% of pairs]",
+            f"tension [{tension_unit}]",
+            "strain, change in the stage [%]" + ("\nwhere it is not held" if 0 < len(held) < len(stages) else ""),
+            f"largest wire stress [{stress_unit}]",
+        ),
+        (
+            (("", GREEN, all_of("active_percent")),),
+            tuple((side, colour, to_tension * tension[side]) for side, colour in SIDE_COLOURS),
+            tuple((side, colour, strain[side]) for side, colour in SIDE_COLOURS),
+            tuple((label, colour, to_stress * stress[name]) for label, colour, name in stress_columns(stress)),
+        ),
+        (0.0, 0.0, LEAST_CHANGE, 0.0),
+        (False, False, bool(held), False),
+        strict=True,
+    ):
+        nothing = "held" if is_held else "not recorded"
+        draw_curves(axes, all_of("temperature_C"), stages, curves, all_of("jump"), nothing=nothing)
+        axes.set_ylabel(label)
+        if axes.lines:
+            if least and (smooth := _smooth_span(curves, stages, all_of("jump"))) < FLAT * np.ptp(axes.get_ylim()):
+                linear = next(tick for tick in TICKS if tick >= max(smooth, 0.5 * least))
+                _stretch_zero(axes, linear)
+                axes.set_ylabel(f"{label}\nlogarithmic beyond ±{linear:g} %")
+                continue
+            axes.yaxis.get_major_formatter().set_useOffset(False)
+            _widen(axes, least)
+    panels[0].set_ylim(-3.0, 103.0)
+    for axes in panels[2:]:
+        axes.set_xlabel("temperature [°C]")
+    stage_legend(figure, [name for name, _ in stages])
+    return save_figure(figure, path)
+
+
+def _smooth_span(
+    curves: Sequence[tuple[str, str, NDArray[Any]]], stages: Sequence[tuple[str, slice]], jumped: NDArray[np.bool_]
+) -> float:
+    """Largest change of the curves between two jumps."""
+    parts = [
+        part
+        for _, _, values in curves
+        for _, rows in stages
+        for part in np.split(values[rows], np.flatnonzero(jumped[rows][1:]) + 1)
+    ]
+    return max((float(np.ptp(part)) for part in parts if np.isfinite(part).all() and len(part)), default=0.0)
+
+
+def _stretch_zero(axes: Axes, linear: float) -> None:
+    """A vertical axis that is linear up to `linear` about zero, and logarithmic beyond: jumps leave room for small changes."""
+    low, high = axes.get_ylim()
+    axes.set_yscale("symlog", linthresh=linear)
+    ticks = [0.0, *(sign * tick for tick in (0.5 * linear, *TICKS) if tick >= 0.5 * linear for sign in (-1.0, 1.0))]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_yticks([], minor=True)
+    axes.set_ylim(min(MARGIN * low, -linear), max(MARGIN * high, linear))
+
+
+def _widen(axes: Axes, least: float) -> None:
+    """Widen the vertical axis to LEAST_SPAN of its middle, and to `least`, so that scatter does not look like a trend."""
+    low, high = axes.get_ylim()
+    middle = 0.5 * (low + high)
+    half = 0.5 * max(high - low, LEAST_SPAN * abs(middle), least)
+    axes.set_ylim(middle - half, middle + half)

@@ -14,10 +14,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, save_figure, scale_of
-from warpknit.export.stage_curves import draw_line, jump_handles
-
-__all__ = ["openings_figure", "resistance_figure", "tension_figure", "tension_strain_figure"]
+from warpknit.export.curves_figure import draw_line, jump_handles
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, plain, save_figure, scale_of
 
 TITLES = {
     "equal": "equal strain in both directions",
@@ -107,8 +105,7 @@ def tension_figure(
             axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label=label)
             if is_wide:
                 axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
-        axes.grid(color="#DDDDDD", linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
+        plain(axes)
     figure.legend(handles=_handles(figure), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
@@ -159,8 +156,7 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
             axes.axvspan(float(begin), strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
         axes.set_title(TITLES[load], fontsize="medium")
         axes.set_xlabel("strain [%]")
-        axes.grid(color="#DDDDDD", linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
+        plain(axes)
     first = np.atleast_1d(panels)[0]
     first.set_ylabel(f"tension [{unit}]")
     room = ROOM * scale * (top - bottom)

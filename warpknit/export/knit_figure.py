@@ -15,12 +15,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from warpknit.export.over_under import copied, over_under, tile_copies
-from warpknit.export.plots import figure_of, frame_plan_axes, plan_scale, save_figure
-from warpknit.knit.clasp_classes import CLASS_NAMES
-from warpknit.knit.cloth import Cloth
-
-__all__ = ["knit_figure"]
+from warpknit.export.plots import copied, figure_of, frame_plan_axes, over_under, plan_scale, save_figure, tile_copies
+from warpknit.knit.cloth import CLASS_NAMES, Cloth
 
 MM = 1e3  # millimetres to a metre
 LONG_SIDE, SHORT_SIDE = 8.0, 3.4  # [inch] of the mesh, and the least that its shorter side is given

@@ -29,8 +29,6 @@ from scipy.spatial import cKDTree
 
 from warpknit.export.plots import few_ticks, figure_of, save_figure, scale_of
 
-__all__ = ["Marks", "map_figure"]
-
 PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
 SHARES, FORCES = "% of pairs", ("N/m", "Pa")  # units
 BEYOND_LIMIT = 1.25  # of the largest force below the elastic limit: last colour
@@ -255,12 +253,7 @@ def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any],
 
 
 def _draw_marks(
-    axes: Axes,
-    x: NDArray[Any],
-    y: NDArray[Any],
-    marks: Marks,
-    colour_of: Callable[[Any], Any],
-    of_load: tuple[float, str],
+    axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colour_of: Callable[[Any], Any], of_load: tuple[float, str]
 ) -> list[Any]:
     """Draw the elastic limit and cells above it, the optimum and other places in the colour of their value; their legend entries.
 

@@ -20,11 +20,20 @@ from numpy.typing import NDArray
 
 from warpknit.base.hermite import hermite
 from warpknit.base.text import ZERO_CELSIUS, alike, engineering
-from warpknit.export.over_under import EDGE, copied, over_under, tile_copies
-from warpknit.export.plots import AMBER, BLUE, GREEN, figure_of, frame_plan_axes, plan_scale, save_figure
+from warpknit.export.plots import (
+    AMBER,
+    BLUE,
+    EDGE,
+    GREEN,
+    copied,
+    figure_of,
+    frame_plan_axes,
+    over_under,
+    plan_scale,
+    save_figure,
+    tile_copies,
+)
 from warpknit.results.frame import Frame, WireLayout, curve_position
-
-__all__ = ["Peak", "mesh_figure", "state_title", "stress_colours"]
 
 SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
 OVER_UNDER = 100_000  # points of drawn curves above which wires are drawn without gaps in those below
@@ -174,12 +183,7 @@ def _with_margin(low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], N
 
 
 def _mesh_map(
-    layout: WireLayout,
-    frame: Frame,
-    path: str | os.PathLike[str],
-    title: str,
-    yield_stress: float | None,
-    peak: Peak | None,
+    layout: WireLayout, frame: Frame, path: str | os.PathLike[str], title: str, yield_stress: float | None, peak: Peak | None
 ) -> Path:
     """Draw a large mesh as two maps on a grid: the largest stress, and the fraction of active pairs."""
     position = 1e3 * curve_position(layout, frame)[:, :2]
@@ -271,13 +275,7 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
 
 
 def _draw_contacts(
-    axes: Axes,
-    layout: WireLayout,
-    frame: Frame,
-    position: NDArray[Any],
-    offsets: NDArray[Any],
-    size: float,
-    shows_open: bool,
+    axes: Axes, layout: WireLayout, frame: Frame, position: NDArray[Any], offsets: NDArray[Any], size: float, shows_open: bool
 ) -> None:
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus.
 
@@ -352,11 +350,7 @@ def stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Co
 
 
 def _stress_bar(
-    figure: Figure,
-    axes: Axes,
-    mappable: Any,
-    yield_stress: float | None,
-    label: str = "stress at nodes [MPa]",
+    figure: Figure, axes: Axes, mappable: Any, yield_stress: float | None, label: str = "stress at nodes [MPa]"
 ) -> None:
     largest = float(np.ma.max(np.ma.masked_invalid(mappable.get_array())))
     label += f", square-root scale\nlargest there {float(f'{largest:.3g}'):g}"  # no exponent

@@ -1,4 +1,4 @@
-"""Common parts of all figures: size, colours, axes and output.
+"""Common parts of all figures: size, colours, axes and output; wires in plan view that pass over and under each other.
 
 Matplotlib's objects on an Agg canvas, without pyplot's state: figures can be drawn in any thread and without a screen.
 """
@@ -10,16 +10,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from warpknit.base.files import path_aside
-
-__all__ = [
-    "AMBER", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "WIDTHS",
-    "figure_of", "frame_plan_axes", "plan_scale", "save_figure", "scale_of",
-]  # fmt: skip
 
 DOTS_PER_INCH = 150
 # Okabe and Ito's colours, distinct without red-green vision.
@@ -42,6 +38,12 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     with path_aside(path) as aside:
         FigureCanvasAgg(figure).print_png(aside)  # `savefig` would lay the figure out in a drawing of its own
     return path
+
+
+def plain(axes: Axes) -> None:
+    """A light grid, and no frame at the top and the right."""
+    axes.grid(color="#DDDDDD", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def few_ticks() -> MaxNLocator:
@@ -73,3 +75,46 @@ def plan_scale(figure: Figure, axes: Axes) -> float:
     """Points of paper a mm of a plan view has, when all that takes room beside it is in place."""
     figure.draw_without_rendering()
     return float(72.0 * axes.bbox.width / figure.dpi / np.ptp(axes.get_xlim()))
+
+
+EDGE = 1.3  # [pt] white on either side of a wire: a gap in the wires below it
+OVERLAP = 0.3  # of its width, by which a piece of wire reaches over its neighbours: no seam between them
+EDGE_OVERLAP = 0.25  # [pt] the same of its white edge: less, for the wire to cover what it hides of its neighbours
+
+
+def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: float, edge: float = EDGE) -> LineCollection:
+    """Straight pieces (piece, 2, 3) [mm] of wires in `colours` (piece, 4), the lowest first, each on a wider white one.
+
+    width: of the wires [pt]; edge: of the white on either side [pt].
+    """
+    order = np.argsort(pieces[:, :, 2].sum(axis=1), kind="stable")
+    plan = pieces[order, :, :2]
+    along = plan[:, 1] - plan[:, 0]
+    along /= points_per_mm * np.maximum(np.hypot(*along.T), 1e-12)[:, None]  # [mm]  a point of paper
+    ends = np.stack([-along, along], axis=1)
+    lines = np.stack([plan + EDGE_OVERLAP * ends, plan + OVERLAP * width * ends], axis=1).reshape(-1, 2, 2)
+    white = np.ones((len(plan), 4))
+    drawn = np.stack([white, np.asarray(colours)[order]], axis=1).reshape(-1, 4)
+    widths = np.tile([width + 2.0 * edge, width], len(plan))
+    return LineCollection(list(lines), colors=drawn, linewidths=widths, capstyle="butt", zorder=1)
+
+
+def tile_copies(points: NDArray[Any], period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> NDArray[Any]:
+    """Offsets (copy, 2) of the copies of a tile of `points` (point, 2) that may show between `low` and `high`.
+
+    The columns of `period` (2, 2) lead to the next copy.
+    """
+    corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    place, window = (np.linalg.solve(period, some.T).T for some in (points, corners))
+    first = np.floor(window.min(axis=0) - place.max(axis=0)).astype(int)
+    last = np.ceil(window.max(axis=0) - place.min(axis=0)).astype(int)
+    grid = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="ij")
+    return np.stack(grid, axis=-1).reshape(-1, 2) @ period.T
+
+
+def copied(pieces: NDArray[Any], offsets: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], Any]:
+    """Copies of pieces (piece, 2, 3) that may show between `low` and `high`, and which piece each one is."""
+    shift = np.concatenate([offsets, np.zeros((len(offsets), 1))], axis=1)
+    every = (pieces + shift[:, None, None]).reshape(-1, 2, 3)
+    shows = np.all((every[:, :, :2].max(axis=1) > low) & (every[:, :, :2].min(axis=1) < high), axis=1)
+    return every[shows], np.tile(np.arange(len(pieces)), len(offsets))[shows]

@@ -12,8 +12,6 @@ from typing import Any
 from warpknit.errors import ExportError
 from warpknit.results.frame import Frame, WireLayout
 
-__all__ = ["RunRecord", "item", "read_frame", "read_run", "state_files"]
-
 DAMAGED = (OSError, ValueError, TypeError)  # what a damaged file of arrays raises
 
 

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from warpknit.base.files import write_table
 from warpknit.export.run_record import RunRecord
-from warpknit.knit.clasp_classes import CLASS_NAMES
+from warpknit.knit.cloth import CLASS_NAMES
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
-
-__all__ = ["contact_table", "elsewhere_table", "export_tables", "wire_table", "write_tables"]
 
 
 def export_tables(record: RunRecord) -> list[Path]:

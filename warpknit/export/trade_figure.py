@@ -15,8 +15,6 @@ from matplotlib.ticker import LogLocator
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
 
-__all__ = ["Mark", "trade_figure"]
-
 QUANTITIES = (
     "active contacts [points of %]",
     "tension, or strain where tension is given [%]",

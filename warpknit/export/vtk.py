@@ -24,8 +24,6 @@ from warpknit.base.files import path_aside, write_aside
 from warpknit.export.run_record import RunRecord
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
-__all__ = ["export_vtk", "write_vtk"]
-
 
 def export_vtk(record: RunRecord) -> list[Path]:
     """Write the frames of a run into vtk/; the paths."""

@@ -15,7 +15,7 @@ import signal
 import sys
 import tempfile
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,80 @@ import numpy as np
 
 from warpknit.base.processes import ending_of, sendable, start_process
 from warpknit.errors import OutOfResources
-from warpknit.export.frame_files import FrameFiles, FrameWriter, StageOptions
-from warpknit.results.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
 
-__all__ = ["PROCESS_NODES", "WriterProcess", "frame_writer", "main"]
+
+@dataclass(frozen=True, kw_only=True)
+class StageOptions:
+    """How the stage is written; see `StageWriter`."""
+
+    scene_name: str
+    scene_hash: str
+    version: str
+    colour_stress_max: float | None
+    full_every: int
+    points_per_tile: int
+
+
+def state_file(directory: Path, index: int) -> Path:
+    return directory / "states" / f"state_{index:06d}.npz"
+
+
+class FrameWriter:
+    """Takes frames one by one. `with` ends it whatever happens; a frame that was begun is then finished or absent."""
+
+    def add_frame(self, frame: Frame) -> None:
+        """Write a frame. Raises OSError where the disk fails, now or at a later call."""
+        raise NotImplementedError
+
+    def check(self) -> None:
+        """Raise what went wrong so far."""
+
+    def flush(self) -> None:
+        """Wait until all frames are on the disk."""
+
+    def close(self, *, complete: bool) -> None:
+        """Wait, and say in the stage whether the run came to its end."""
+
+    def __enter__(self) -> FrameWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let go of what is held."""
+
+
+class FrameFiles(FrameWriter):
+    """Writes in this process. `stage`: None where no stage is wanted; `resume`: go on with what the directory holds."""
+
+    def __init__(self, directory: Path, layout: WireLayout, stage: StageOptions | None, *, resume: bool = False) -> None:
+        self._directory, self._layout = directory, layout
+        self._stage: Any = None
+        self._is_first = True
+        if stage is not None:
+            from warpknit.export.usd import StageWriter
+
+            self._stage = StageWriter(directory, drawn_layout(layout), **vars(stage), resume=resume)
+
+    def add_frame(self, frame: Frame) -> None:
+        frame.save(state_file(self._directory, frame.index))
+        if self._stage is None:
+            return
+        if self._is_first:
+            self._catch_up(frame.index)
+        self._stage.add_frame(drawn_frame(self._layout, frame))
+
+    def _catch_up(self, index: int) -> None:
+        """Give the stage the states before `index` that it has lost: a run that goes on leaves no gap in it."""
+        self._is_first = False
+        for missing in range(len(self._stage.earlier_frames), index):
+            path = state_file(self._directory, missing)
+            if path.is_file():
+                self._stage.add_frame(drawn_frame(self._layout, Frame.load(path)))
+
+    def close(self, *, complete: bool) -> None:
+        if self._stage is not None:
+            self._stage.close(complete=complete)
+
 
 PROCESS_NODES = 200_000  # a frame of fewer nodes is written in less time than it takes to start a process
 BYTES_PER_NODE, BYTES_PER_BODY = 4 * 8, 3 * 8 + 2 * (8 + 1)  # of a frame: position and stress; position, force and state
@@ -50,13 +120,7 @@ class WriterProcess(FrameWriter):
     """`FrameFiles` in another process. `directory` holds layout.npz, the layout of the run."""
 
     def __init__(
-        self,
-        directory: Path,
-        layout: WireLayout,
-        stage: StageOptions | None,
-        *,
-        resume: bool = False,
-        hold: int | None = None,
+        self, directory: Path, layout: WireLayout, stage: StageOptions | None, *, resume: bool = False, hold: int | None = None
     ) -> None:
         per_node = BYTES_PER_NODE + 12 * (layout.curve_parts - 1)
         size = per_node * layout.node_count + BYTES_PER_BODY * layout.body_count + 64 * len(fields(Frame))

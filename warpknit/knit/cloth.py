@@ -1,10 +1,16 @@
 """Cloth: one repeat of endless knitted cloth, from chain notation to clasps.
 
 x is weft (wales side by side), y is warp (courses), z > 0 the technical face; SI units.
+
+Classes of contact are clasps of one shape, which by the symmetry of the knit carry the same load in a mesh of equal loops. The
+shape of a clasp is that of its lens: on each of its two wires the clearance of the body and the arc of the lens. Clasps of
+shapes within SAME_SHAPE of the wale spacing are of one class. Scattered loops have the classes of equal ones: a clasp is of the
+class of the nearest clasp, in place and shape, of the knit without scatter.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -13,17 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.text import short_repr
-from .centreline import Thread, thread_line
-from .chain import KnitError
+from .centreline import LoopFrame, Thread, thread_line
 from .clasps import Clasp, Lens, find_lenses, make_clasps, nested_lenses
 from .crossings import Crossings, find_crossings
-from .keypoints import LoopFrame
-from .lapping import Lapping, Stitch, lapping_table
+from .lapping import KnitError, Lapping, Stitch, lapping_table
 from .loops import LoopProportions, Shape, loop_shape
-from .near_wires import near_wires
 from .openings import Rhombus, find_rhombus
-from .same_hooks import Knitted, lenses_of_scattered
-from .scatter import scattered_proportions
+from .scatter import Knitted, lenses_of_scattered, near_wires, scattered_proportions
 
 ALIKE = 0.999  # of the largest opening's area: openings that count as equal
 SCATTERED_ALIKE = 0.5  # the same where loops differ
@@ -167,3 +169,45 @@ def _lenses(knitted: Knitted, merge: bool) -> list[list[Lens]]:
     threads, size = knitted.threads, knitted.size
     lenses = find_lenses(threads, knitted.crossings, size, knitted.lengths.sum() / len(knitted.lapping.stitches))
     return nested_lenses(threads, lenses, size) if merge else [[lens] for lens in lenses]
+
+
+CLASS_NAMES = "ABCDEFGHIJKL"  # the last one also takes further classes
+SAME_SHAPE = 0.02  # of the wale spacing: centre lines are sampled, so that equal lenses differ a little
+
+
+@lru_cache(maxsize=8)
+def clasp_classes(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> NDArray[np.intp]:
+    """[clasp] number of the class of each clasp of `knit_cloth`, from the tightest lens on. `knit` has `scatter` and `even`."""
+    cloth = same_cloth(knit, diameter, merge_lenses, tiles)
+    if not knit.scatter:
+        return _classes_by_shape(_shapes(cloth.clasps), SAME_SHAPE * knit.wale_spacing)
+    even = same_cloth(knit.even, diameter, merge_lenses)
+    apart = _places(cloth.clasps)[:, None] - _places(even.clasps)
+    apart -= np.round(apart / even.size) * even.size
+    unlike = _shapes(cloth.clasps)[:, None] - _shapes(even.clasps)
+    distance = np.linalg.norm(apart, axis=2) + np.linalg.norm(unlike, axis=2)
+    return np.asarray(clasp_classes(knit.even, diameter, merge_lenses)[np.argmin(distance, axis=1)])
+
+
+def _shapes(clasps: Sequence[Clasp]) -> NDArray[np.float64]:
+    """(clasp, 4) [m] clearance and arc on the wire with the smaller ones, and on the other."""
+    arms = [sorted((arm.clearance, arm.arc_high - arm.arc_low) for arm in clasp.arms) for clasp in clasps]
+    return np.array(arms).reshape(-1, 4)
+
+
+def _places(clasps: Sequence[Clasp]) -> NDArray[np.float64]:
+    """(clasp, 2) [m]"""
+    return np.array([clasp.position for clasp in clasps]).reshape(-1, 2)
+
+
+def _classes_by_shape(shapes: NDArray[np.float64], tolerance: float) -> NDArray[np.intp]:
+    """[clasp] number of its class, in the order of clearance; each class stands about its first clasp."""
+    found = np.zeros(len(shapes), dtype=np.intp)
+    examples: list[NDArray[np.float64]] = []
+    for clasp in np.lexsort(np.round(shapes / tolerance).T[::-1]):
+        near = [number for number, example in enumerate(examples) if np.abs(shapes[clasp] - example).max() < tolerance]
+        if not near:
+            near = [len(examples)]
+            examples.append(shapes[clasp])
+        found[clasp] = min(near[0], len(CLASS_NAMES) - 1)
+    return found

@@ -13,8 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 from ..base.text import at_least, at_most
-from .chain import KnitError
-from .lapping import Lapping
+from .lapping import KnitError, Lapping
 
 Shape = Literal["circular-oval", "general"]
 

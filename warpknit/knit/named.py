@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..base.text import either
-from .chain import KnitError
+from .lapping import KnitError
 
 
 @dataclass(frozen=True)
@@ -41,87 +41,47 @@ class NamedKnit:
     strain: int = 6  # [%] in weft and warp: some contacts close, and the draft and standard presets converge
 
 
-def _fully_threaded(name: str, title: str, chains: Iterable[str], about: str, **begin: int) -> NamedKnit:
-    return NamedKnit(name, title, tuple(GuideBar(chain) for chain in chains), about, **begin)
+def _threaded(name: str, chains: Iterable[str], about: str, title: str = "", **begin: int) -> NamedKnit:
+    """A knit whose guides all have a wire; title: default its name."""
+    return NamedKnit(name, title or name.replace("-", " "), tuple(GuideBar(chain) for chain in chains), about, **begin)
 
 
-_DOUBLE_ATLAS = ("1-0/1-2/2-3/2-1", "2-3/2-1/1-0/1-2")
-
-NAMED_KNITS: dict[str, NamedKnit] = {
-    knit.name: knit
-    for knit in (
-        NamedKnit(
-            "double-atlas",
-            "half-set double atlas",
-            (GuideBar(_DOUBLE_ATLAS[0], "|."), GuideBar(_DOUBLE_ATLAS[1], "|.", 1)),
-            "an open net of two bars in opposition over three needles, every other guide threaded",
-            wales=15,
-            courses=25,
-            strain=10,
-        ),
-        _fully_threaded(
-            "full-double-atlas",
-            "full double atlas",
-            _DOUBLE_ATLAS,
-            "two bars in opposition over three needles, every guide threaded",
-        ),
-        _fully_threaded(
-            "atlas",
-            "single atlas",
-            ("1-0/1-2/2-3/3-4/3-2/2-1",),
-            "one bar, over four needles and back",
-        ),
-        _fully_threaded(
-            "tricot",
-            "closed tricot",
-            ("1-0/1-2", "1-2/1-0"),
-            "two bars in opposition, underlaps over one needle, closed loops",
-        ),
-        _fully_threaded(
-            "open-tricot",
-            "open tricot",
-            ("0-1/2-1", "2-1/0-1"),
-            "two bars in opposition, underlaps over one needle, open loops",
-        ),
-        _fully_threaded(
-            "locknit",
-            "locknit",
-            ("1-0/1-2", "2-3/1-0"),
-            "underlaps of the front bar over two needles, of the back bar over one",
-        ),
-        _fully_threaded(
-            "reverse-locknit",
-            "reverse locknit",
-            ("2-3/1-0", "1-0/1-2"),
-            "underlaps of the front bar over one needle, of the back bar over two",
-        ),
-        _fully_threaded(
-            "satin",
-            "satin",
-            ("1-0/1-2", "3-4/1-0"),
-            "underlaps of the front bar over three needles, of the back bar over one",
-            strain=5,
-        ),
-        _fully_threaded(
-            "sharkskin",
-            "sharkskin",
-            ("3-4/1-0", "1-0/1-2"),
-            "underlaps of the front bar over one needle, of the back bar over three",
-        ),
-        _fully_threaded(
-            "queens-cord",
-            "queen's cord",
-            ("3-4/1-0", "1-0/0-1"),
-            "pillars of the front bar, underlaps of the back bar over three needles",
-        ),
-        _fully_threaded(
-            "inlaid-pillar",
-            "inlaid pillar",
-            ("0-0/2-2", "1-0/0-1"),
-            "pillars of the front bar, tied by wires of the back bar that are laid in without loops",
-        ),
-    )
-}
+_ATLAS = ("1-0/1-2/2-3/2-1", "2-3/2-1/1-0/1-2")
+_KNITS = (
+    NamedKnit(
+        "double-atlas",
+        "half-set double atlas",
+        (GuideBar(_ATLAS[0], "|."), GuideBar(_ATLAS[1], "|.", 1)),
+        "an open net of two bars in opposition over three needles, every other guide threaded",
+        wales=15,
+        courses=25,
+        strain=10,
+    ),
+    _threaded("full-double-atlas", _ATLAS, "two bars in opposition over three needles, every guide threaded"),
+    _threaded("atlas", ("1-0/1-2/2-3/3-4/3-2/2-1",), "one bar, over four needles and back", "single atlas"),
+    _threaded(
+        "tricot", ("1-0/1-2", "1-2/1-0"), "two bars in opposition, underlaps over one needle, closed loops", "closed tricot"
+    ),
+    _threaded("open-tricot", ("0-1/2-1", "2-1/0-1"), "two bars in opposition, underlaps over one needle, open loops"),
+    _threaded("locknit", ("1-0/1-2", "2-3/1-0"), "underlaps of the front bar over two needles, of the back bar over one"),
+    _threaded("reverse-locknit", ("2-3/1-0", "1-0/1-2"), "underlaps of the front bar over one needle, of the back bar over two"),
+    _threaded(
+        "satin", ("1-0/1-2", "3-4/1-0"), "underlaps of the front bar over three needles, of the back bar over one", strain=5
+    ),
+    _threaded("sharkskin", ("3-4/1-0", "1-0/1-2"), "underlaps of the front bar over one needle, of the back bar over three"),
+    _threaded(
+        "queens-cord",
+        ("3-4/1-0", "1-0/0-1"),
+        "pillars of the front bar, underlaps of the back bar over three needles",
+        "queen's cord",
+    ),
+    _threaded(
+        "inlaid-pillar",
+        ("0-0/2-2", "1-0/0-1"),
+        "pillars of the front bar, tied by wires of the back bar that are laid in without loops",
+    ),
+)
+NAMED_KNITS: dict[str, NamedKnit] = {knit.name: knit for knit in _KNITS}
 
 
 def named_knit(text: str) -> NamedKnit:

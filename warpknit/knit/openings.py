@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .centreline import Thread
-from .clasps import Arm, Clasp
+from .clasps import Arm, Clasp, polygon_area
 from .crossings import Crossings
-from .interior import polygon_area
 from .lapping import Stitch
 
 StitchCopy = tuple[int, int, int]  # (stitch, column, row)

@@ -1,20 +1,181 @@
-"""Scatter of the loop proportions: the loops of every needle and course have their own.
+"""Scattered loops: the loops of every needle and course have proportions of their own, and hook as equal ones do.
 
 Each proportion is its mean times 1 + s g, s the relative standard deviation and g normally distributed, drawn again beyond MOST
 deviations and kept within `RANGES`. Loops of one needle and course are formed together and share g. A thread stays one smooth
 curve: its loops are key points of one spline, and an underlap runs from the foot of one loop to that of the next, wherever these
 lie. What is added up along a wire, as its length, scatters with it.
+
+In plan view lenses of scattered loops are longer or shorter, so the rules that tell lenses apart, and
+merge nested ones, would decide otherwise from loop to loop. So the lenses come from one repeat of equal loops. Each corner is
+the crossing of the same two wires, with the same signs, that is nearest along both of them, in courses.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from .centreline import Thread
+from .clasps import Lens, lens_outline
+from .crossings import Crossings
+from .lapping import Lapping
 from .loops import RANGES, LoopProportions
+
+Key = tuple[int, int, int, int, int, int]  # threads of the repeat, columns between them, over, turn, column of the first
+
+
+@dataclass(frozen=True)
+class Knitted:
+    """The wires of a cloth and their crossings."""
+
+    lapping: Lapping
+    threads: tuple[Thread, ...]
+    size: NDArray[np.float64]  # (2,) [m]
+    crossings: Crossings
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """[thread] [m] plan arc length of a period."""
+        return np.array([thread.length for thread in self.threads])
+
+    def courses_at(self, thread: int, arcs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[arc] courses along a thread at unwrapped plan arcs [m]; the wire of a stitch is one course."""
+        line = self.threads[thread]
+        turns, place = np.divmod(arcs / line.spacing, len(line.stitch))
+        starts = np.flatnonzero(np.diff(line.stitch)) + 1 if self.lapping.courses > 1 else np.zeros(1)
+        begins = np.concatenate([starts[-1:] - len(line.stitch), starts, starts[:1] + len(line.stitch)])
+        return np.asarray(np.interp(place, begins, np.arange(len(begins))) + turns * self.lapping.courses)
+
+
+@dataclass(frozen=True)
+class _Corners:
+    """Crossings of scattered loops that have the same wires and signs."""
+
+    number: NDArray[np.intp]  # [corner] crossing
+    courses: NDArray[np.float64]  # (corner, 2) along the first and the second wire of the repeat
+    swapped: bool  # whether the crossing has these wires in the other order
+
+
+def lenses_of_scattered(scattered: Knitted, repeat: Knitted, bunches: Sequence[Sequence[Lens]]) -> list[list[Lens]] | None:
+    """The lenses of each clasp of scattered loops; bunches: those of one repeat of equal loops.
+
+    None where a corner has no counterpart of its own: the loops hook otherwise.
+    """
+    corners = _corners_by_key(scattered, repeat)
+    columns, rows = scattered.lapping.wales // repeat.lapping.wales, scattered.lapping.courses // repeat.lapping.courses
+    found, taken = [], []
+    for column in range(columns):
+        for row in range(rows):
+            for bunch in bunches:
+                lenses = [_counterpart(lens, (column, row), columns, scattered, repeat, corners) for lens in bunch]
+                if any(lens is None for lens in lenses):
+                    return None
+                found.append([lens for lens in lenses if lens is not None])
+                taken += [corner for lens in found[-1] for corner in lens.corners]
+    return found if len(set(taken)) == len(taken) else None
+
+
+def _corners_by_key(scattered: Knitted, repeat: Knitted) -> dict[Key, _Corners]:
+    crossings, columns = scattered.crossings, scattered.lapping.wales // repeat.lapping.wales
+    copies = [_copied_thread(scattered, thread, repeat) for thread in range(len(scattered.threads))]
+    groups: dict[tuple[Key, bool], list[int]] = defaultdict(list)
+    for number in range(len(crossings)):
+        threads, column = crossings.thread[number], crossings.column[number]
+        (one, left), (two, right) = (copies[thread] for thread in threads)
+        left, right = left + columns * int(column[0]), right + columns * int(column[1])
+        signs = int(crossings.over[number]), int(crossings.turn[number])
+        swapped = (one, 0) > (two, right - left)
+        if swapped:
+            one, two, left, right, signs = two, one, right, left, (-signs[0], -signs[1])
+        groups[(one, two, right - left, *signs, left % columns), swapped].append(number)
+    found = {}
+    for (key, swapped), numbers in groups.items():
+        threads = crossings.thread[numbers[0]]
+        courses = [scattered.courses_at(int(threads[w]), crossings.arc[numbers, w]) for w in (0, 1)]
+        found[key] = _Corners(np.array(numbers), np.stack(courses[::-1] if swapped else courses, axis=1), swapped)
+    return found
+
+
+def _copied_thread(scattered: Knitted, thread: int, repeat: Knitted) -> tuple[int, int]:
+    """The thread of the repeat of which a thread is a copy, and by how many repeats it is to the right of it."""
+    first = scattered.lapping.threads[thread][0]
+    for number, stitches in enumerate(repeat.lapping.threads):
+        copies, rest = divmod(first.needle - stitches[0].needle, repeat.lapping.wales)
+        if stitches[0].bar == first.bar and rest == 0:
+            return number, copies
+    raise AssertionError(f"thread {thread} is a copy of no thread of the repeat")
+
+
+def _counterpart(
+    lens: Lens, place: tuple[int, int], columns: int, scattered: Knitted, repeat: Knitted, corners: dict[Key, _Corners]
+) -> Lens | None:
+    """The lens of scattered loops between the corners of a lens of the repeat, moved right and up by some repeats (place)."""
+    low, high = (
+        np.stack([repeat.courses_at(t, ends[w : w + 1])[0] for w, t in enumerate(lens.thread)]) for ends in (lens.low, lens.high)
+    )
+    ends = [low, high] if not lens.opposed else [np.array([low[0], high[1]]), np.array([high[0], low[1]])]
+    numbers, arcs, swapped = [], [], False
+    for end, corner in zip(ends, lens.corners, strict=True):
+        signs = int(repeat.crossings.over[corner]), int(repeat.crossings.turn[corner])
+        known = corners.get((*lens.thread, lens.column, *signs, place[0]))
+        if known is None:
+            return None
+        apart = known.courses - end - place[1] * repeat.lapping.courses
+        turns = np.round(apart.mean(axis=1) / scattered.lapping.courses)
+        nearest = int(np.argmin(np.linalg.norm(apart - scattered.lapping.courses * turns[:, None], axis=1)))
+        number, swapped = int(known.number[nearest]), known.swapped
+        numbers.append(number)
+        arcs.append(scattered.crossings.arc[number] - turns[nearest] * scattered.lengths[scattered.crossings.thread[number]])
+    threads = tuple(scattered.crossings.thread[numbers[0]].tolist())
+    column = int(np.diff(scattered.crossings.column[numbers[0]])[0])
+    low, high = np.minimum(*arcs), np.maximum(*arcs)
+    outline = lens_outline(scattered.threads, threads, column, low, high, lens.opposed, scattered.size)
+    return Lens(threads, column, low, high, lens.sides[int(swapped)], lens.opposed, outline, (numbers[0], numbers[1]))
+
+
+PARTS = 4  # of the reach, between samples: distances are too large by up to 2 %
+OWN_REACH = 4.0  # places of one wire that are nearer along it, over the reach, are neighbours
+
+
+def near_wires(
+    threads: Sequence[Thread], size: NDArray[np.float64], reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distances (pair,) [m] of places within reach [m] of each other, and their stitches (pair, 2)."""
+    strides = [max(1, int(reach / (PARTS * thread.spacing))) for thread in threads]
+    points, stitch, wire, arc = (
+        np.concatenate(parts)
+        for parts in zip(
+            *(
+                (
+                    thread.points[::stride],
+                    thread.stitch[::stride],
+                    np.full(len(thread.points[::stride]), number),
+                    thread.spacing * np.arange(0, len(thread.points), stride),
+                )
+                for number, (thread, stride) in enumerate(zip(threads, strides, strict=True))
+            ),
+            strict=True,
+        )
+    )
+    lowest, height = points[:, 2].min(), np.ptp(points[:, 2])
+    box = np.array([*size, 2.0 * (height + reach)])
+    placed = np.mod(points - [0.0, 0.0, lowest], box)
+    tree = cKDTree(np.where(placed < box, placed, 0.0), boxsize=box)  # rounding may place a point at the far side
+    first, second = tree.query_pairs(reach, output_type="ndarray").T
+    along = np.abs(arc[first] - arc[second])
+    along = np.minimum(along, np.array([thread.length for thread in threads])[wire[first]] - along)
+    apart = (wire[first] != wire[second]) | (along > OWN_REACH * reach)
+    first, second = first[apart], second[apart]
+    offset = np.abs(points[first] - points[second])
+    offset[:, :2] = np.abs(offset[:, :2] - np.round(offset[:, :2] / size) * size)
+    return np.linalg.norm(offset, axis=1), np.stack([stitch[first], stitch[second]], axis=1)
+
 
 MOST = 2.5  # standard deviations: loops farther off would be faults of the machine
 

@@ -1,4 +1,6 @@
-"""Measures: pure functions of the observables of a state, the same for both models.
+"""Measures: pure functions of the observables of a state, the same for both models; NumPy in float64.
+
+Strain measures refer to the rest shape; the tension of the mesh is a force per current width (Cauchy).
 
     record = list(Simulation(build_model(scene)).run())[-1]
     state = record.observables
@@ -11,93 +13,327 @@
 `measure.table.values(state, names)` has measures by the names of the columns of history.csv.
 """
 
-from .measures import (
-    Contacts,
-    active_forces,
-    active_threshold,
-    areal_mass,
-    axial_strain,
-    boundary_stress,
-    clamp_couple,
-    contact_stress,
-    contacts,
-    energies,
-    energy_scale,
-    exceeded_stress,
-    force_scale,
-    fragment_tension,
-    frame,
-    hardened_energy,
-    interior_stress,
-    largest_contact_force,
-    largest_stress,
-    least_force,
-    mean_boundary_force,
-    mesh_tension,
-    nominal_stress,
-    pair_active,
-    pairs_at_reach_end,
-    penetration,
-    plastic_extremes,
-    positions,
-    residual,
-    rhombus_contacts,
-    section,
-    slid,
-    stress_extremes,
-    tension_scale,
-    thermal_force,
-    wire_stress,
-    yield_share,
-)
-from .observables import Energies, MeshModel, Observables, WireStress
-from .strain import clamp_rotation, couple_of, rotation, stretch, true_stress
+from __future__ import annotations
 
-__all__ = [
-    "Contacts",
-    "Energies",
-    "MeshModel",
-    "Observables",
-    "WireStress",
-    "active_forces",
-    "active_threshold",
-    "areal_mass",
-    "axial_strain",
-    "boundary_stress",
-    "clamp_couple",
-    "clamp_rotation",
-    "contact_stress",
-    "contacts",
-    "couple_of",
-    "energies",
-    "energy_scale",
-    "exceeded_stress",
-    "force_scale",
-    "fragment_tension",
-    "frame",
-    "hardened_energy",
-    "interior_stress",
-    "largest_contact_force",
-    "largest_stress",
-    "least_force",
-    "mean_boundary_force",
-    "mesh_tension",
-    "nominal_stress",
-    "pair_active",
-    "pairs_at_reach_end",
-    "penetration",
-    "plastic_extremes",
-    "positions",
-    "residual",
-    "rhombus_contacts",
-    "rotation",
-    "section",
-    "slid",
-    "stress_extremes",
-    "stretch",
-    "tension_scale",
-    "thermal_force",
-    "true_stress",
-    "wire_stress",
-    "yield_share",
-]
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..results.frame import Frame
+from ..scene import Wire
+from .observables import Energies, MeshModel, Observables
+from .observables import WireStress as WireStress
+from .strain import clamp_rotation as clamp_rotation
+from .strain import couple_of, rotation, true_stress
+from .strain import stretch as stretch
+
+
+def wires_slid(displacement: np.ndarray, wire_start: np.ndarray) -> float:
+    """[m] largest difference between the mean displacements of two wires along one axis.
+
+    displacement: (node, 2 or 3) [m] from the place to which the load carries a node by itself; wire_start: [wire] first nodes.
+    """
+    total = np.add.reduceat(displacement, wire_start, axis=0)
+    count = np.diff(np.append(wire_start, len(displacement)))
+    return float(np.ptp(total / count[:, None], axis=0).max())
+
+
+EXCEEDED = 0.01  # of the wire whose stress is told beside the largest
+INTERIOR = 0.25  # of the mesh's width and height from each edge
+LEAST_FORCE = 1e-4  # of EI/W^2, about the residual force of an equilibrium: smaller contact forces do not count
+
+
+# --- scales -----------------------------------------------------------------------------------------------------------
+
+
+def energy_scale(model: MeshModel) -> float:
+    """EI/W a loop [J]: the scale of energies."""
+    loops = model.panel.node_count / model.scene.model.nodes_per_loop
+    return model.bending_stiffness / model.scene.knit.wale_spacing * loops
+
+
+def force_scale(model: MeshModel) -> float:
+    """EI/W^2 [N]: the scale of forces."""
+    return model.bending_stiffness / model.scene.knit.wale_spacing**2
+
+
+def tension_scale(model: MeshModel) -> float:
+    """EI/C^3 [N/m]: the scale of tensions, the stiffness of a loose mesh."""
+    return model.bending_stiffness / model.scene.knit.course_spacing**3
+
+
+# --- energies ---------------------------------------------------------------------------------------------------------
+
+
+def energies(r: Observables) -> Energies:
+    """Stored and kinetic energy of the mesh."""
+    return r.energies
+
+
+def hardened_energy(r: Observables) -> float:
+    """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
+    return r.hardened_energy
+
+
+# --- loads ------------------------------------------------------------------------------------------------------------
+
+
+def nominal_stress(r: Observables) -> np.ndarray:
+    """Nominal stress (2, 2) [N/m], work-conjugate of the deformation gradient: force per rest width."""
+    return r.nominal_stress
+
+
+def boundary_stress(r: Observables) -> np.ndarray:
+    """Nominal stress (2, 2) [N/m] in the frame in which the boundary is strained by `stretch`."""
+    return rotation(r.clamp_rotation) @ r.nominal_stress
+
+
+def mesh_tension(r: Observables) -> tuple[float, float]:
+    """Tension in weft and warp [N/m], force per current width: diagonal of P F^T / det F, in the frame of the boundary.
+
+    The force is that between the outermost clamps.
+    """
+    cauchy = true_stress(boundary_stress(r) / r.model.panel.clamp_share, r.stretch)
+    return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+
+def fragment_tension(r: Observables) -> tuple[float | None, float | None]:
+    """Part of `mesh_tension` [N/m] of the wires that have less than a loop between two grips, which pull on each other by them.
+
+    Of a wire with the clamps X1 and X2 and their forces f1 and f2 on it, P = (f2 - f1)/2 (x) (X2 - X1)/A0. None without such
+    wires.
+    """
+    panel, cloth = r.model.panel, r.model.cloth
+    if cloth is None or panel.boundary == "periodic":
+        return None, None
+    is_short = panel.wire_length < cloth.stitch_length
+    if not is_short.any():
+        return None, None
+    force, clamp = (array[:, :2].reshape(-1, 2, 2)[is_short] for array in (r.edge_force, panel.clamp_position))
+    pull = 0.5 * np.einsum("ia,ib->ab", force[:, 1] - force[:, 0], clamp[:, 1] - clamp[:, 0]) / panel.area
+    cauchy = true_stress(rotation(r.clamp_rotation) @ pull, r.stretch)
+    return float(cauchy[0, 0]), float(cauchy[1, 1])
+
+
+def clamp_couple(r: Observables) -> float:
+    """[N/m] counter-clockwise couple on the clamps per rest area: derivative of the energy by their rotation.
+
+    F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
+    """
+    return couple_of(r.nominal_stress, r.gradient)
+
+
+def thermal_force(r: Observables) -> float:
+    """[J] derivative of the energy by the length factor of the wires."""
+    return r.thermal_force
+
+
+def mean_boundary_force(r: Observables) -> float:
+    """Mean force of a clamp [N]; on a periodic tile the tension over one wale and one course, averaged."""
+    if len(r.clamp_force):
+        return float(np.mean(r.clamp_force))
+    weft, warp = mesh_tension(r)
+    knit = r.model.scene.knit
+    return 0.5 * (abs(weft) * knit.course_spacing + abs(warp) * knit.wale_spacing)
+
+
+def residual(r: Observables) -> float:
+    """Rms out-of-balance nodal force over the larger of the mean boundary force and EI/W^2."""
+    return float(r.unbalanced_force / max(mean_boundary_force(r), force_scale(r.model)))
+
+
+# --- contacts ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Active pairs and bodies of a set of bodies."""
+
+    bodies: int
+    pairs: int
+    active: int  # pairs closed with more than the threshold
+    active_bodies: int  # bodies both of whose pairs are
+
+    @property
+    def active_percent(self) -> float:
+        """Of the pairs; 0 where there are none."""
+        return 100.0 * self.active / self.pairs if self.pairs else 0.0
+
+    @property
+    def active_bodies_percent(self) -> float:
+        """Of the bodies; 0 where there are none."""
+        return 100.0 * self.active_bodies / max(1, self.bodies)
+
+
+def least_force(model: MeshModel) -> float:
+    """[N] 1e-4 EI/W^2, about the residual force of an equilibrium: smaller contact forces do not count."""
+    return LEAST_FORCE * force_scale(model)
+
+
+def active_threshold(model: MeshModel) -> float:
+    """The threshold of the scene [N], at least `least_force`."""
+    return max(model.scene.contact.threshold, least_force(model))
+
+
+def pair_active(r: Observables) -> np.ndarray:
+    """[pair] whether the force exceeds the threshold."""
+    return r.pair_force > active_threshold(r.model)
+
+
+def contacts(r: Observables, bodies: np.ndarray | None = None) -> Contacts:
+    """Contacts of `bodies`; default all."""
+    active = pair_active(r).reshape(-1, 2)
+    if bodies is not None:
+        active = active[bodies]
+    return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
+
+
+def rhombus_contacts(r: Observables) -> Contacts:
+    """Contacts around the central opening."""
+    return contacts(r, r.model.panel.rhombus_bodies)
+
+
+def largest_contact_force(r: Observables) -> float:
+    """[N] of a pair, active or not."""
+    return float(r.pair_force.max(initial=0.0))
+
+
+def active_forces(r: Observables) -> np.ndarray:
+    """[active pair] [N]"""
+    return r.pair_force[pair_active(r)]
+
+
+def pairs_at_reach_end(r: Observables) -> int:
+    """Active pairs at the end of their sliding range, whose forces are not valid."""
+    return r.pairs_at_reach_end
+
+
+def penetration(r: Observables) -> float:
+    """Largest overlap over the wire diameter."""
+    return r.penetration
+
+
+# --- wires ------------------------------------------------------------------------------------------------------------
+
+
+def section(wire: Wire) -> tuple[float, float]:
+    """Outer radius [m] and stress per tension E/EA [1/m2], plating and parallel ends included."""
+    return wire.diameter / 2, wire.youngs_modulus / wire.axial_stiffness
+
+
+def wire_stress(r: Observables) -> np.ndarray:
+    """[node] [Pa] E (d/2) |M|/EI + |N| E/EA, with the larger tension of the two segments at the node."""
+    return r.wire_stress.node
+
+
+def contact_stress(r: Observables) -> np.ndarray:
+    """[touching pair] [Pa] stress of the wire under a body, a maximum between two nodes."""
+    return r.wire_stress.contact
+
+
+def stress_extremes(r: Observables) -> tuple[float, float, float]:
+    """Largest stress [Pa], the stress [Pa] that 1 % of the wire exceeds, and the share of the wire above the yield stress."""
+    return largest_stress(r), exceeded_stress(r), yield_share(r)
+
+
+def largest_stress(r: Observables) -> float:
+    """Largest stress [Pa] of the wires."""
+    return max(float(r.wire_stress.node.max()), float(r.wire_stress.contact.max(initial=0.0)))
+
+
+def exceeded_stress(r: Observables) -> float:
+    """Stress [Pa] that a share EXCEEDED of the wire exceeds; shares are by length, as nodes in space are close together where the
+    wire turns."""
+    stress, length, total = r.wire_stress.node, r.node_length, float(np.sum(r.node_length))
+    count = len(stress)
+    taken = math.ceil(2.0 * EXCEEDED * count)
+    while True:  # only the highest are sorted
+        highest = np.argpartition(stress, count - taken)[count - taken :]
+        if taken == count or np.sum(length[highest]) > 1.5 * EXCEEDED * total:
+            break
+        taken = min(count, 4 * taken)
+    order = highest[np.argsort(-stress[highest])]
+    last = int(np.searchsorted(np.cumsum(length[order]), EXCEEDED * total))
+    return float(stress[order[min(last, len(order) - 1)]])
+
+
+def yield_share(r: Observables) -> float:
+    """Share of the wire above the yield stress; a node is where a place behind it is."""
+    highest = r.wire_stress.node.copy()
+    np.maximum.at(highest, r.wire_stress.contact_node, r.wire_stress.contact)
+    return _wire_share(r, highest > r.model.scene.wire.yield_stress)
+
+
+def _wire_share(r: Observables, nodes: np.ndarray) -> float:
+    """Length of the wire that some nodes [node] stand for, over that of all."""
+    return float(np.sum(r.node_length[nodes]) / np.sum(r.node_length))
+
+
+def interior_stress(r: Observables) -> float:
+    """Largest stress [Pa] away from the grips: beyond INTERIOR of the mesh size from its edge."""
+    stress, peak = r.wire_stress.node, r.wire_stress.contact
+    if r.model.panel.boundary == "periodic":
+        return largest_stress(r)
+    inside = np.ones(len(stress), dtype=bool)
+    for place in r.node_position[:, :2].T:
+        low, high = place.min(), place.max()
+        edge = INTERIOR * (high - low)
+        inside &= (place > low + edge) & (place < high - edge)
+    peaks = peak[inside[r.wire_stress.contact_node]]
+    return max(float(stress[inside].max(initial=0.0)), float(peaks.max(initial=0.0)))
+
+
+def axial_strain(r: Observables) -> np.ndarray:
+    """[node] mechanical axial strain of the segments, T/EA."""
+    return r.axial_strain
+
+
+def plastic_extremes(r: Observables) -> tuple[float | None, float | None]:
+    """Share of the wire that has yielded, and the largest plastic strain of a fibre; None for elastic wires."""
+    if not r.model.scene.wire.plastic:
+        return None, None
+    return _wire_share(r, r.plastic_strain > 0.0), float(r.plastic_strain.max())
+
+
+def slid(r: Observables) -> float:
+    """[m] by which whole wires have slid along each other; 0 where clamps hold them."""
+    periodic = r.model.panel.boundary == "periodic"
+    return wires_slid(r.displacement, r.model.layout().wire_start[:-1]) if periodic else 0.0
+
+
+def areal_mass(r: Observables) -> float:
+    """Mass of wire per current area [kg/m2]."""
+    return r.wire_mass / (r.model.panel.area * float(np.linalg.det(r.gradient)))
+
+
+# --- what is recorded -------------------------------------------------------------------------------------------------
+
+
+def positions(r: Observables) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (node, 3) and bodies (body, 3) [m] relative to the corner of the mesh; z is the rest height in the plane."""
+    return r.node_position - r.corner, r.body_position - r.corner
+
+
+def frame(r: Observables, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
+    """The recorded state for the exports."""
+    node, body = positions(r)
+    f = r.stretch
+    return Frame(
+        index=index,
+        stage=stage,
+        load_factor=load_factor,
+        strain_weft=float(f[0, 0] - 1.0),
+        strain_warp=float(f[1, 1] - 1.0),
+        shear=float(f[0, 1]),
+        temperature=temperature,
+        node_position=node,
+        node_stress=r.wire_stress.node,
+        body_position=body,
+        pair_force=r.pair_force,
+        pair_active=pair_active(r),
+        between=r.between,
+        elsewhere_position=r.elsewhere_position - r.corner,
+        elsewhere_force=r.elsewhere_force,
+        elsewhere_wires=r.elsewhere_wires,
+    )

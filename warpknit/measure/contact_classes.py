@@ -1,4 +1,4 @@
-"""Contacts by class: places of one shape (knit/clasp_classes.py), which close together in a mesh of equal loops.
+"""Contacts by class: places of one shape (knit/cloth.py), which close together in a mesh of equal loops.
 
 Where an equilibrium breaks the symmetry of the mesh, a part of a class is closed.
 """
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..knit.clasp_classes import CLASS_NAMES
+from ..knit.cloth import CLASS_NAMES
 from ..mesh.layout import contact_classes
-from .measures import pair_active
+from . import pair_active
 from .observables import MeshModel, Observables
 
 

@@ -1,8 +1,11 @@
 """Observables of a state on the host: the same names in the planar and the spatial model.
 
-A model offers these (planar/observables.py, spatial/observables.py); values derived from them are in
-measures.py. Measures, frames, history.csv, summary.json, maps, trades and reports use only these. None: the model has none
-of it. A place where the knit hooks two wires into each other is a body with two pairs, one for each wire.
+A model offers these (planar/observables.py, spatial/observables.py); values derived from them are in measure/__init__.py.
+Measures, frames, history.csv, summary.json, maps, trades and reports use only these. None: the model has none of it. A place
+where the knit hooks two wires into each other is a body with two pairs, one for each wire.
+
+Contact places, planar: one place for each body with two active pairs, with the mean of their forces. Spatial: one place for every
+contact, inside and outside the hooks of the knit.
 """
 
 from __future__ import annotations
@@ -18,17 +21,81 @@ from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
 from ..results.frame import WireLayout
 from ..scene import Scene
-from .contact_places import ContactPlaces
-from .hook_contact import HookContact
-from .panel_map import PanelMap
+
+LEAST_SHARE = 0.5  # smallest share of a tile inside the outline with values
+
+
+@dataclass(frozen=True)
+class PanelMap:
+    """Values on tiles (column, row); nan where less than LEAST_SHARE of the tile is mesh."""
+
+    low: np.ndarray  # (2,) [m] lower corner of the first tile, from the centre of the panel at rest
+    tile: np.ndarray  # (2,) [m] size of a tile at rest
+    inside: np.ndarray  # share of the tile inside the outline
+    gradient: np.ndarray  # (column, row, 2, 2) deformation gradient
+    nominal: np.ndarray  # (column, row, 2, 2) [N/m] force per rest width
+    tension: np.ndarray  # (column, row, 2, 2) [N/m] force per current width
+    active_percent: np.ndarray  # of the pairs of the tile
+    stress_max: np.ndarray  # [Pa]
+
+    @property
+    def known(self) -> np.ndarray:
+        """Whether a tile has values."""
+        return self.inside >= LEAST_SHARE
+
+    @property
+    def place(self) -> np.ndarray:
+        """(column, row, 2) [m] centre of each tile, from the centre of the panel at rest."""
+        column, row = np.indices(self.inside.shape)
+        return self.low + (np.stack([column, row], axis=-1) + 0.5) * self.tile
+
+    def area_share(self, below: np.ndarray) -> float:
+        """Share of the area with values where a condition (column, row) holds."""
+        area = np.where(self.known, self.inside, 0.0)
+        return float(area[below & self.known].sum() / area.sum())
+
+
+@dataclass(frozen=True)
+class ContactPlaces:
+    """Places where two wires of a periodic mesh touch. Arrays (place, 2) are of both wires."""
+
+    force: np.ndarray  # [place] [N]
+    wire: np.ndarray  # (place, 2)
+    arc: np.ndarray  # (place, 2) [m] along the wire from its first node
+    rest: np.ndarray  # (place, 2, 2) [m] rest position, in the repeat of the wire
+    reach: np.ndarray  # (place, 2) [m] at rest, from the first wire to the second, which may lie in another repeat
+    wire_length: np.ndarray  # [wire] [m]
+    wire_period: np.ndarray  # (wire, 2) [m] at rest, shift of a wire to its own continuation
+
+
+def arcs_along(lengths: np.ndarray, first: np.ndarray, wire: np.ndarray, node: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """[m] along their wire from its first node of places at a share of the segments behind nodes; lengths [node] of segments."""
+    before = np.concatenate([[0.0], np.cumsum(lengths)])
+    return np.asarray(before[node] - before[first[wire]] + share * lengths[node])
+
+
+@dataclass(frozen=True)
+class HookContact:
+    """One state of a hook."""
+
+    displacement: float  # [m] of the driven end
+    drive_force: float  # [N] that holds it there, sideways
+    force_left: float  # [N] between body and left wire
+    force_right: float
+    arc_left: float  # [m] rest arc length of the contact from the lower clamp
+    arc_right: float
+    ground_force: float  # [N] of spring or plane on the body; 0 for a free body
+    body: np.ndarray  # (2,) [m]
+    threshold: float  # [N] above which a contact is active
+
+    @property
+    def is_closed(self) -> bool:
+        return min(self.force_left, self.force_right) > self.threshold
 
 
 @dataclass(frozen=True)
 class Energies:
-    """Stored and kinetic energy of the mesh [J]: stretch, bend (with twist and hardening), contact (with friction), kinetic.
-
-    `stored` is the sum of the first three.
-    """
+    """Stored and kinetic energy of the mesh [J]; `stored` is all but the kinetic."""
 
     stretch: float
     bend: float  # with twist and hardening
@@ -42,12 +109,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class WireStress:
-    """Stress in the outermost fibre of the wires [Pa].
-
-    node              [node]
-    contact           [place]     between two nodes: under a contact, in space also elsewhere on the segments
-    contact_node      [place]     node before it
-    """
+    """Stress in the outermost fibre of the wires [Pa]."""
 
     node: np.ndarray  # [node]
     contact: np.ndarray  # [place] between two nodes: under a contact, in space also elsewhere on the segments
@@ -121,7 +183,7 @@ class MeshModel(Protocol):
 class Observables(Protocol):
     """A state of a mesh on the host, SI units, float64: `record.observables`. Shapes and units stand at each name."""
 
-    # --- boundary (boundary.py)
+    # --- boundary (strain.py)
 
     @property
     def model(self) -> MeshModel:

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from ..base.text import percent
+from ..compute.steering import Steering
 
 
 def rotation(angle: float) -> np.ndarray:
@@ -55,3 +56,34 @@ def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
     for a nominal stress (2, 2) [N/m] at a deformation gradient (2, 2)."""
     clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
     return float(np.sum(nominal * (clockwise @ gradient)))
+
+
+class Boundary:
+    """Deformation of the boundary and length of the wires of a state, from its control array."""
+
+    control: Steering  # of this state
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(2, 2) deformation gradient of the boundary, relative to which clamps keep their direction."""
+        return np.asarray(self.control.gradient)
+
+    @property
+    def clamp_rotation(self) -> float:
+        """[rad] rotation of the clamps relative to the boundary."""
+        return clamp_rotation(self.gradient)
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """(2, 2) deformation gradient of the boundary without the rotation of the clamps."""
+        return stretch(self.gradient)
+
+    @property
+    def length_factor(self) -> float:
+        """1 + alpha (T - T0) of the wires."""
+        return float(self.control.length_factor)
+
+    @property
+    def kinetic_energy(self) -> float:
+        """[J] of the last step."""
+        return 0.5 * float(self.control.kinetic_twice)

@@ -1,7 +1,7 @@
 """Out-of-plane shape of a panel under planar tension, with its edge on a paraboloid.
 
 A mesh under tension has next to no bending stiffness over many loops and carries no pressure: div(N grad w) = 0, with N the
-tension of the panel's map (panel_map.py) and w = r^2/(4 f) where the edge is held; between net nodes the edge hangs on its
+tension of the panel's map (tiles.py) and w = r^2/(4 f) where the edge is held; between net nodes the edge hangs on its
 cord, which pulls it straight. What is left of the paraboloid is w less r^2/(4 f): the pillowing. Linear triangles on the strained
 panel; slopes are taken to be small (their square against the strain of the mesh).
 """
@@ -16,7 +16,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay, cKDTree
 
 from ..mesh.rim import Rim
-from .panel_map import PanelMap
+from .observables import PanelMap
 
 CROWDED = 0.4  # of the spacing: smallest distance of inner points from the edge
 

@@ -100,9 +100,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..knit.clasp_classes import CLASS_NAMES
+from .. import measure as m
+from ..knit.cloth import CLASS_NAMES
 from . import contact_classes, stress_peak
-from . import measures as m
 from .observables import Observables
 
 

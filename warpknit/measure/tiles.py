@@ -1,4 +1,4 @@
-"""The tiles of a gripped panel, and the map of the values of its tiles (panel_map.py).
+"""The tiles of a gripped panel, and the map of the values of its tiles.
 
 A tile is one repeat of the undeformed cloth. Its nominal stress P is the virial of its wires and contacts, as in
 measure.nominal_stress. Its deformation gradient F is that of the panel plus the slope of the displacement between tiles, averaged
@@ -12,9 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .measures import pair_active
-from .observables import MeshModel, Observables
-from .panel_map import LEAST_SHARE, PanelMap
+from . import pair_active
+from .observables import LEAST_SHARE, MeshModel, Observables, PanelMap
 from .strain import rotation
 
 FEWEST_TILES = 12  # area of a panel in tiles above which it has a map

@@ -15,8 +15,7 @@ import numpy as np
 from ..base.text import engineering
 from ..compute.steering import Steering
 from ..measure import MeshModel
-from ..mesh.load_point import LoadPoint
-from ..mesh.rim import Rim
+from ..mesh.rim import LoadPoint, Rim
 
 
 class Model(MeshModel, Protocol):

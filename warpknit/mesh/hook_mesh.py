@@ -7,16 +7,31 @@ one is free up and down too and is driven sideways. This is the arrangement of f
 
 A mesh is driven by the deformation gradient of its frame, by which clamps at c go to F c. A hook has the frame [[1, g], [0, 1]]
 with c = 0 for the three ends that stay and c = (0, height) for the driven one: it moves by g height sideways.
+
+The contact between two wires is carried by a free body, as everywhere in a mesh, or in one of the ways that the study
+of two hooked wires compares (Guglielmini, Marotta and Salvini 2022, section 2).
+
+| treatment | body | radius | tied to the ground |
+|---|---|---|---|
+| free-body | a mass | the body's | no |
+| point | a node of the left wire | the reach of a body and both wires | no |
+| spring-point | a point | 0 | by a spring |
+| spring-cylinder | a cylinder | the body's | by a spring |
+| ring | a rigid ring that both wires pass through | inner, and outwards: the reach is negative | by a spring |
+| friction-plane | a cylinder | the body's | by friction |
 """
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..kernels import clamp
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
-from ..scene import Hook
-from .panel import END_NODES, Panel
+from ..scene import Hook, Scene
+from .panel import END_NODES, Panel, as32
 from .rest_table import Line, Table, table_of_lines
 
 LEFT, RIGHT = 0, 1  # wires, and pairs of the body
@@ -89,38 +104,34 @@ def hook_panel(
         low=np.zeros(2),
         outline=None,
         boundary="gripped",
-        wire_first=_as32(first),
-        wire_count=_as32([count, count]),
+        wire_first=as32(first),
+        wire_count=as32([count, count]),
         wire_closed=np.zeros(2, dtype=bool),
-        wire_thread=_as32([LEFT, RIGHT]),
+        wire_thread=as32([LEFT, RIGHT]),
         wire_length=np.full(2, hook.length),
         wire_clamp=_clamp_numbers(hook, table, set_fraction),
-        block_first=_as32(first[block_wire] + block_low),
-        block_count=_as32(block_count),
-        block_table=_as32(table.start[block_wire] + block_low),
-        block_wire=_as32(block_wire),
+        block_first=as32(first[block_wire] + block_low),
+        block_count=as32(block_count),
+        block_table=as32(table.start[block_wire] + block_low),
+        block_wire=as32(block_wire),
         block_origin=np.zeros((len(block_wire), 2)),
-        body_clasp=_as32([0]),
+        body_clasp=as32([0]),
         body_rest=body[None],
         body_origin=np.zeros((1, 2)),
-        pair_wire=_as32([LEFT, RIGHT]),
-        pair_seed=_as32(first + seed),
-        pair_table=_as32(table.start + seed),
+        pair_wire=as32([LEFT, RIGHT]),
+        pair_seed=as32(first + seed),
+        pair_table=as32(table.start + seed),
         pair_shift=np.zeros((2, 2)),
-        pair_low=_as32(low_end - seed),
-        pair_high=_as32(high_end - seed),
-        pair_side=_as32(side),
-        held_node=_as32(np.concatenate([held, count + held])),
+        pair_low=as32(low_end - seed),
+        pair_high=as32(high_end - seed),
+        pair_side=as32(side),
+        held_node=as32(np.concatenate([held, count + held])),
         held_lever=place[:, held].reshape(-1, 2) - np.repeat(reference, 2, axis=0),
-        held_clamp=_as32(np.repeat(np.arange(4), 2)),
+        held_clamp=as32(np.repeat(np.arange(4), 2)),
         clamp_position=reference,
         rhombus_bodies=np.zeros(0, dtype=np.int64),
-        sliding_clamp=_as32([LEFT_TOP, RIGHT_TOP]),
+        sliding_clamp=as32([LEFT_TOP, RIGHT_TOP]),
     )
-
-
-def _as32(a: object) -> np.ndarray:
-    return np.ascontiguousarray(a, dtype=np.int32)
 
 
 def _segment_nearest(place: np.ndarray, body: np.ndarray) -> int:
@@ -144,3 +155,52 @@ def _clamp_numbers(hook: Hook, table: Table, set_fraction: float) -> np.ndarray:
             of[[clamp.HINGE, clamp.NEXT_HINGE]] = 2.0, 1.0
             of[clamp.BOW_WEIGHT] = 3.0
     return numbers
+
+
+ELASTIC_SLIP = 0.01  # diameters of the wire that a body on a plane gives way before it slips
+PINBALL = 4.0  # reaches behind its target at which a contact point is no longer taken to be in contact
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """Properties of a treatment for the step and the model."""
+
+    reach: float  # [m] distance of body centre and wire centre line at which they touch; negative where a ring holds the wire
+    spring_stiffness: float = 0.0  # [N/m] between body and ground
+    spring_limit: float = math.inf  # [N] that the spring bears; beyond it the body slips
+    anchored: bool = False  # whether there is a spring
+    contact_node: int | None = None  # node of the left wire that is the contact point
+    pinball: float = math.inf  # [m]
+    target_share: float = 1.0  # of the right wire, about its middle, that the contact point may touch
+
+    @property
+    def is_free(self) -> bool:
+        """Whether bodies move freely, as in a mesh."""
+        return not self.anchored and self.contact_node is None
+
+
+def choose_treatment(scene: Scene, thickness: float, contact_stiffness: float = math.inf) -> Treatment:
+    """The treatment of a scene, with `thickness` [m] of the yarn where it touches and the contact penalty [N/m], than which a
+    plane holds a body no stiffer before it slips."""
+    contact = scene.contact
+    reach = scene.model.body_radius + 0.5 * thickness
+    spring = contact.spring_stiffness or 0.0
+    match contact.treatment:
+        case "free-body":
+            return Treatment(reach)
+        case "point":
+            # between the two clamps are nodes 1 .. nodes_per_loop + 1; a clamp itself is no place for a contact
+            segments = scene.model.nodes_per_loop
+            node = 1 + min(max(round((contact.contact_point or 0.0) * segments), 1), segments - 1)
+            pinball = PINBALL * 2.0 * reach
+            return Treatment(2.0 * reach, contact_node=node, pinball=pinball, target_share=contact.target_share or 1.0)
+        case "spring-point":
+            return Treatment(0.5 * thickness, spring, anchored=True)
+        case "spring-cylinder":
+            return Treatment(reach, spring, anchored=True)
+        case "ring":
+            return Treatment(0.5 * thickness - (contact.ring_radius or 0.0), spring, anchored=True)
+        case _:
+            limit = (contact.plane_friction or 0.0) * (contact.plane_load or 0.0)
+            stick = min(limit / (ELASTIC_SLIP * scene.wire.diameter), contact_stiffness)
+            return Treatment(reach, stick, limit, anchored=True)

@@ -1,7 +1,7 @@
 """The mesh made of copies of one repeat: wires, blocks of nodes, contact bodies with their pairs, and clamps.
 
 *Periodic*: the tile is closed onto itself, every wire is an endless loop. *Gripped*: the mesh is cut along an outline from
-endless cloth (cut.py); a clamp sits where a wire is cut and holds the nodes before and behind. A hinge next to a clamp stands
+endless cloth (strands.py); a clamp sits where a wire is cut and holds the nodes before and behind. A hinge next to a clamp stands
 for the wire from there to the middle of the next segment, so what a wire does between its grips does not depend on where
 its nodes fall.
 """
@@ -15,12 +15,88 @@ import numpy as np
 
 from ..base.text import percent, short_repr
 from ..errors import ModelError
+from ..kernels import clamp
+from ..kernels.bend import BOW
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
-from .grips import clamps, no_clamps
 from .rest_table import Table
 from .strands import Strands, closed_strands, cut_strands
+from .thread_curve import ThreadCurve
+
+TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from
+
+
+@dataclass(frozen=True)
+class Grips:
+    """Two clamps per wire and their held nodes."""
+
+    node: np.ndarray  # [held]
+    lever: np.ndarray  # [held, 2] [m]
+    position: np.ndarray  # [clamp, 2] [m]
+    numbers: np.ndarray  # [wire, 2, CLAMP_NUMBERS]
+
+
+def no_clamps(wires: int) -> Grips:
+    """Empty grips of closed wires."""
+    return Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
+
+
+def clamps(cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float) -> Grips:
+    """The clamps of the kept wires, with their numbers for kernels/clamp.py."""
+    thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
+    spacing = table.spacing[thread]
+    arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)
+    # the clamp, points a little before and behind it, and the five nodes at its end of the wire, the outermost first
+    inward = np.array([1, -1])
+    local = np.stack([np.zeros_like(count), count - 1], axis=1)[:, :, None] + inward[:, None] * np.arange(5)
+    node_arc = (begin[:, None, None] + local) * spacing[:, None, None]
+    apart = TANGENT_SHARE * spacing[:, None]
+    at = np.concatenate([np.stack([arc, arc - apart, arc + apart], axis=2), node_arc], axis=2)
+    place = np.zeros((*at.shape, 2))
+    for t, line in enumerate(cloth.threads):
+        here = thread == t
+        place[here] = ThreadCurve(line, cloth.size[1])(at[here].ravel())[:, :2].reshape(*at[here].shape, 2)
+    place[..., 0] += (strands.column[used] * cloth.size[0])[:, None, None]
+    centre, node = place[:, :, 0], place[:, :, 3:]
+    tangent = place[:, :, 2] - place[:, :, 1]
+    tangent /= np.linalg.norm(tangent, axis=2)[:, :, None]
+
+    # edges from the clamp inwards, and turned so that they run along the wire at both ends
+    edge = np.diff(np.concatenate([centre[:, :, None], node[:, :, 2:]], axis=2), axis=2) * inward[:, None, None]
+    length = np.linalg.norm(edge, axis=3)
+    turn = np.stack([_turn(tangent, edge[:, :, 0], inward), _turn(edge[:, :, 0], edge[:, :, 1], inward)], axis=2)
+    first_arc = np.abs(node_arc[..., 2] - arc)
+    hinge = np.stack([0.5 * first_arc, 0.5 * (first_arc + spacing[:, None])], axis=2)
+    # table entries [wire, end, hinge] of the two nodes
+    entry = np.mod(begin[:, None, None] + local[:, :, 1:3], table.nodes[thread][:, None, None])
+    entry += table.start[thread][:, None, None]
+    in_table = table.rest_turn[entry]
+    numbers = np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))
+    lever = centre - node[:, :, 1]
+    numbers[..., [clamp.LEVER_X, clamp.LEVER_Y]] = -lever * inward[:, None]
+    numbers[..., [clamp.TANGENT_X, clamp.TANGENT_Y]] = tangent
+    numbers[..., clamp.LENGTH] = length[..., 0]
+    numbers[..., [clamp.ANGLE, clamp.NEXT_ANGLE]] = set_fraction * turn
+    numbers[..., [clamp.HINGE, clamp.NEXT_HINGE]] = table.hinge_length[entry] / hinge
+    own = (length[..., :1] / hinge) ** 2
+    beyond = (length[..., 1] / hinge[..., 1]) ** 2
+    numbers[..., [clamp.BOW_WEIGHT, clamp.NEXT_BOW_WEIGHT]] = own - 1.0
+    numbers[..., clamp.BEYOND_BOW_WEIGHT] = beyond - 1.0
+    numbers[..., clamp.BOW_CHANGE] = BOW * (own * turn**2 - in_table**2).sum(axis=2)
+    numbers[..., clamp.NEXT_BOW_CHANGE] = BOW * (beyond * turn[..., 1] ** 2 - in_table[..., 1] ** 2)
+    held = (first[:, None, None] + np.sort(local[:, :, :2], axis=2)).reshape(-1)
+    held_place = np.where((inward < 0)[:, None, None], node[:, :, 1::-1], node[:, :, :2])
+    return Grips(
+        node=held, lever=(held_place - centre[:, :, None]).reshape(-1, 2), position=centre.reshape(-1, 2), numbers=numbers
+    )
+
+
+def _turn(a: np.ndarray, b: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Turning angle [wire, end] [rad] from edge a to b (wire, end, 2) at the near end; from b to a at the far one."""
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.arctan2(inward * cross, np.sum(a * b, axis=-1))
+
 
 END_NODES = 1  # segments at the end of a wire that a contact point may not come to: its curve needs a node beyond
 SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
@@ -175,13 +251,7 @@ def _fragments(length: np.ndarray, loop: float, dropped: int) -> str:
 
 
 def build_panel(
-    cloth: Cloth,
-    table: Table,
-    *,
-    repeats: tuple[int, int],
-    outline: Outline | None,
-    slack: float,
-    set_fraction: float = 1.0,
+    cloth: Cloth, table: Table, *, repeats: tuple[int, int], outline: Outline | None, slack: float, set_fraction: float = 1.0
 ) -> Panel:
     """Lay out copies of the repeat; `slack` [m]: see `table_lead`; `set_fraction` as in `rest_table`.
 
@@ -239,11 +309,7 @@ def build_panel(
         pair_local = np.mod(pair_local, count[pair_wire])
     pair_period = np.floor_divide(bodies.node, pair_n)
     shift = np.stack(
-        [
-            (bodies.strand_column - bodies.column[:, None]) * repeat[0],
-            (pair_period - bodies.row[:, None]) * repeat[1],
-        ],
-        axis=2,
+        [(bodies.strand_column - bodies.column[:, None]) * repeat[0], (pair_period - bodies.row[:, None]) * repeat[1]], axis=2
     )
     grips, arc_begin = no_clamps(len(used)), np.zeros(0)
     if not strands.closed:
@@ -254,30 +320,30 @@ def build_panel(
         low=low,
         outline=outline,
         boundary="periodic" if outline is None else "gripped",
-        wire_first=_as32(first),
-        wire_count=_as32(count),
+        wire_first=as32(first),
+        wire_count=as32(count),
         wire_closed=np.full(len(used), strands.closed),
-        wire_thread=_as32(thread),
+        wire_thread=as32(thread),
         wire_length=strands.arc_end[used] - strands.arc_begin[used],
         wire_clamp=grips.numbers,
-        block_first=_as32(first[block_wire] + block_low),
-        block_count=_as32(block_high - block_low),
-        block_table=_as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
-        block_wire=_as32(block_wire),
+        block_first=as32(first[block_wire] + block_low),
+        block_count=as32(block_high - block_low),
+        block_table=as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
+        block_wire=as32(block_wire),
         block_origin=np.stack([column[block_wire] * repeat[0], np.floor_divide(block_node, block_n) * repeat[1]], axis=1),
-        body_clasp=_as32(bodies.clasp),
+        body_clasp=as32(bodies.clasp),
         body_rest=np.array([c.position for c in cloth.clasps]).reshape(-1, 2)[bodies.clasp],
         body_origin=np.stack([bodies.column * repeat[0], bodies.row * repeat[1]], axis=1),
-        pair_wire=_as32(pair_wire.ravel()),
-        pair_seed=_as32((first[pair_wire] + pair_local).ravel()),
-        pair_table=_as32((table.start[thread[pair_wire]] + np.mod(bodies.node, pair_n)).ravel()),
+        pair_wire=as32(pair_wire.ravel()),
+        pair_seed=as32((first[pair_wire] + pair_local).ravel()),
+        pair_table=as32((table.start[thread[pair_wire]] + np.mod(bodies.node, pair_n)).ravel()),
         pair_shift=shift.reshape(-1, 2),
-        pair_low=_as32(bodies.low.ravel()),
-        pair_high=_as32(bodies.high.ravel()),
-        pair_side=_as32(bodies.side.ravel()),
-        held_node=_as32(grips.node),
+        pair_low=as32(bodies.low.ravel()),
+        pair_high=as32(bodies.high.ravel()),
+        pair_side=as32(bodies.side.ravel()),
+        held_node=as32(grips.node),
         held_lever=grips.lever,
-        held_clamp=_as32(np.repeat(np.arange(len(grips.position)), 2)),
+        held_clamp=as32(np.repeat(np.arange(len(grips.position)), 2)),
         clamp_position=grips.position,
         rhombus_bodies=_central_rhombus(cloth, bodies, strands, middle, repeat),
         wire_begin=arc_begin,
@@ -285,7 +351,8 @@ def build_panel(
     )
 
 
-def _as32(a: np.ndarray) -> np.ndarray:
+def as32(a: object) -> np.ndarray:
+    """An index array, as kernels take it."""
     return np.ascontiguousarray(a, dtype=np.int32)
 
 

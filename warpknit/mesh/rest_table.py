@@ -6,6 +6,7 @@ so the arrays hold a little more than one period and a run of nodes reads consec
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -76,56 +77,42 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
 
 def table_of_lines(lines: Sequence[Line], *, set_fraction: float, lead: int) -> Table:
     """The table of centre lines, each a thread of its own; see `rest_table`."""
-    names = ("x", "y", "z", "ex", "ey", "len", "bow", "turn", "ang", "hl", "nl")
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
-    curves, starts, counts, spacings = [], [], [], []
-    error = 0.0
-    offset = 0
+    columns: dict[str, list[np.ndarray]] = defaultdict(list)
+    curves, starts, offset, error = [], [], 0, 0.0
     for line in lines:
         n, h, centre_line = line.nodes, line.spacing, line.centre_line
         k = np.arange(-lead - 1, n + lead + 2)
         position = centre_line(k * h)
         edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
-        chord = np.hypot(edge[:, 0], edge[:, 1])
         angle = _angle_between(edge[:-1], edge[1:])
         inner = slice(1, -2)  # entries -lead .. n + lead - 1
-        columns["x"].append(position[inner, 0])
-        columns["y"].append(position[inner, 1])
-        columns["z"].append(position[inner, 2])
-        columns["ex"].append(edge[1:-1, 0])
-        columns["ey"].append(edge[1:-1, 1])
-        columns["len"].append(chord[1:-1])
-        columns["bow"].append(BOW * (angle[:-1] ** 2 + angle[1:] ** 2))
-        columns["turn"].append(angle[:-1])
-        columns["ang"].append(angle[:-1] * set_fraction)
-        columns["hl"].append(np.full(len(k) - 3, h))
-        columns["nl"].append(np.full(len(k) - 3, h))
+        for name, values in {
+            "x": position[inner, 0],
+            "y": position[inner, 1],
+            "z": position[inner, 2],
+            "rest_x": edge[1:-1, 0],
+            "rest_y": edge[1:-1, 1],
+            "rest_length": np.hypot(edge[:, 0], edge[:, 1])[1:-1],
+            "rest_bow": BOW * (angle[:-1] ** 2 + angle[1:] ** 2),
+            "rest_turn": angle[:-1],
+            "rest_angle": angle[:-1] * set_fraction,
+            "hinge_length": np.full(len(k) - 3, h),
+            "node_length": np.full(len(k) - 3, h),
+        }.items():
+            columns[name].append(values)
         coefficients, miss = _fit_rest_curve(centre_line, n, h)
         error = max(error, miss)
         curves.append(coefficients[np.mod(k[inner], n)])
         starts.append(offset + lead)
-        counts.append(n)
-        spacings.append(h)
         offset += len(k) - 3
-    joined = {name: np.concatenate(parts) for name, parts in columns.items()}
     return Table(
         start=np.array(starts),
-        nodes=np.array(counts),
-        spacing=np.array(spacings),
+        nodes=np.array([line.nodes for line in lines]),
+        spacing=np.array([line.spacing for line in lines]),
         lead=lead,
-        x=joined["x"],
-        y=joined["y"],
-        z=joined["z"],
-        rest_x=joined["ex"],
-        rest_y=joined["ey"],
-        rest_length=joined["len"],
-        rest_bow=joined["bow"],
-        rest_turn=joined["turn"],
-        rest_angle=joined["ang"],
-        hinge_length=joined["hl"],
-        node_length=joined["nl"],
         curve=np.concatenate(curves),
         curve_error=error,
+        **{name: np.concatenate(parts) for name, parts in columns.items()},
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import ModelError
-from .panel import Panel
+from .panel import Panel, as32
 
 
 @dataclass(frozen=True)
@@ -73,18 +73,13 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
     pair = (2 * body[:, None] + np.arange(2)).ravel()
     own = rank_of_pair[body].ravel() == rank
 
+    part = panel_of(panel, np.arange(wires.start, wires.stop))
+    part = _taken(part, panel, body, "body_clasp", "body_rest", "body_origin")
+    part = _taken(part, panel, pair, "pair_table", "pair_shift", "pair_low", "pair_high", "pair_side")
     part = replace(
-        panel_of(panel, np.arange(wires.start, wires.stop)),
-        body_clasp=panel.body_clasp[body],
-        body_rest=panel.body_rest[body],
-        body_origin=panel.body_origin[body],
-        pair_wire=_as32(np.where(own, panel.pair_wire[pair] - wires.start, -1)),
-        pair_seed=_as32(np.where(own, panel.pair_seed[pair] - nodes.start, 0)),
-        pair_table=panel.pair_table[pair],
-        pair_shift=panel.pair_shift[pair],
-        pair_low=panel.pair_low[pair],
-        pair_high=panel.pair_high[pair],
-        pair_side=panel.pair_side[pair],
+        part,
+        pair_wire=as32(np.where(own, panel.pair_wire[pair] - wires.start, -1)),
+        pair_seed=as32(np.where(own, panel.pair_seed[pair] - nodes.start, 0)),
     )
     return Strip(
         panel=part,
@@ -111,41 +106,27 @@ def panel_of(panel: Panel, wires: np.ndarray) -> Panel:
     held_wire = np.searchsorted(panel.wire_first, panel.held_node, side="right") - 1
     held = number[held_wire] >= 0
     clamps, held_clamp = np.unique(panel.held_clamp[held], return_inverse=True)
-    none = np.zeros(0, dtype=np.int32)
+    bodies = ("body_clasp", "body_rest", "body_origin")
+    pairs = ("pair_wire", "pair_seed", "pair_table", "pair_low", "pair_high", "pair_side", "pair_shift")
+    part = _taken(panel, panel, wires, "wire_count", "wire_closed", "wire_thread", "wire_length", "wire_clamp")
+    part = _taken(part, panel, block, "block_count", "block_table", "block_origin")
+    part = _taken(part, panel, np.zeros(0, dtype=int), *bodies, *pairs, "rhombus_bodies")
     return replace(
-        panel,
-        wire_first=_as32(first),
-        wire_count=count,
-        wire_closed=panel.wire_closed[wires],
-        wire_thread=panel.wire_thread[wires],
-        wire_length=panel.wire_length[wires],
-        wire_clamp=panel.wire_clamp[wires],
+        part,
+        wire_first=as32(first),
         wire_begin=panel.wire_begin[wires] if len(panel.wire_begin) else panel.wire_begin,
-        block_first=_as32((panel.block_first + shift[panel.block_wire])[block]),
-        block_count=panel.block_count[block],
-        block_table=panel.block_table[block],
-        block_wire=_as32(number[panel.block_wire[block]]),
-        block_origin=panel.block_origin[block],
-        body_clasp=none,
-        body_rest=np.zeros((0, 2)),
-        body_origin=np.zeros((0, 2)),
-        pair_wire=none,
-        pair_seed=none,
-        pair_table=none,
-        pair_low=none,
-        pair_high=none,
-        pair_side=none,
-        pair_shift=np.zeros((0, 2)),
-        held_node=_as32((panel.held_node + shift[held_wire])[held]),
+        block_first=as32((panel.block_first + shift[panel.block_wire])[block]),
+        block_wire=as32(number[panel.block_wire[block]]),
+        held_node=as32((panel.held_node + shift[held_wire])[held]),
         held_lever=panel.held_lever[held],
-        held_clamp=_as32(held_clamp.reshape(-1)),
+        held_clamp=as32(held_clamp.reshape(-1)),
         clamp_position=panel.clamp_position[clamps],
-        rhombus_bodies=np.zeros(0, dtype=np.int64),
     )
 
 
-def _as32(values: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(values, dtype=np.int32)
+def _taken(part: Panel, panel: Panel, index: np.ndarray, *names: str) -> Panel:
+    """A panel with the entries `index` of arrays of another, by name."""
+    return replace(part, **{name: getattr(panel, name)[index] for name in names})
 
 
 def _neighbours(rank: int, body: np.ndarray, rank_of_pair: np.ndarray) -> tuple[Neighbour, ...]:

@@ -2,17 +2,72 @@
 
 The share of the planar approach at the first touch is 0.88 on the double atlas cell, 0.44 on a single atlas and 0.70 on a tricot
 (studies/condensation.md).
+
+A planar model lets two hooked wires come together until their lens is as wide as its bodies say. In space they pass over each
+other at one end of the lens and under at the other, and touch there first: the nearer the heights change, and the shorter the
+lens is against the wire, the wider it still is. Here one wire is moved towards the other as both are knitted, without bending.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 
-from ..knit.cloth import same_cloth
-from ..knit.lens_width import way_left
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..knit.clasps import Arm, Clasp
+from ..knit.cloth import Cloth, same_cloth
 from ..scene import Scene
 from ..scene.knit import Knit
 from ..scene.presets import PRESETS
+
+PARTS = 4  # of the diameter, between the points that are compared
+MOST_POINTS = 20_000  # of an arm: wires of a ten-thousandth of their loops
+
+
+def lens_widths(cloth: Cloth, diameter: float) -> NDArray[np.float64]:
+    """(clasp, 2) [m] plan distance of the two wires of each clasp as knitted, and where wires of a diameter [m] first touch;
+    one diameter, where they would slide past each other."""
+    return np.array([_widths(cloth, clasp, diameter) for clasp in cloth.clasps]).reshape(-1, 2)
+
+
+def way_left(cloth: Cloth, diameter: float, closing: float) -> float:
+    """The least share, over all clasps, of the way to a lens of the width `closing` [m] that wires in space have gone where they
+    first touch. Where none touch before, 1, or 0 if wires overlap in plan view as knitted."""
+    width, touching = lens_widths(cloth, diameter).T
+    early = (touching > closing) & (width > touching)
+    if not early.any() and np.any(width < diameter):
+        return 0.0
+    return float(np.min((width - touching)[early] / (width - closing)[early], initial=1.0))
+
+
+def _widths(cloth: Cloth, clasp: Clasp, diameter: float) -> tuple[float, float]:
+    one, two = (_points(cloth, arm, diameter) for arm in clasp.arms)
+    nearest = [points[np.argmin(np.hypot(*(points[:, :2] - clasp.position).T))] for points in (one, two)]
+    way = (nearest[0] - nearest[1]) * [1.0, 1.0, 0.0]
+    width = float(np.linalg.norm(way))
+    if width <= diameter:
+        return width, diameter
+    # moved by t along the way, a point of the second wire is within a diameter of one of the first where |along - t| < root
+    direction = way / width
+    across = np.array([[-direction[1], direction[0], 0.0], [0.0, 0.0, 1.0]]).T
+    near = cKDTree(one @ across).sparse_distance_matrix(cKDTree(two @ across), diameter, output_type="ndarray")
+    along = (one[near["i"]] - two[near["j"]]) @ direction
+    root = np.sqrt((diameter**2 - near["v"] ** 2).clip(0.0))
+    ahead = (root > 0.0) & (along > 0.0)
+    moved = np.min((along - root)[ahead].clip(0.0), initial=width - diameter)
+    return width, width - float(moved)
+
+
+def _points(cloth: Cloth, arm: Arm, diameter: float) -> NDArray[np.float64]:
+    """(k, 3) [m] of the wire of an arm along its lens."""
+    points = cloth.threads[arm.thread].stretch(arm.arc_low, arm.arc_high, cloth.size[1])
+    points = points + [arm.column * cloth.size[0], 0.0, 0.0]
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    even = np.linspace(0.0, length[-1], 2 + min(int(PARTS * length[-1] / diameter), MOST_POINTS))
+    return np.stack([np.interp(even, length, points[:, k]) for k in range(3)], axis=1)
+
 
 TIGHT = 0.8  # share of the planar approach at the first touch, below which loops are tight
 

@@ -1,4 +1,4 @@
-"""Places of active contacts in a planar mesh (measure/contact_places.py)."""
+"""Places of active contacts in a planar mesh (measure/observables.py)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.contact_places import ContactPlaces, arcs_along
-from ..measure.measures import pair_active
+from ..measure import pair_active
+from ..measure.observables import ContactPlaces, arcs_along
 
 
 def contact_places(r: Any) -> ContactPlaces:

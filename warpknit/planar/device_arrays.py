@@ -9,10 +9,10 @@ import warp as wp
 
 from ..compute.precision import Precision
 from ..kernels.contact import CURVE_COEFFICIENTS
+from ..mesh.hook_mesh import Treatment
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip
-from ..mesh.treatment import Treatment
 from .numerics import Numerics
 
 

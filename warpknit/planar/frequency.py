@@ -70,7 +70,7 @@ def frequency_square(host: HostState, approach: float = 0.0) -> float:
     """Upper bound on w^2 [1/s2] of the mesh.
 
     `approach` [m]: largest approach of a body and a wire before the next check. Contacts of a body that is not free
-    (treatment.py) are bounded separately from the wires, with one node each.
+    (mesh/hook_mesh.py) are bounded separately from the wires, with one node each.
     """
     wires = wire_terms(host)
     body_inverse_mass = float(host.control.body_inverse_mass)

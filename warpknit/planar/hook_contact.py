@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.hook_contact import HookContact
-from ..measure.measures import active_threshold
+from ..measure import active_threshold
+from ..measure.observables import HookContact
 from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 
 

@@ -18,7 +18,7 @@ from ..compute.steering import Steering
 from ..kernels import clamp
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
-from ..measure.boundary import Boundary
+from ..measure.strain import Boundary
 from .join import Join
 from .model import Model
 from .state import State

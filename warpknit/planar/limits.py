@@ -7,8 +7,7 @@ from typing import Any
 
 from ..base.text import percent
 from ..knit.cloth import Cloth
-from ..knit.lens_width import way_left
-from ..mesh.tight_loops import TIGHT, first_touch
+from ..mesh.tight_loops import TIGHT, first_touch, way_left
 from ..scene import Scene
 
 SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5

@@ -15,8 +15,7 @@ from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
-from ..mesh.load_point import LoadPoint
-from ..mesh.rim import Rim
+from ..mesh.rim import LoadPoint, Rim
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
 from .membrane_grid import MembraneGrid
@@ -140,7 +139,7 @@ class PlanarMechanics:
         # within the margin of the neighbour search, so that no body changes sides
         max_move = 0.5 * self.neighbours.margin / self.model.precision.unit
         if self.model.scene.hook is not None:
-            max_move = np.inf  # the frame moves a fixed wire affinely (hook.py); the prediction must undo all of it
+            max_move = np.inf  # the frame moves a fixed wire affinely (mesh/hook_mesh.py); the prediction must undo all of it
         launches = []
         for value, last in zip(values, self._last, strict=True):
             limit = np.inf if value is s.tension_offset or value is s.pair_offset else max_move

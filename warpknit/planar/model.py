@@ -24,12 +24,11 @@ from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..knit.cloth import Cloth
-from ..mesh.hook_mesh import hook_panel, hook_table
+from ..mesh.hook_mesh import Treatment, choose_treatment, hook_panel, hook_table
 from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
-from ..mesh.treatment import Treatment, choose_treatment
 from ..results.frame import WireLayout, curve_parts
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest

@@ -8,12 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from ..base.text import short_repr
-from ..measure.contact_places import ContactPlaces
+from ..measure import active_threshold, section
 from ..measure.drawn_curve import planar_curve
-from ..measure.hook_contact import HookContact
-from ..measure.measures import active_threshold, section
-from ..measure.observables import Energies, WireStress
-from ..measure.panel_map import PanelMap
+from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, WireStress
 from ..measure.strain import rotation
 from ..measure.tiles import has_map
 from ..results.frame import curve_parts

@@ -16,8 +16,7 @@ from typing import Any
 import warp as wp
 
 from ..compute.host import lanes, store
-from ..compute.launch import Launch, bind, replay
-from ..compute.row_sums import fewer_rows
+from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.team import Pace, Team
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.bodies import BODY_BLOCK, step_bodies

@@ -15,8 +15,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import Mirror
-from ..compute.launch import Launch, bind
-from ..compute.row_sums import fewer_rows
+from ..compute.launch import Launch, bind, fewer_rows
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control

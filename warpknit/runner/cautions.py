@@ -13,7 +13,7 @@ from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
 from ..mechanics.numerics import FOLLOWED_INCREMENT, few_nodes
-from ..mesh.smaller import smaller_scene
+from ..mesh.layout import smaller_scene
 from ..mesh.tight_loops import is_tight
 from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS

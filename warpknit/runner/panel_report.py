@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.panel_map import PanelMap
+from ..measure.observables import PanelMap
 from ..measure.surface import Surface, find_surface
 from ..measure.table import Record
 from ..mesh.rim import Rim, build_rim

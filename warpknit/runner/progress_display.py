@@ -93,7 +93,7 @@ class StageLines(Progress):
             _log.info("  %sload %s%s, %s%s", share, percent(course.load_factor, 0), rate, course.time, part)
 
 
-class Bar(Progress):
+class ProgressBar(Progress):
     """A bar on the terminal: stage, load, node-steps a second, time left."""
 
     def __init__(self) -> None:
@@ -113,7 +113,7 @@ class Bar(Progress):
         self._task: Any = None
         self._course = Course()
 
-    def __enter__(self) -> Bar:
+    def __enter__(self) -> ProgressBar:
         self._bar.start()
         return self
 
@@ -171,4 +171,4 @@ def progress_for(*, quiet: bool) -> Progress:
         return Progress()
     if in_notebook():
         return NotebookBar()
-    return Bar() if sys.stderr.isatty() else StageLines()
+    return ProgressBar() if sys.stderr.isatty() else StageLines()

@@ -34,7 +34,7 @@ from .watch import Watch
 from .work import add_work
 
 if TYPE_CHECKING:
-    from ..export.frame_files import FrameWriter
+    from ..export.writer_process import FrameWriter
 
 RECORD_MEMORY = 400  # bytes a node for writing a record: the frame and its tables
 RESERVED_DISK = 64 * 2**10  # [bytes] reserved for summary.json in case the disk is full
@@ -45,8 +45,7 @@ ErrorEstimator = Callable[[Record], Estimate]
 def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
     """Writer of the recorded states of a run."""
     from .. import __version__
-    from ..export.frame_files import StageOptions
-    from ..export.writer_process import frame_writer
+    from ..export.writer_process import StageOptions, frame_writer
 
     stage = StageOptions(
         scene_name=scene.name,

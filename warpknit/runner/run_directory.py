@@ -11,7 +11,7 @@ from typing import Any
 
 from ..base.files import write_aside
 from ..errors import RunDirectoryError
-from ..scene.resolved import RESOLVED
+from ..scene.scene import RESOLVED
 from ..scene.units import shown
 
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",

@@ -2,17 +2,14 @@
 
     scene = load_scene("scenes/atlas_cell.toml", overrides=["load.strain_warp=0.05"], preset="draft")
 
-A scene file is TOML; `warpknit.scene.file` lists its keys. Whatever is wrong with it is a SceneError of one line.
+A scene file is TOML; `warpknit.scene.scene` lists its keys. Whatever is wrong with it is a SceneError of one line.
 """
 
 from warpknit.errors import SceneError
-from warpknit.scene.hook import Hook
-from warpknit.scene.knit import Bar, Knit, Loop
-from warpknit.scene.loads import Pull, Stage, Sweep
-from warpknit.scene.options import Contact, ModelOptions, Output, Solver
+from warpknit.scene.knit import Bar, Hook, Knit, Loop
+from warpknit.scene.options import Contact, ModelOptions, Output, Pull, Solver, Stage, Sweep
 from warpknit.scene.panel_options import Cord, PanelOptions
-from warpknit.scene.resolved import resolved_toml
-from warpknit.scene.scene import Scene
+from warpknit.scene.scene import Scene, resolved_toml
 from warpknit.scene.scene_loader import load_scene, make_scene
 from warpknit.scene.wire import Plating, Wire
 

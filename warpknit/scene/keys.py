@@ -24,7 +24,7 @@ from pydantic import ConfigDict
 
 from warpknit.base.text import celsius, exact
 from warpknit.scene.units import DIMENSIONS, shown
-from warpknit.scene.values import Check, Pair, Quantity, Unit
+from warpknit.scene.values import Pair, Quantity, Unit, ValueCheck
 
 LINE, INDENT = 120, "    "  # of a docstring
 ABOUT = "about"  # where a field keeps its sentence: a field without one is no key
@@ -71,9 +71,9 @@ class Key:
     annotation: Any
 
     @property
-    def check(self) -> Check | None:
+    def check(self) -> ValueCheck | None:
         """The check of its value, or of each entry of its list."""
-        return next(_metadata(self.annotation, Check), None)
+        return next(_metadata(self.annotation, ValueCheck), None)
 
     @property
     def is_list(self) -> bool:
@@ -185,7 +185,7 @@ def _parts(annotation: Any) -> Iterator[Any]:
         yield from _parts(part)
 
 
-def _metadata(annotation: Any, kind: type[Check]) -> Iterator[Check]:
+def _metadata(annotation: Any, kind: type[ValueCheck]) -> Iterator[ValueCheck]:
     """The checks among the metadata of an annotation."""
     for part in _parts(annotation):
         for entry in getattr(part, "__metadata__", ()):

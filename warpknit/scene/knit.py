@@ -1,4 +1,4 @@
-"""The table [knit] with its bars and loops, as frozen objects in plain SI."""
+"""The table [knit] with its bars and loops, and [hook] in its place, as frozen objects in plain SI."""
 
 from __future__ import annotations
 
@@ -8,23 +8,39 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
-from warpknit.knit.chain import single_steps
+from warpknit.knit.lapping import single_steps
 from warpknit.knit.loops import RANGES, LoopProportions
+from warpknit.scene import values
 from warpknit.scene.keys import Table, key
-from warpknit.scene.values import (
-    Chain,
-    LoopLength,
-    LoopScale,
-    LoopShape,
-    PerLength,
-    Repeats,
-    Scatter,
-    Seed,
-    Shift,
-    Threading,
-    exclusive,
-    proportion,
-)
+from warpknit.scene.values import exclusive, proportion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hook(Table):
+    """[hook], in place of [knit]: two arcs of wire that hook each other."""
+
+    radius: values.LoopLength = key("Radius of both arcs; at least four diameters of the wire.", 1e-3)
+    length: values.LoopLength = key(
+        "Arc length of each wire.", None, left_out="a third of a circle", allowed="half a radius to half a circle"
+    )
+    overlap: values.LoopLength = key(
+        "Overlap of the two arcs at rest: the width of the lens between them.",
+        None,
+        left_out="a fifth of the radius",
+        allowed="1.5 diameters of the wire to the rise of the arc",
+    )
+    crossing_distance: values.Length | None = key(
+        "Spatial model: distance of the centre lines at their crossings at rest; from the thickness of the wire to `overlap`. Not"
+        " used in the planar model.",
+        None,
+        left_out="1.3 thicknesses of the wire",
+    )
+
+    @property
+    def height(self) -> float:
+        """[m] of the upper ends above the lower ones, at rest."""
+        return 2.0 * self.radius * math.sin(0.5 * self.length / self.radius)
+
 
 MEAN = LoopProportions()  # what the loops are where a scene does not say
 
@@ -33,13 +49,13 @@ MEAN = LoopProportions()  # what the loops are where a scene does not say
 class Bar(Table):
     """One guide bar of [knit] bars: its chain of links a-b, its threading of '|' and '.', its shift in needles."""
 
-    chain: Chain = key(
+    chain: values.Chain = key(
         "Links a-b of a guide bar, course by course: the overlap runs from gap a to gap b. a = b is an inlay without a loop."
         " `//` may end the chain. Where all numbers of all bars are even (0, 2, 4), they count half needles."
     )
-    threading: Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
-    shift: Shift = key("Offset of the bar to the right, in needles.", 0)
-    loop_scale: LoopScale = key(
+    threading: values.Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
+    shift: values.Shift = key("Offset of the bar to the right, in needles.", 0)
+    loop_scale: values.LoopScale = key(
         "Factor on the proportions of `[knit.loop]` that make a loop large, for the loops of this bar: bars of different run-in.",
         1.0,
     )
@@ -54,7 +70,7 @@ def _in_needles(bars: tuple[Bar, ...]) -> tuple[Bar, ...]:
 class Loop(Table):
     """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure and their ranges."""
 
-    shape: LoopShape = key(
+    shape: values.LoopShape = key(
         "`auto`: `circular-oval` for two bars in opposition with one loop per needle and course and alternating closed and open"
         " courses, else `general`.",
         MEAN.shape,
@@ -103,21 +119,18 @@ class Knit(Table):
 
     bars: Annotated[tuple[Bar, ...], Field(min_length=1), AfterValidator(_in_needles)] = key(
         "The guide bars. Default: the two of the double atlas.",
-        (
-            Bar(chain="1-0/1-2/2-3/2-1", threading="|.", shift=0),
-            Bar(chain="2-3/2-1/1-0/1-2", threading="|.", shift=1),
-        ),
+        (Bar(chain="1-0/1-2/2-3/2-1", threading="|.", shift=0), Bar(chain="2-3/2-1/1-0/1-2", threading="|.", shift=1)),
     )
-    wale_spacing: LoopLength = key("Distance between wales (along weft, x).", 1.7e-3)
-    course_spacing: LoopLength = key("Distance between courses (along warp, y).", 1.0e-3)
-    repeats: Repeats = key("Pattern repeats along weft and warp.", (1, 1))
-    scatter: Scatter = key(
+    wale_spacing: values.LoopLength = key("Distance between wales (along weft, x).", 1.7e-3)
+    course_spacing: values.LoopLength = key("Distance between courses (along warp, y).", 1.0e-3)
+    repeats: values.Repeats = key("Pattern repeats along weft and warp.", (1, 1))
+    scatter: values.Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
         " Deviations stop at 2.5 times this value, and where wires would overlap. So the loops scatter by 5 % less than this"
         " value, and by up to 25 % less in tight knits at 0.1.",
         0.0,
     )
-    seed: Seed = key("Random seed of the scatter.", 0)
+    seed: values.Seed = key("Random seed of the scatter.", 0)
     loop: Loop = key("The shape of the loops.", Loop())
 
     @property
@@ -142,8 +155,8 @@ class Knit(Table):
 class KnitTable(Knit):
     """[knit] as it stands in a file, with what says the same in another way."""
 
-    wales: PerLength | None = key("Instead of `wale_spacing`: wales per length.", None)
-    courses: PerLength | None = key("Instead of `course_spacing`: courses per length.", None)
+    wales: values.PerLength | None = key("Instead of `wale_spacing`: wales per length.", None)
+    courses: values.PerLength | None = key("Instead of `course_spacing`: courses per length.", None)
 
     @model_validator(mode="before")
     @classmethod

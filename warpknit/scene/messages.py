@@ -6,14 +6,15 @@ import difflib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING
+from dataclasses import MISSING, dataclass
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from warpknit.errors import SceneError
-from warpknit.scene.file import SceneFile
 from warpknit.scene.keys import Table, given_values, keys_below, keys_of
+from warpknit.scene.scene import SceneFile
 from warpknit.scene.units import shown
 
 Location = tuple[int | str, ...]
@@ -186,3 +187,20 @@ def _example(location: Location, given: Any) -> str:
 
 def _one_line(text: str) -> str:
     return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
+
+
+@dataclass(frozen=True)
+class Source:
+    """The source of the values, as written, for messages."""
+
+    path: Path
+    table: dict[str, Any]
+
+    def refusal(self, location: Sequence[int | str], value: Any, wrong: str, instead: str) -> SceneError:
+        """The error for a value that conflicts with another, such as "is above 1"; `value` is shown if none was written."""
+        given: Any = self.table
+        for part in location:
+            if not (part < len(given) if isinstance(part, int) else part in given):
+                return scene_error(self.path, dotted(location), f"{value_text(location, value)} {wrong}", instead)
+            given = given[part]
+        return scene_error(self.path, dotted(location), f"{shown(given)} {wrong}", instead)

@@ -10,28 +10,29 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
+from string import Template
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
 from warpknit.base.text import exact
-from warpknit.knit.chain import KnitError
-from warpknit.knit.named import NamedKnit, named_knit
-from warpknit.scene.file import SceneFile
+from warpknit.knit.lapping import KnitError
+from warpknit.knit.named import GuideBar, NamedKnit, named_knit
 from warpknit.scene.keys import Table, keys_of
 from warpknit.scene.knit import KnitTable
-from warpknit.scene.loads import Stage
 from warpknit.scene.materials import MATERIALS
-from warpknit.scene.options import ModelOptions
+from warpknit.scene.options import SIDES, ModelOptions, Stage
+from warpknit.scene.scene import SceneFile
 from warpknit.scene.units import QuantityError, has_unit, shown, si
 from warpknit.scene.wire import Plating, Wire
 
 LOAD = "write a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
 PLATING = "write a metal and the thickness of its coating, such as 'gold, 0.2 um'"
 SPACING = "write a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
-COMMENT_COLUMN = 30  # of the comments behind keys
+COMMENTS_AT = 28  # column of the comments behind keys
 SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over that of the scene: from 2 N/m to those in orbit
 
 
@@ -141,7 +142,7 @@ def _load(given: str) -> tuple[tuple[str, str], ...]:
     parts = [part.strip() for part in given.split(",")]
     if len(parts) > 2:
         raise Refused(given, f"has {len(parts)} parts", LOAD)
-    return tuple(_load_of(direction, part) for direction, part in zip(("weft", "warp"), (parts * 2)[:2], strict=True))
+    return tuple(_load_of(direction, part) for direction, part in zip(SIDES, (parts * 2)[:2], strict=True))
 
 
 def _load_of(direction: str, given: str) -> tuple[str, str]:
@@ -182,147 +183,62 @@ _CHECKS: dict[str, Callable[[str], Any]] = {
 
 
 def scene_text(request: SceneRequest, file_name: str) -> str:
-    """The scene file of a request, in TOML. Raises `Refused` for a bad value."""
-    parts = (
-        _head(request, file_name),
-        _wire(request),
-        _knit_table(request),
-        _model(request),
-        _stages(request),
-        _options(request),
-    )
-    return "\n".join("\n".join(lines) + "\n" for lines in parts)
-
-
-def _head(request: SceneRequest, file_name: str) -> Iterator[str]:
-    knit = request.named
-    yield f"# {knit.title[0].upper()}{knit.title[1:]}: {knit.about}."
-    yield "# One tile of an endless mesh, stretched in weft (across) and warp (along the wales)."
-    yield "#"
-    yield f"#     warpknit plan {shlex.quote(file_name)}    shows what would run"
-    yield f"#     warpknit run {shlex.quote(file_name)}     runs it; --preset draft is faster"
-    yield "#"
-    yield "# Quantities are text with a unit. Lines that begin with # are comments: remove the # to use the key behind it."
-    yield "# docs/scenes.md has all keys."
-
-
-def _wire(request: SceneRequest) -> Iterator[str]:
-    modulus = _toml(exact(MATERIALS[request.material].youngs_modulus, "Pa"))
-    yield "[wire]"
-    yield _key("material", _toml(request.material), "tungsten, molybdenum or gold: stiffness, density, expansion, strength")
-    yield _key("diameter", _toml(_diameter(request.diameter)), "of one wire, without plating")
-    yield _key("ends", str(_ends(request.ends)), "parallel wires, knitted as one yarn")
-    metal, thickness = _plating(request.plating or "gold, 0.2 um")
-    plating = f"{{material = {_toml(metal)}, thickness = {_toml(thickness)}}}"
-    yield (_key if request.plating else _off)("plating", plating, "adds stiffness, mass and thickness")
-    yield _off("youngs_modulus", modulus, "instead of that of the material; other constants in the same way")
-    limit = _toml(exact(MATERIALS[request.material].yield_stress, "Pa"))
-    yield _off("yield_stress", limit, "elastic limit, assumed: that of your wire decides first yield and best tension")
-    if _strained(request):
-        yield _off("plastic", "true", "the wire yields at yield_stress and keeps a set")
-
-
-def _knit_table(request: SceneRequest) -> Iterator[str]:
-    bars = request.named.bars
-    fully_threaded = all(bar.threading == "|" for bar in bars)
-    yield "[knit]"
-    yield "# One line a guide bar. A chain has one link a-b a course: the guide laps from gap a to b, over the needle between."
-    if not fully_threaded:
-        yield "# threading: | a guide with a wire, . an empty one. shift: needles to the right."
-    yield "# `warpknit new --list` has other knits."
-    yield "bars = ["
-    places = ("the only bar",) if len(bars) == 1 else ("back bar", *("middle bar",) * (len(bars) - 2), "front bar")
-    lines = []
-    for bar, place in zip(bars, places, strict=True):
-        threading = f", threading = {_toml(bar.threading)}" if bar.threading != "|" else ""
-        shift = f", shift = {bar.shift}" if bar.shift else ""
-        lines.append((f"    {{chain = {_toml(bar.chain)}{threading}{shift}}},", place))
-    width = max(len(line) for line, _ in lines)
-    yield from (f"{line:<{width}}  # {place}" for line, place in lines)
-    yield "]"
-    for kind, given, across in zip(("wale", "course"), request.spacings, ("weft", "warp"), strict=True):
+    """The scene file of a request, in TOML: the template new_scene.template with its values. Raises `Refused` for a bad value."""
+    knit, metal, loads = request.named, MATERIALS[request.material], _load(request.loading)
+    coating, thickness = _plating(request.plating or "gold, 0.2 um")
+    is_net = any(bar.threading != "|" for bar in knit.bars)
+    holds = {"strained": all(key.startswith("strain") for key, _ in loads), "net": is_net}  # friction and yield require strains
+    values = {
+        "title": knit.title[0].upper() + knit.title[1:],
+        "about": knit.about,
+        "file": shlex.quote(file_name),
+        "material": _toml(request.material),
+        "diameter": _toml(_diameter(request.diameter)),
+        "ends": str(_ends(request.ends)),
+        "plating_off": "" if request.plating else "# ",
+        "metal": _toml(coating),
+        "coating": _toml(thickness),
+        "modulus": _toml(exact(metal.youngs_modulus, "Pa")),
+        "limit": _toml(exact(metal.yield_stress, "Pa")),
+        "bars": _bars(knit.bars),
+        "loop": "closed_radius = 0.6" if is_net else "leg_half_width = 0.24",
+        "kind": _toml(request.model),
+        "sweep": _sweep(loads),
+    }
+    for kind, given in zip(("wale", "course"), request.spacings, strict=True):
         key, value = _spacing(kind)(given)
         what = f"{kind}s per length" if key == f"{kind}s" else f"distance of the {kind}s"
-        yield _key(key, _toml(value), f"{what} along {across}, of the mesh as knitted")
-    yield _key("repeats", "[1, 1]", "repeats of the pattern along weft and warp")
-    yield _off("scatter", "0.05", "loops of uneven shape, with this relative standard deviation")
-    loop = "leg_half_width = 0.24" if fully_threaded else "closed_radius = 0.6"
-    yield _off("loop", f"{{{loop}}}", "shape of the loops; see figures/knit.png of a run")
+        values |= {f"{kind}_key": key, f"{kind}s": _toml(value), f"{kind}_what": what}
+    for key, value in loads:
+        kind, _, side = key.partition("_")
+        what, other = ("relative to the mesh as knitted", "tension") if kind == "strain" else ("force per width", "strain")
+        values |= {f"{side}_key": key, side: value, f"{side}_what": f"{what}; or {other}_{side}"}
+    template = files("warpknit.scene").joinpath("new_scene.template").read_text(encoding="utf-8")
+    template = re.sub(r"^\?(\w+) (.*\n)", lambda line: line[2] if holds[line[1]] else "", template, flags=re.MULTILINE)
+    text = Template(template).substitute(values)
+    return re.sub(r"^((?:# )?\w+ = .*?)  # ", lambda line: f"{line[1]:<{COMMENTS_AT}}  # ", text, flags=re.MULTILINE)
 
 
-def _model(request: SceneRequest) -> Iterator[str]:
-    yield "[model]"
-    yield _key("kind", _toml(request.model), "planar, spatial, or auto: spatial unless a key exists only in the planar model")
-    yield _key("boundary", '"periodic"', 'one tile of an endless mesh; "gripped": a patch, which needs more repeats')
-    yield _off("nodes_per_loop", "48", "instead of the preset's")
+def _bars(bars: Sequence[GuideBar]) -> str:
+    """The entries of `[knit] bars`, a line each."""
+    places = ("the only bar",) if len(bars) == 1 else ("back bar", *("middle bar",) * (len(bars) - 2), "front bar")
+    lines = []
+    for bar in bars:
+        threading = f", threading = {_toml(bar.threading)}" if bar.threading != "|" else ""
+        lines.append(f"    {{chain = {_toml(bar.chain)}{threading}{f', shift = {bar.shift}' if bar.shift else ''}}},")
+    width = max(map(len, lines))
+    return "\n".join(f"{line:<{width}}  # {place}" for line, place in zip(lines, places, strict=True))
 
 
-def _stages(request: SceneRequest) -> Iterator[str]:
-    yield "[load]"
-    for key, value in _load(request.loading):
-        kind, _, direction = key.partition("_")
-        other = "tension" if kind == "strain" else "strain"
-        what = "relative to the mesh as knitted" if kind == "strain" else "force per width"
-        yield _key(key, value, f"{what}; or {other}_{direction}")
-    yield _off("temperature", '"20 degC"', "of this stage")
-    yield ""
-    yield "# Further stages follow in order. Each keeps what it does not change."
-    yield "# [[path]]"
-    yield '# name = "cold"'
-    yield '# temperature = "-190 degC"'
-    yield "#"
-    yield "# [[path]]"
-    yield '# name = "hot"'
-    yield '# temperature = "140 degC"'
-
-
-def _options(request: SceneRequest) -> Iterator[str]:
-    if _strained(request):
-        yield "# [contact]"
-        yield _off("friction", "0.2", "coefficient; the state then depends on the load history")
-        yield ""
-    yield "# [solver]"
-    yield _off("preset", '"draft"', "draft, standard or reference")
-    yield ""
-    yield "# [output]"
-    yield _off("frames", "20", "recorded load levels a stage; small increments follow the loading path")
-    yield _off("usd", "false", "no scene.usda for Blender and usdview")
-    yield _off("vtk", "true", "files for ParaView")
-    yield ""
-    yield "# For `warpknit map` and `warpknit report`: each load in weft with each in warp, instead of [load]."
-    yield "# Meshes in orbit carry 2 to 4.9 N/m, at strains that differ from knit to knit: a report tells which map holds them."
-    yield "# [sweep]"
-    yield from _sweep(request)
-
-
-def _sweep(request: SceneRequest) -> Iterator[str]:
+def _sweep(loads: Sequence[tuple[str, str]]) -> str:
     """Loads of a map: tensions about those of the scene, or strains."""
-    tensions = [si(value.strip('"'), "tension") if key.startswith("tension") else 0.0 for key, value in _load(request.loading)]
-    for side, tension in zip(("weft", "warp"), tensions, strict=True):
-        if min(tensions) > 0.0:
-            yield f"# tension_{side} = [{', '.join(f'{share * tension:.4g}' for share in SWEPT)}]  # N/m; or strain_{side}"
-        else:
-            yield f"# strain_{side} = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]  # or tension_{side}"
-
-
-def _strained(request: SceneRequest) -> bool:
-    """Whether both directions are driven by strain, as friction and yield require."""
-    return all(key.startswith("strain") for key, _ in _load(request.loading))
-
-
-def _key(name: str, value: str, comment: str) -> str:
-    """A line of the file, with its comment."""
-    return _behind(f"{name} = {value}", comment)
-
-
-def _off(name: str, value: str, comment: str) -> str:
-    """The same, commented out."""
-    return _behind(f"# {name} = {value}", comment)
-
-
-def _behind(line: str, comment: str) -> str:
-    """A line with a comment behind it."""
-    return f"{line:<{COMMENT_COLUMN - 2}}  # {comment}"
+    tensions = [si(value.strip('"'), "tension") if key.startswith("tension") else 0.0 for key, value in loads]
+    if min(tensions) == 0.0:
+        return "\n".join(f"# strain_{side} = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]  # or tension_{side}" for side in SIDES)
+    shares = (
+        (side, ", ".join(f"{share * tension:.4g}" for share in SWEPT)) for side, tension in zip(SIDES, tensions, strict=True)
+    )
+    return "\n".join(f"# tension_{side} = [{values}]  # N/m; or strain_{side}" for side, values in shares)
 
 
 def _toml(text: str) -> str:

@@ -1,50 +1,19 @@
-"""The tables [model], [contact], [solver] and [output], as frozen objects in plain SI."""
+"""The tables [model], [contact], [solver], [output], [load], [[path]] and [sweep], as frozen objects in plain SI."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from math import degrees
+from typing import Annotated, Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from warpknit.base.text import either
+from warpknit.base.text import celsius, either, exact
+from warpknit.scene import values
 from warpknit.scene.keys import Table, key
 from warpknit.scene.presets import DEFAULT_PRESET
 from warpknit.scene.units import shown
-from warpknit.scene.values import (
-    TREATMENTS,
-    BodyMass,
-    Boundary,
-    Coefficient,
-    Drive,
-    Expansion,
-    Factor,
-    Flag,
-    Force,
-    Fraction,
-    FrameCount,
-    FrameInterval,
-    Friction,
-    Kind,
-    Length,
-    LoadingTime,
-    NodesPerLoop,
-    PositiveForce,
-    Precision,
-    PresetName,
-    Rate,
-    Share,
-    SpringStiffness,
-    StepCount,
-    Stiffness,
-    Tension,
-    TileSize,
-    Time,
-    TimeStep,
-    Tolerance,
-    Treatment,
-    refused,
-)
+from warpknit.scene.values import TREATMENTS, exclusive, refused
 
 AUTO = "auto"  # model.kind, resolved by capabilities.py
 GIVEN, DEFAULT = "chosen in the scene", "the default"  # reasons for the kind of model
@@ -65,25 +34,25 @@ TREATMENT_KEYS = {
 class ModelOptions(Table):
     """[model]: the kind of model and its discretisation."""
 
-    kind: Kind = key(
+    kind: values.Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
         " contact of round wires ([theory](theory/contact.md#round-wires-in-space)); required with `[wires]`. `auto`: spatial,"
         " unless only the planar model has what the scene or the command asks for ([below](#the-kind-of-model)). See"
         " [capabilities.md](capabilities.md) for the features of each.",
         AUTO,
     )
-    boundary: Boundary = key(
+    boundary: values.Boundary = key(
         "`gripped`: cut along an outline, with every cut wire end clamped. `periodic`: one tile of an endless mesh.", "gripped"
     )
-    nodes_per_loop: NodesPerLoop = key("Nodes per loop of wire.", None, left_out="the preset's")
-    body_radius: Length = key(
+    nodes_per_loop: values.NodesPerLoop = key("Nodes per loop of wire.", None, left_out="the preset's")
+    body_radius: values.Length = key(
         "Planar model: radius of the contact body between two hooked wires. At d/8 both contacts close when the wires are 1.25 d"
         " apart.",
         None,
         left_out="diameter/8",
     )
-    merge_lenses: Flag = key("One contact body for nested lenses of the same two wires; else one for each lens.", True)
-    frame_expansion: Expansion = key(
+    merge_lenses: values.Flag = key("One contact body for nested lenses of the same two wires; else one for each lens.", True)
+    frame_expansion: values.Expansion = key(
         "Thermal expansion of the frame that holds the mesh. Strains refer to the frame at the reference temperature. 0: the"
         " frame does not expand.",
         0.0,
@@ -94,34 +63,39 @@ class ModelOptions(Table):
 class Contact(Table):
     """[contact]: contact between wires; a pair is active when its force exceeds the threshold."""
 
-    friction: Friction = key(
+    friction: values.Friction = key(
         'Coulomb friction coefficient; `drive = "relax"` only. The state then depends on the load history:'
         " [theory](theory/contact.md#friction-in-the-plane).",
         0.0,
     )
-    threshold: Force = key(
-        "A pair is active when its force exceeds this value (and 1e-4 EI/W^2, the unbalanced force of a converged state).",
-        0.0,
+    threshold: values.Force = key(
+        "A pair is active when its force exceeds this value (and 1e-4 EI/W^2, the unbalanced force of a converged state).", 0.0
     )
-    stiffness: Stiffness | None = key(
+    stiffness: values.Stiffness | None = key(
         "Contact penalty. The multipliers of a relaxation correct its error.", None, left_out="chosen"
     )
-    treatment: Treatment = key("Contact carrier or constraint of a `[hook]`, see below. A knit has free bodies.", "free-body")
-    spring_stiffness: SpringStiffness | None = key(
+    treatment: values.Treatment = key(
+        "Contact carrier or constraint of a `[hook]`, see below. A knit has free bodies.", "free-body"
+    )
+    spring_stiffness: values.SpringStiffness | None = key(
         "`spring-point`, `spring-cylinder`, `ring`: stiffness of the spring to the ground; at most the contact penalty.",
         None,
         left_out="0.001 N/m",
     )
-    ring_radius: Length | None = key("`ring`: inner radius, at least that of the wire.", None, left_out="the wire's diameter")
-    plane_friction: Coefficient | None = key("`friction-plane`: friction coefficient.", None, left_out="0.1")
-    plane_load: PositiveForce | None = key("`friction-plane`: normal force of the body on the plane.", None, left_out="10 uN")
-    contact_point: Fraction | None = key(
+    ring_radius: values.Length | None = key(
+        "`ring`: inner radius, at least that of the wire.", None, left_out="the wire's diameter"
+    )
+    plane_friction: values.Coefficient | None = key("`friction-plane`: friction coefficient.", None, left_out="0.1")
+    plane_load: values.PositiveForce | None = key(
+        "`friction-plane`: normal force of the body on the plane.", None, left_out="10 uN"
+    )
+    contact_point: values.Fraction | None = key(
         "`point`: place on the left wire, over its length, rounded to the nearest node.", None, left_out="0.5"
     )
-    target_share: Share | None = key(
+    target_share: values.Share | None = key(
         "`point`: target part of the right wire, about its middle, over its length.", None, left_out="1"
     )
-    body_mass: BodyMass | None = key(
+    body_mass: values.BodyMass | None = key(
         "Ramp: mass of a contact body over that of half a loop of wire; with `[hook]`, over that of half a wire.",
         None,
         left_out="0.5",
@@ -144,36 +118,38 @@ class Contact(Table):
 class Solver(Table):
     """[solver]: solution method and numerics. None: chosen by the solver."""
 
-    preset: PresetName = key("Sets the defaults of the keys below.", DEFAULT_PRESET)
-    drive: Drive = key("`relax`: equilibrium at each load level. `ramp`: real time with true or scaled masses.", "relax")
-    precision: Precision = key(
+    preset: values.PresetName = key("Sets the defaults of the keys below.", DEFAULT_PRESET)
+    drive: values.Drive = key("`relax`: equilibrium at each load level. `ramp`: real time with true or scaled masses.", "relax")
+    precision: values.Precision = key(
         "`single`: float32, with positions in 32-bit fixed point, in space in float64. `double`: float64.",
         None,
         left_out="the preset's; `double` above 48 nodes per loop, and for wires so thin that s (d/W)^2 is below 0.001 with the"
         " softening s",
     )
-    mass_scaling: Factor = key("Ramp: factor on all masses.", 1.0)
-    target_time_step: TimeStep | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
-    axial_softening: Factor = key(
+    mass_scaling: values.Factor = key("Ramp: factor on all masses.", 1.0)
+    target_time_step: values.TimeStep | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
+    axial_softening: values.Factor = key(
         "Largest divisor of the axial stiffness in the dynamics that is allowed. A run takes less where bending limits it, and"
         " for taut wires; `summary.json` has the one that was used at its start.",
         None,
         left_out="the preset's",
     )
-    damping: Rate | None = key(
+    damping: values.Rate | None = key(
         "Ramp: mass-proportional damping. Default: the frequency of the slowest bending mode.", None, left_out="chosen"
     )
-    loading_time: LoadingTime | None = key(
+    loading_time: values.LoadingTime | None = key(
         "Ramp: duration of a stage. Default: ten periods of the slowest bending mode.", None, left_out="chosen"
     )
-    residual_tolerance: Tolerance = key("Relative residual below which a state is converged.", None, left_out="the preset's")
-    max_steps: StepCount | None = key(
+    residual_tolerance: values.Tolerance = key(
+        "Relative residual below which a state is converged.", None, left_out="the preset's"
+    )
+    max_steps: values.StepCount | None = key(
         "Relax: a level, or an increment of one that is repeated in smaller increments, that has not converged after this many"
         " steps ends the run with exit status 3.",
         None,
         left_out="500,000",
     )
-    multipliers: Flag = key(
+    multipliers: values.Flag = key(
         "Relax: augmented Lagrangian multipliers correct the error of the softening and of the contact penalty.", True
     )
 
@@ -182,22 +158,176 @@ class Solver(Table):
 class Output(Table):
     """[output]: recorded levels and written files."""
 
-    frames: FrameCount = key("Recorded load levels per stage; each is converged when relaxing.", 20)
-    usd: Flag = key("Write scene.usda while running.", True)
-    usd_full_every: FrameInterval = key(
+    frames: values.FrameCount = key("Recorded load levels per stage; each is converged when relaxing.", 20)
+    usd: values.Flag = key("Write scene.usda while running.", True)
+    usd_full_every: values.FrameInterval = key(
         "Interval of frames with all nodes; the first frame and the ends of stages always have them. In between, the level `full`"
         " is not updated and `k8` is. 0: only the first frame and the ends of stages.",
         1,
     )
-    usd_points_per_tile: TileSize = key("Approximate number of nodes per prim of scene.usda.", 500_000)
-    vtk: Flag = key("Write vtk/ at the end.", False)
-    figures: Flag = key("Draw figures/ at the end.", True)
-    service_tension: Tension | None = key(
+    usd_points_per_tile: values.TileSize = key("Approximate number of nodes per prim of scene.usda.", 500_000)
+    vtk: values.Flag = key("Write vtk/ at the end.", False)
+    figures: values.Flag = key("Draw figures/ at the end.", True)
+    service_tension: values.Tension | None = key(
         "Mean tension of weft and warp at which the answers of a run and the service points of a report give the share of active"
         " contacts.",
         None,
         left_out="2, 3.4 and 4.9 N/m, in a run where it reaches them",
     )
-    checkpoint_interval: Time = key(
+    checkpoint_interval: values.Time = key(
         "Wall time between checkpoints; longer where one takes more than a tenth of it and over a second.", 60.0
     )
+
+
+SIDES = ("weft", "warp")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pull(Table):
+    """[[load.pull]]: a place on the outline that is displaced in addition to the load."""
+
+    at: values.Vector = key(
+        "Position on or near the edge, relative to the centre of the bounding box of the mesh as knitted. Write"
+        ' `pull = [{at = ["12 mm", "0 mm"], by = ["1 mm", "0 mm"], width = "10 mm"}]`.'
+    )
+    by: values.Vector = key("Displacement in addition to the load of the whole mesh. `pull = []` removes all pulls.")
+    width: values.EdgeLength | None = key(
+        "Width of the displaced part of the edge, with a cos^2 profile. Left out with `panel.grip_pitch`: the nearest net node"
+        " moves.",
+        None,
+        left_out="required without net nodes",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage(Table):
+    """[load] and each [[path]]: one stage of the loading, by its final state. Missing keys are as in the stage before.
+
+    Each direction is driven by strain or by tension; the other of the two is None. A hook is driven by `displacement` alone,
+    which its model applies as a shear of its frame (mesh/hook_mesh.py); for a mesh, `displacement` is converted to strains when
+    it is read.
+    """
+
+    name: values.Name = key("Name of the stage in the results.", None, left_out="`load`, then `stage-2`, ...")
+    strain_weft: values.Strain | None = key(
+        "Strain at the end of the stage, relative to the knitted size.", None, left_out="0, then as in the stage before"
+    )
+    tension_weft: values.Tension | None = key("Instead of `strain_weft`: force per current width at the end of the stage.", None)
+    strain_warp: values.Strain | None = key("The same in warp.", None, left_out="0, then as in the stage before")
+    tension_warp: values.Tension | None = key("Instead of `strain_warp`.", None)
+    displacement: values.SignedLength | None = key(
+        "Instead of both strains: outward displacement of every side. With `[hook]`: displacement of the driven end to the"
+        " right.",
+        None,
+    )
+    shear: values.Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the stage before")
+    clamp_rotation: values.Turn = key(
+        "Counter-clockwise rotation of every clamp about the point where it holds its wire. Gripped meshes with"
+        ' `drive = "relax"` only, without cord or pull.',
+        None,
+        left_out="0, then as in the stage before",
+    )
+    temperature: values.Temperature = key(
+        "Temperature at the end of the stage, at the middle of the mesh.",
+        None,
+        left_out="the reference temperature, then as in the stage before",
+    )
+    temperature_gradient: values.TemperatureGradient = key(
+        'Temperature gradient along weft and warp. Gripped meshes with `drive = "relax"` only.',
+        None,
+        left_out="none, then as in the stage before",
+    )
+    pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the stage before")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_drive_a_direction(cls, data: Any) -> Any:
+        return exclusive(data, ("strain_weft", "tension_weft", "displacement"), ("strain_warp", "tension_warp", "displacement"))
+
+    @property
+    def by_tension(self) -> tuple[bool, bool]:
+        """Whether weft and warp are driven by tension."""
+        return self.strain_weft is None, self.strain_warp is None
+
+    @property
+    def text(self) -> str:
+        """The state at its end in words: what drives weft and warp, or a hook, and the temperature."""
+        driven = ((self.strain_weft, self.tension_weft), (self.strain_warp, self.tension_warp))
+        sides = [
+            f"strain {100.0 * strain:.6g} %" if strain is not None else f"tension {exact(tension or 0.0, 'N/m')}"
+            for strain, tension in driven
+        ]
+        equal = sides[0] == sides[1]
+        parts = [f"{sides[0]} in weft and warp"] if equal else [f"{sides[0]} in weft", f"{sides[1]} in warp"]
+        if self.displacement is not None:
+            parts = [f"displacement {exact(self.displacement, 'm')}"]
+        elif self.shear:
+            parts.append(f"shear {100.0 * self.shear:.6g} %")
+        if self.clamp_rotation:
+            parts.append(f"clamps rotated by {degrees(self.clamp_rotation):.6g} deg")
+        if self.pull:
+            parts.append(f"{len(self.pull)} pull{'s' if len(self.pull) > 1 else ''} of the edge")
+        gradient = ", with a gradient" if any(self.temperature_gradient) else ""
+        return f"{', '.join(parts)}, at {celsius(self.temperature)}{gradient}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep(Table):
+    """[sweep]: the grid of strains, or of tensions, that `warpknit map` runs."""
+
+    strain_weft: Annotated[tuple[values.Strain, ...], Field(min_length=1)] | None = key(
+        "Weft strains; `warpknit map` combines each with each warp strain.", None, left_out="required, or tensions"
+    )
+    strain_warp: Annotated[tuple[values.Strain, ...], Field(min_length=1)] | None = key(
+        "Warp strains.", None, left_out="required, or tensions"
+    )
+    tension_weft: Annotated[tuple[values.Tension, ...], Field(min_length=1)] | None = key(
+        "Instead of both strains: weft tensions, combined with each warp tension.", None
+    )
+    tension_warp: Annotated[tuple[values.Tension, ...], Field(min_length=1)] | None = key("Warp tensions.", None)
+    seeds: values.Seeds = key(
+        "With `knit.scatter`: number of meshes, with seeds from `knit.seed` on, over which the map is averaged.", 1
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _strains_or_tensions(cls, data: Any) -> Any:
+        data = exclusive(data, *((f"strain_{one}", f"tension_{other}") for one in SIDES for other in SIDES))
+        if isinstance(data, dict):
+            quantity = "tension" if any(f"tension_{side}" in data for side in SIDES) else "strain"
+            for side in SIDES:
+                if f"{quantity}_{side}" not in data:
+                    raise refused(
+                        "is missing", "write a list with at least one entry", key=f"{quantity}_{side}", given="the list"
+                    )
+        return data
+
+    @property
+    def by_tension(self) -> bool:
+        """Whether the loads are tensions, not strains."""
+        return self.tension_weft is not None
+
+    @property
+    def quantity(self) -> str:
+        """The loads in a word."""
+        return "tensions" if self.by_tension else "strains"
+
+    @property
+    def axes(self) -> tuple[list[float], list[float]]:
+        """Strains, or tensions [N/m], in weft and in warp, each once and in their order."""
+        weft, warp = (self.tension_weft, self.tension_warp) if self.by_tension else (self.strain_weft, self.strain_warp)
+        return sorted(set(weft or ())), sorted(set(warp or ()))
+
+    @property
+    def pairs(self) -> list[tuple[float, float]]:
+        """Loads of the map, weft and warp, line by line."""
+        weft, warp = self.axes
+        return [(x, y) for y in warp for x in weft]
+
+    def stage(self, load: Stage, pair: tuple[float, float]) -> Stage:
+        """`load`, with a pair of strains or tensions of the map."""
+        strains, tensions = ((None, None), pair) if self.by_tension else (pair, (None, None))
+        return replace(
+            load, strain_weft=strains[0], strain_warp=strains[1], tension_weft=tensions[0], tension_warp=tensions[1],
+            name=f"weft {pair[0]:g}, warp {pair[1]:g}",
+        )  # fmt: skip

@@ -10,21 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from warpknit.errors import BadValue
+from warpknit.scene import values
 from warpknit.scene.keys import Table, as_object, key
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
 from warpknit.scene.units import DIMENSIONS, QuantityError, si
-from warpknit.scene.values import (
-    Angle,
-    AxialStiffness,
-    CordTension,
-    EdgeLength,
-    FileName,
-    OutlineName,
-    PanelLength,
-    Percent,
-    Tension,
-    Vector,
-)
 
 MOST_CORNERS = 1000  # of a polygon
 
@@ -33,41 +22,41 @@ MOST_CORNERS = 1000  # of a polygon
 class Cord(Table):
     """[panel.cord]: an elastic cord along the outline, fixed at the net nodes."""
 
-    tension: CordTension = key(
+    tension: values.CordTension = key(
         'Tension of the cord when it lies on the strained outline. Write `cord = {tension = "1 N", stiffness = "1 kN"}`.'
     )
-    stiffness: AxialStiffness = key("Axial stiffness EA of the cord.")
+    stiffness: values.AxialStiffness = key("Axial stiffness EA of the cord.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PanelOptions(Table):
     """[panel]: outline and edge of a gripped mesh, and its target surface. None: not requested."""
 
-    outline: OutlineName = key(
+    outline: values.OutlineName = key(
         "Shape that is cut from endless cloth; weft is horizontal. `knit.repeats` is left out except with `rectangle`; it follows"
         " from the outline.",
         "rectangle",
     )
-    size: PanelLength | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
-    corners: tuple[Vector, ...] | None = key(
+    size: values.PanelLength | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
+    corners: tuple[values.Vector, ...] | None = key(
         "Corners of a polygon along its edge, in either direction. The origin is the middle of an opening of the knit.",
         None,
         allowed="a list of pairs, each a length, such as ['1 mm', '2 mm']",
     )
-    rotation: Angle = key("Counter-clockwise rotation of the outline relative to the knit.", 0.0)
-    grip_pitch: EdgeLength | None = key(
+    rotation: values.Angle = key("Counter-clockwise rotation of the outline relative to the knit.", 0.0)
+    grip_pitch: values.EdgeLength | None = key(
         "Distance between net nodes along the outline, adjusted to divide each side evenly. Requires `cord`.",
         None,
         left_out="held along the whole edge",
     )
     cord: Cord | None = key("Cord between the net nodes.", None)
-    focal_length: PanelLength | None = key(
+    focal_length: values.PanelLength | None = key(
         "Focal length of the paraboloid on which the edge is held, with its apex below the middle of the panel.", None
     )
-    tension_threshold: Tension | None = key(
+    tension_threshold: values.Tension | None = key(
         "The summary reports the fraction of the area with a lower tension in weft or warp.", None
     )
-    active_threshold: Percent | None = key(
+    active_threshold: values.Percent | None = key(
         "Percent. The summary reports the fraction of the area with fewer active contacts.", None
     )
 
@@ -90,7 +79,7 @@ class PanelOptions(Table):
 class PanelTable(PanelOptions):
     """[panel] as it stands in a file, with what says the same in another way."""
 
-    file: FileName | None = key(
+    file: values.FileName | None = key(
         "Instead of `corners`: a CSV file of two columns x and y beside the scene, `12.5 mm, 3 mm` a line, or numbers under a"
         " line of headings with the unit in brackets: `x [mm], y [mm]`.",
         None,

@@ -10,11 +10,9 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from warpknit.scene.capabilities import goes_together
-from warpknit.scene.file import SceneFile
+from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, goes_together
 from warpknit.scene.keys import Key, keys_below, keys_of
-from warpknit.scene.rules import RULES
-from warpknit.scene.traits import AT_COMMAND, COLUMNS, GROUPS, TRAITS
+from warpknit.scene.scene import SceneFile
 
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
 SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))
@@ -71,10 +69,9 @@ def _as_code(found: re.Match[str]) -> str:
 
 CAPABILITIES = """# Compatibility of features
 
-Generated from `warpknit/scene/traits.py` and `warpknit/scene/rules.py` by `python -m warpknit.scene.reference docs`. Excluded
-combinations are refused with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model
-are not in this table; the message states them. `model.kind = "auto"` is
-spatial, and planar only for what the spatial model lacks.
+Generated from `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. Excluded combinations are refused
+with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in this table;
+the message states them. `model.kind = "auto"` is spatial, and planar only for what the spatial model lacks.
 
 Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
 with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.

@@ -1,28 +1,94 @@
-"""The scene that the tables of a scene file make, a frozen object in plain SI.
+"""A whole scene file, checked, and the scene that its tables make: frozen objects in plain SI.
 
 A field made by `key` is a key of the file; keys.py says what follows from it. What a key of the file may leave out is there once
-`warpknit.scene.scene_loader` has filled it in. The tables are in wire.py, knit.py, hook.py, wire_file.py, panel_options.py,
-loads.py and options.py; file.py puts them together.
+`warpknit.scene.scene_loader` has filled it in; None in a scene means that the model chooses. The tables are in wire.py, knit.py,
+wire_file.py, panel_options.py and options.py.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, model_validator
+
 from warpknit.base.text import exact
 from warpknit.errors import SceneError
-from warpknit.scene.digest import digest
-from warpknit.scene.hook import Hook
-from warpknit.scene.knit import Knit
-from warpknit.scene.loads import Stage, Sweep
-from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Solver
-from warpknit.scene.panel_options import PanelOptions
+from warpknit.scene.keys import Table, given_values, key, keys_of
+from warpknit.scene.knit import Hook, Knit, KnitTable
+from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Solver, Stage, Sweep
+from warpknit.scene.panel_options import PanelOptions, PanelTable
 from warpknit.scene.presets import PRESETS, preset_like, tight_knits
+from warpknit.scene.units import si_text
+from warpknit.scene.values import Name, exclusive
 from warpknit.scene.wire import Wire
-from warpknit.scene.wire_file import WireFile
+from warpknit.scene.wire_file import WireFile, WiresTable
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneFile(Table):
+    """A whole scene file."""
+
+    name: Name | None = key("Names the run and its directory.", None, left_out="the file's name without .toml")
+    wire: Wire = key("What is knitted.", Wire())
+    knit: KnitTable = key("How it is knitted.", KnitTable())
+    hook: Hook | None = key("In place of `[knit]`: two arcs of wire that hook each other.", None)
+    wires: WiresTable | None = key("In place of `[knit]`: a file of centre lines that others made.", None)
+    model: ModelOptions = key("What is kept of the mesh.", ModelOptions())
+    panel: PanelTable = key("What a gripped mesh is cut along and held by.", PanelTable())
+    load: Stage = key("The first stage.", Stage())
+    path: tuple[Stage, ...] = key("The stages after it.", ())
+    contact: Contact = key("How wires touch.", Contact())
+    solver: Solver = key("How the state is found.", Solver())
+    output: Output = key("What is written.", Output())
+    sweep: Sweep | None = key("What `warpknit map` runs.", None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_kind_of_mesh(cls, data: Any) -> Any:
+        return exclusive(data, ("knit", "hook", "wires"))
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """[load], then each [[path]], with what they take over; of a direction, the way that was given last."""
+        stages: list[Stage] = []
+        so_far: dict[str, Any] = {}
+        for table in (self.load, *self.path):
+            given = given_values(table)
+            for direction in (("strain_weft", "tension_weft"), ("strain_warp", "tension_warp")):
+                if "displacement" in given or any(key in given for key in direction):
+                    so_far = {key: value for key, value in so_far.items() if key not in direction}
+            so_far = {key: value for key, value in so_far.items() if key not in ("name", "displacement")} | given
+            stages.append(Stage(**so_far))
+        return tuple(stages)
+
+
+def checked_file(table: dict[str, Any]) -> SceneFile:
+    """The file of a table as read from TOML. Raises pydantic's `ValidationError`."""
+    return _ADAPTER.validate_python(table)
+
+
+_ADAPTER = TypeAdapter(SceneFile)
+
+
+def digest(frozen: Any, *, without: str) -> str:
+    """SHA-256, in hex, of all values of a frozen object but one field of its own and those that do not compare."""
+    table = {key: value for key, value in _plain(frozen).items() if key != without}
+    return hashlib.sha256(json.dumps(table, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """A frozen object as nested dicts and lists."""
+    if is_dataclass(value):
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value) if entry.compare}
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    return value
+
 
 Override = str | tuple[str, Any]
 Overrides = Sequence[Override] | Mapping[str, Any]  # values of dotted keys: a mapping, or "key=value" strings and pairs
@@ -126,3 +192,44 @@ class Scene:
     def hash(self) -> str:
         """SHA-256 of the resolved values, in hex, independent of the name and the layout of the file."""
         return digest(self, without="name")
+
+
+RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene
+
+
+def resolved_toml(scene: Scene) -> str:
+    """The scene as a TOML file with every default written out, in SI units; it loads to an equal scene."""
+    import tomli_w
+
+    left_out: list[str] = []
+    table: dict[str, Any] = {"name": scene.name}
+    mesh = "hook" if scene.hook is not None else "wires" if scene.wires is not None else "knit"
+    for name in ("wire", mesh, "model", *(("panel",) if mesh == "knit" else ())):
+        table[name] = _written(getattr(scene, name), name, left_out)
+    table["load"], *path = [_written(stage, "", []) for stage in scene.stages]
+    if scene.hook is not None:
+        kept = ("name", "displacement", "temperature")
+        table["load"], *path = [{name: stage[name] for name in kept} for stage in (table["load"], *path)]
+    if path:
+        table["path"] = path
+    for name in ("contact", "solver", "output"):
+        table[name] = _written(getattr(scene, name), name, left_out)
+    if scene.sweep is not None:
+        table["sweep"] = _written(scene.sweep, "sweep", left_out)
+    return f"{RESOLVED} {', '.join(left_out)}\n\n" + tomli_w.dumps(table)
+
+
+def _written(value: Any, place: str, left_out: list[str]) -> Any:
+    """A frozen object as a table of TOML values. Keys without a value are named in `left_out`."""
+    if isinstance(value, tuple):
+        return [_written(entry, f"{place}[{index}]", left_out) for index, entry in enumerate(value)]
+    if not isinstance(value, Table):
+        return value
+    table = {}
+    for name, entry in keys_of(type(value)).items():
+        content, below = getattr(value, name), f"{place}.{name}"
+        if content is None:
+            left_out.append(below)
+        else:
+            table[name] = si_text(content, entry.unit) if entry.unit else _written(content, below, left_out)
+    return table

@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from warpknit.base.text import at_least, at_most
-from warpknit.scene.file import SceneFile
-from warpknit.scene.hook import Hook
-from warpknit.scene.hook_defaults import hook_loads
-from warpknit.scene.keys import given_values
-from warpknit.scene.knit import Knit
-from warpknit.scene.loads import Pull, Stage
+from warpknit.base.text import at_least, at_most, both, exact
+from warpknit.scene.keys import as_object, given_values
+from warpknit.scene.knit import Hook, Knit
+from warpknit.scene.messages import Source, scene_error
+from warpknit.scene.options import Pull, Stage
 from warpknit.scene.outline import Outline
 from warpknit.scene.panel_options import PanelOptions
-from warpknit.scene.source import Source
+from warpknit.scene.scene import SceneFile
 from warpknit.scene.units import tidy
 from warpknit.scene.values import STRAIN
 from warpknit.scene.wire import Wire
+from warpknit.scene.wire_file import (
+    LOOP_SIZE,
+    MOST_THICKNESS,
+    POLYLINES,
+    USD,
+    WITH_WIDTHS,
+    WITHOUT_UNIT,
+    WireFile,
+    WireFileError,
+    WiresTable,
+    checked_bytes,
+)
 
 FARTHEST_PULL = 0.5  # of the width of a panel: largest pull
 NEAR_EDGE = 0.1  # of the width of a panel: largest distance of a pull from its edge
@@ -124,3 +137,133 @@ def _displaced(source: Source, location: Sequence[int | str], displacement: floa
             raise source.refusal(location, displacement, wrong, instead) from error
         load |= _direction(side, strain, None)
     return load
+
+
+SHORTEST = 0.5  # radii of wire
+LEAST_OVERLAP = 1.5  # diameters of the wire
+LEAST_RADIUS = 4.0  # diameters of the wire
+CROSSING = {"planar": None, "spatial": 1.3}  # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit
+
+
+def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
+    """The hook with its defaults, or None. Raises `SceneError` for values out of range or excluded with a hook."""
+    table = file.hook
+    if table is None:
+        return None
+    length = 2.0 * math.pi / 3.0 * table.radius if table.length is None else table.length
+    overlap = 0.2 * table.radius if table.overlap is None else table.overlap
+    least = LEAST_RADIUS * wire.diameter
+    if table.radius < least:
+        wrong = f"is below {LEAST_RADIUS:g} diameters of the wire"
+        raise source.refusal(("hook", "radius"), table.radius, wrong, f"write at least {at_least(least, 'm')}")
+    if not SHORTEST * table.radius <= length <= math.pi * table.radius:
+        shortest, longest = at_least(SHORTEST * table.radius, "m"), at_most(math.pi * table.radius, "m")
+        wrong = "is not from half a radius to half a circle"
+        raise source.refusal(("hook", "length"), length, wrong, f"write {shortest} to {longest}")
+    rise = table.radius * (1.0 - math.cos(0.5 * length / table.radius))
+    least = LEAST_OVERLAP * wire.diameter
+    if not least <= overlap <= rise:
+        wrong = "does not let the wires cross twice, with room for a body in between"
+        raise source.refusal(("hook", "overlap"), overlap, wrong, f"write {at_least(least, 'm')} to {at_most(rise, 'm')}")
+    crossing = _crossing_distance(source, file, table, wire, overlap)
+    return replace(table, length=length, overlap=overlap, crossing_distance=crossing)
+
+
+def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire, overlap: float) -> float | None:
+    """[m] crossing distance with its default; None in the planar model."""
+    usual = CROSSING[file.model.kind]
+    if usual is None:
+        return None
+    given = table.crossing_distance
+    distance = usual * wire.thickness if given is None else given
+    if not wire.thickness <= distance <= overlap:
+        wrong = "is not from the thickness of the wire to hook.overlap"
+        instead = f"write {at_least(wire.thickness, 'm')} to {at_most(overlap, 'm')}"
+        raise source.refusal(("hook", "crossing_distance"), distance, wrong, instead)
+    return distance
+
+
+def hook_loads(
+    source: Source, stages: Iterator[tuple[tuple[int | str, ...], str, Stage]], wire: Wire, hook: Hook
+) -> Iterator[dict[str, Any]]:
+    """Name, displacement, temperature and shear of the frame of each stage, given where it stands in the file, its name and its
+    table; a stage takes over from the one before what it leaves out."""
+    displacement, temperature = 0.0, wire.reference_temperature
+    for location, name, table in stages:
+        given = given_values(table)
+        given.pop("name", None)
+        displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
+        if abs(displacement) > hook.length:
+            wrong = "is above the length of a wire"
+            instead = f"write at most {at_most(hook.length, 'm')}"
+            raise source.refusal((*location, "displacement"), displacement, wrong, instead)
+        shear = displacement / hook.height
+        yield {"name": name, "displacement": displacement, "temperature": temperature, "shear": shear}
+
+
+def file_diameter(source: Source, file: SceneFile) -> float | None:
+    """[m] Diameter of the thickest wire in a file whose widths count; None: they do not. Raises `SceneError`."""
+    table = file.wires
+    is_given = "diameter" in source.table.get("wire", {})
+    if table is None or table.widths is False or (is_given and table.widths is None):
+        return None
+    path = source.path.parent / table.file
+    radius, fault = _file_radius(source, path, table) if path.suffix.lower() in WITH_WIDTHS else (None, "")
+    if fault and not table.widths:
+        raise scene_error(source.path, "wire.diameter", f"missing: {path.name!r} has {fault}", "write one")
+    if radius is None:
+        if table.widths:
+            wrong = f"does not fit {path.name!r}, which has {fault or 'no widths'}"
+            raise source.refusal(("wires", "widths"), True, wrong, "leave it out")
+        return None
+    thickest, thinnest = (2.0 * float(limit) for limit in (radius.max(), radius.min()))
+    if thickest > MOST_THICKNESS or file.wire.with_thickness(thinnest).diameter <= 0.0:
+        wrong = f"{path.name!r} has wires {both(exact(thinnest, 'm'), exact(thickest, 'm'))} thick"
+        instead = f"use wires thicker than their plating, of at most {exact(MOST_THICKNESS, 'm')}"
+        raise scene_error(source.path, "wires.file", wrong, instead)
+    return file.wire.with_thickness(thickest).diameter
+
+
+def _file_radius(source: Source, path: Path, table: WiresTable) -> tuple[np.ndarray | None, str]:
+    """(wire,) [m] radius of the wires in a file, and why it has none. Raises `SceneError`."""
+    from warpknit.wires.file_curves import stated_radius
+
+    try:
+        return stated_radius(path, time=table.time)
+    except WireFileError as error:
+        raise scene_error(source.path, "wires.file", f"{table.file!r} {error.wrong}", error.instead) from error
+
+
+def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> WireFile | None:
+    """The file of wires with its defaults, relative to the scene, or None; has_widths: whether its widths count.
+
+    Raises `SceneError`.
+    """
+    table = file.wires
+    if table is None:
+        return None
+    path = source.path.parent / table.file
+    try:
+        data = checked_bytes(path)
+    except WireFileError as error:
+        raise source.refusal(("wires", "file"), table.file, error.wrong, error.instead) from error
+    suffix = path.suffix.lower()
+    if table.unit is None and suffix in WITHOUT_UNIT:
+        raise scene_error(source.path, "wires.unit", f"missing: a {suffix} file has no unit", "write one, such as 'mm'")
+    if table.unit is not None and suffix in USD:
+        raise source.refusal(("wires", "unit"), table.unit, f"is not allowed: a {suffix} file has its own unit", "leave it out")
+    if table.closed and suffix not in POLYLINES:
+        raise source.refusal(("wires", "closed"), True, f"is not allowed: a {suffix} file marks its closed wires", "leave it out")
+    if table.period is not None and suffix == ".pyp":
+        raise source.refusal(("wires", "period"), table.period, "is not allowed: a .pyp file has its own period", "leave it out")
+    if table.time is not None and suffix not in USD:
+        raise source.refusal(("wires", "time"), table.time, f"has no effect with a {suffix} file", "leave it out")
+    return as_object(
+        WireFile,
+        table,
+        file=str(path.resolve()),
+        widths=has_widths,
+        digest=hashlib.sha256(data).hexdigest(),
+        node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,
+        loop_size=LOOP_SIZE * wire.diameter if table.loop_size is None else table.loop_size,
+    )

@@ -26,7 +26,7 @@ def refused(wrong: str, instead: str, **context: Any) -> PydanticCustomError:
     return PydanticCustomError("refused", "{wrong}; {instead}", {"wrong": wrong, "instead": instead, **context})
 
 
-class Check:
+class ValueCheck:
     """A callable value -> checked value, with `allowed`: the allowed values, in words."""
 
     allowed: str
@@ -45,7 +45,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Quantity(Check):
+class Quantity(ValueCheck):
     """A number of one dimension (a key of units.DIMENSIONS) within bounds, in SI."""
 
     dimension: str
@@ -95,7 +95,7 @@ class Quantity(Check):
 
 
 @dataclass(frozen=True)
-class Unit(Check):
+class Unit(ValueCheck):
     """A length that is one unit of a file, or the name of that unit, in SI."""
 
     allowed: str = "a length above 0 m, such as 'mm' or '25.4 mm'"
@@ -111,7 +111,7 @@ class Unit(Check):
 
 
 @dataclass(frozen=True)
-class Integer(Check):
+class Integer(ValueCheck):
     """A whole number within bounds. `true` and 2.0 are not whole numbers."""
 
     least: int
@@ -129,7 +129,7 @@ class Integer(Check):
         return value
 
 
-def both(pair: Check, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
+def both(pair: ValueCheck, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
     """The two values of a pair, each checked by itself; errors are reported for the pair."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise pair.refusal("is not a pair")
@@ -143,7 +143,7 @@ def both(pair: Check, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
 
 
 @dataclass(frozen=True)
-class IntegerPair(Check):
+class IntegerPair(ValueCheck):
     """Two whole numbers, one for weft and one for warp."""
 
     each: Integer
@@ -157,7 +157,7 @@ class IntegerPair(Check):
 
 
 @dataclass(frozen=True)
-class Pair(Check):
+class Pair(ValueCheck):
     """Two quantities, one for weft and one for warp."""
 
     each: Quantity
@@ -172,7 +172,7 @@ class Pair(Check):
 
 
 @dataclass(frozen=True)
-class Choice(Check):
+class Choice(ValueCheck):
     """One of a few words."""
 
     options: tuple[str, ...]
@@ -192,7 +192,7 @@ class Choice(Check):
 
 
 @dataclass(frozen=True)
-class Switch(Check):
+class Switch(ValueCheck):
     """true or false."""
 
     allowed: str = "true, false"
@@ -205,7 +205,7 @@ class Switch(Check):
 
 
 @dataclass(frozen=True)
-class Text(Check):
+class Text(ValueCheck):
     """A string that matches a pattern."""
 
     pattern: str
@@ -218,7 +218,7 @@ class Text(Check):
 
 
 @dataclass(frozen=True)
-class Links(Check):
+class Links(ValueCheck):
     """A chain of links a-b, without its spaces and the // that ends a published one."""
 
     allowed: str = "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'"

@@ -6,23 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from warpknit.scene import values
 from warpknit.scene.keys import Table, key
 from warpknit.scene.materials import MATERIALS
-from warpknit.scene.values import (
-    Coating,
-    Density,
-    Ends,
-    Expansion,
-    Flag,
-    Fraction,
-    Hardness,
-    MaterialName,
-    PoissonsRatio,
-    RoomTemperature,
-    Strength,
-    Stress,
-    ThinLength,
-)
 
 ROOM_TEMPERATURE = 293.15  # [K]
 
@@ -31,65 +17,65 @@ ROOM_TEMPERATURE = 293.15  # [K]
 class Plating(Table):
     """[wire] plating: a coating of another metal on each wire, outside its diameter."""
 
-    material: MaterialName = key('Metal of the coating. Write `plating = {material = "gold", thickness = "0.2 um"}`.', "gold")
-    thickness: Coating = key("Thickness of the coating, which adds stiffness, mass and diameter.")
+    material: values.MaterialName = key(
+        'Metal of the coating. Write `plating = {material = "gold", thickness = "0.2 um"}`.', "gold"
+    )
+    thickness: values.Coating = key("Thickness of the coating, which adds stiffness, mass and diameter.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wire(Table):
     """[wire]: the yarn of `ends` parallel round wires. Stiffness and mass are those of all ends, plating included."""
 
-    material: MaterialName = key(
-        "Default of Young's modulus, Poisson's ratio, density, expansion, yield stress and strength.",
-        "tungsten",
+    material: values.MaterialName = key(
+        "Default of Young's modulus, Poisson's ratio, density, expansion, yield stress and strength.", "tungsten"
     )
-    youngs_modulus: Stress = key("Young's modulus.", None, left_out="the material's")
-    poissons_ratio: PoissonsRatio = key(
+    youngs_modulus: values.Stress = key("Young's modulus.", None, left_out="the material's")
+    poissons_ratio: values.PoissonsRatio = key(
         "Poisson's ratio; sets the twist stiffness in the spatial model, not used in the planar one.",
         None,
         left_out="the material's",
     )
-    density: Density = key('Density, for `drive = "ramp"` and the areal mass.', None, left_out="the material's")
-    expansion: Expansion = key(
+    density: values.Density = key('Density, for `drive = "ramp"` and the areal mass.', None, left_out="the material's")
+    expansion: values.Expansion = key(
         "Thermal expansion coefficient; plating does not change it (0.2 um of gold on 15 um would add 2 %).",
         None,
         left_out="the material's",
     )
-    yield_stress: Strength = key(
+    yield_stress: values.Strength = key(
         "Elastic limit, for warnings and `yield_fraction`. Without `plastic` the wire stays elastic at any stress and takes no"
         " permanent set.",
         None,
         left_out="the material's",
     )
-    tensile_strength: Strength = key("Tensile strength, for warnings.", None, left_out="the material's")
-    hardness: Hardness = key(
+    tensile_strength: values.Strength = key("Tensile strength, for warnings.", None, left_out="the material's")
+    hardness: values.Hardness = key(
         "Hardness of the surface (the plating, if any), for the contact resistance of a report, which is proportional to its"
         " square root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
         None,
         left_out="that of the metal at the surface",
     )
-    diameter: ThinLength = key(
+    diameter: values.ThinLength = key(
         "Diameter of one wire, without plating. With a file of wires that has widths: that of its thickest wire, if left out"
         " (`wires.widths`).",
         15e-6,
     )
-    ends: Ends = key(
+    ends: values.Ends = key(
         "Number of parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is a round bundle of the"
         " same cross-section.",
         1,
     )
     plating: Plating | None = key("Coating of another metal.", None)
-    plastic: Flag = key(
-        'The wire yields in bending at `yield_stress`; `drive = "relax"` only. The state then depends on the load history.',
-        False,
+    plastic: values.Flag = key(
+        'The wire yields in bending at `yield_stress`; `drive = "relax"` only. The state then depends on the load history.', False
     )
-    hardening: Fraction = key("Tangent bending stiffness after yield, over the elastic one.", 0.1)
-    set_fraction: Fraction = key(
+    hardening: values.Fraction = key("Tangent bending stiffness after yield, over the elastic one.", 0.1)
+    set_fraction: values.Fraction = key(
         "Natural (stress-free) curvature of the wire over its knitted curvature, given rather than computed from yield. 1: the"
         " knitted shape is stress-free.",
         1.0,
     )
-    reference_temperature: RoomTemperature = key(
+    reference_temperature: values.RoomTemperature = key(
         "Temperature of zero thermal strain, and default temperature of the mesh.", ROOM_TEMPERATURE
     )
 

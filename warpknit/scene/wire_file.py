@@ -8,8 +8,8 @@ from pathlib import Path
 
 from warpknit.base.text import either
 from warpknit.errors import BadValue
+from warpknit.scene import values
 from warpknit.scene.keys import Table, key
-from warpknit.scene.values import FileName, Flag, Interpolation, Length, LengthUnit, LoopLength, Number, Period, WireRepeats
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
@@ -33,52 +33,52 @@ class WireFileError(BadValue):
 class WiresTable(Table):
     """[wires], in place of [knit]: a file of centre lines and how it is read."""
 
-    file: FileName = key(
+    file: values.FileName = key(
         "File name relative to the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`, of at most 256"
         " MiB and two million points.",
         compare=False,  # where it is: what is in it is compared
     )
-    unit: LengthUnit | None = key(
+    unit: values.LengthUnit | None = key(
         "Length unit of the file: required with `.bcc`, `.npz` and a `.csv` without units, not allowed with USD. A `.pyp` is in"
         " m.",
         None,
         left_out="the file's",
     )
-    node_spacing: Length = key(
+    node_spacing: values.Length = key(
         "Distance between nodes, evenly spaced in arc length along each wire; at most four million nodes. A run requires at least"
         " half a diameter.",
         None,
         left_out="the wire's diameter",
     )
-    loop_size: LoopLength = key(
+    loop_size: values.LoopLength = key(
         "Characteristic length W, the counterpart of the wale spacing of a knit: forces are compared with EI/W^2, energies with"
         " EI/W per loop, lenses of hooked wires are searched up to 1.65 W, and wires that cross up to W/2 apart count as one"
         " layer.",
         None,
         left_out="20 diameters of the wire",
     )
-    interpolation: Interpolation = key(
+    interpolation: values.Interpolation = key(
         "Interpolation between the points of polylines (`.csv`, `.npz`, `.pyp`, linear USD curves, `PL` of a `.bcc`): a smooth"
         " curve, or straight lines with corners.",
         "spline",
     )
-    closed: Flag = key(
+    closed: values.Flag = key(
         "Join the ends of all wires of a `.csv` or `.npz`. A wire whose last point repeats its first is always closed.", False
     )
-    period: Period | None = key(
+    period: values.Period | None = key(
         "Period of a periodic mesh along weft and warp: open wires, whose ends must be whole periods apart, continue in the next"
         " period. A `.pyp` contains it.",
         None,
         left_out="the file's",
     )
-    repeats: WireRepeats = key("Repeats of the file along weft and warp in one tile.", (1, 1))
-    widths: Flag | None = key(
+    repeats: values.WireRepeats = key("Repeats of the file along weft and warp in one tile.", (1, 1))
+    widths: values.Flag | None = key(
         "The thickness of each wire (plating and ends included) is that of the file: `widths` of USD, radius of a `.pyp`. Sets"
         " contact, stiffness and mass of each wire, and `wire.diameter` to the thickest.",
         None,
         left_out="true if the file has widths and `wire.diameter` is left out",
     )
-    time: Number | None = key(
+    time: values.Number | None = key(
         "Time code of an animated USD stage, such as the `scene.usda` of a run.", None, left_out="the first"
     )
 

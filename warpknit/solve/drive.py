@@ -15,8 +15,7 @@ from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.protocols import Mechanics
-from ..mesh.load_point import LoadPoint
-from ..mesh.rim import Rim
+from ..mesh.rim import LoadPoint, Rim
 from ..scene import Stage
 from .progress import LoadStart, Progress, Record
 from .stage_load import load_at, temperature_at

@@ -19,8 +19,7 @@ from ..measure.strain import strain_text, stretch
 from ..mechanics.numerics import renewed_pace
 from ..mechanics.protocols import EdgeMechanics, MultilevelMechanics, advance
 from ..mechanics.response import find_response, load_response, zero_response
-from ..mesh.load_point import LoadPoint
-from ..mesh.rim import Rim, build_rim
+from ..mesh.rim import LoadPoint, Rim, build_rim
 from .aitken import Aitken
 from .convergence import TENSION_FLOOR
 from .drive import under

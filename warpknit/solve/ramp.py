@@ -23,7 +23,7 @@ from ..compute.steering import Steering
 from ..measure import tension_scale
 from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import advance
-from ..mesh.load_point import LoadPoint
+from ..mesh.rim import LoadPoint
 from ..scene import Stage
 from .drive import Drive
 from .progress import Record

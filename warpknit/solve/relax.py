@@ -17,7 +17,7 @@ from ..errors import Diverged, NoProgress, StepLimitExceeded
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..mechanics.protocols import Mechanics, SingleMesh
-from ..mesh.load_point import LoadPoint
+from ..mesh.rim import LoadPoint
 from ..scene import Stage
 from .drive import Drive, under
 from .equilibrium import Equilibrium

@@ -11,8 +11,7 @@ from statistics import median
 from ..errors import Diverged
 from ..mechanics.numerics import thread_count
 from ..mechanics.protocols import Model
-from ..mesh.layout import mesh_nodes
-from ..mesh.smaller import of_repeats, smaller_scene
+from ..mesh.layout import mesh_nodes, of_repeats, smaller_scene
 from ..scene import Scene
 from .model import build_model
 from .progress import Progress

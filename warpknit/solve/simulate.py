@@ -9,12 +9,11 @@ from typing import Any, cast
 import numpy as np
 
 from ..base.text import engineering, percent
-from ..compute.device_choice import device_of_mesh
+from ..compute import device_of_mesh
 from ..compute.ranks import One, Ranks
 from ..errors import InputError, ModelError
 from ..mechanics.protocols import Model, MultilevelMechanics
-from ..mesh.layout import estimated_nodes
-from ..mesh.smaller import one_repeat, smaller_scene
+from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
 from ..scene import Scene
 from .drive import Drive
 from .model import build_model, initial_state, mechanics_of

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mesh.load_point import PATH_STRAIN, LoadPoint
-from ..mesh.rim import Rim
+from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim
 from ..scene import Scene, Stage
 from .progress import LoadStart
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..measure.contact_places import ContactPlaces, arcs_along
-from ..measure.measures import active_threshold
+from ..measure import active_threshold
+from ..measure.observables import ContactPlaces, arcs_along
 from ..wires.overlaps import segment_distances
 from .rest_curve import rest_place
 from .sites import NOWHERE

@@ -15,8 +15,8 @@ from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
 from ..wires.centre_lines import Wires
 from ..wires.directors import dot
+from ..wires.hooks import Places, find_places
 from ..wires.overlaps import close_places
-from ..wires.places import Places, find_places
 from .node_stiffness import node_stiffness
 from .placed_wires import SpatialWires
 from .rods import Rods, Section, rods_of
@@ -34,7 +34,7 @@ EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
     """The wires as a panel with a body for each place where they may touch, their clamps, and the rods.
 
-    Places are hooks and other crossings (wires/places.py), and where else wires come near each other.
+    Places are hooks and other crossings (wires/hooks.py), and where else wires come near each other.
 
     Natural lengths, curvature and twist are those of the file where it has them. sections [wire]: of each wire. loop_length [m]:
     approximate length of wire in a loop. Raises `ModelError`.

@@ -1,4 +1,4 @@
-"""Contact of two hooked wires in space, by the names of measure/hook_contact.py.
+"""Contact of two hooked wires in space, by the names of measure/observables.py.
 
 The wires wind round each other and touch in two or three places, whose forces have opposite components out of the plane. The
 contact force is their sum; its place along a wire is their mean, weighted by the in-plane component along that sum.
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.hook_contact import HookContact
-from ..measure.measures import active_threshold
+from ..measure import active_threshold
+from ..measure.observables import HookContact
 from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from .hook_wires import BETWEEN
 

@@ -13,9 +13,8 @@ from ..compute.host import Entries, fetch, store
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check, Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
-from ..mesh.load_point import LoadPoint
-from ..mesh.rim import Rim
-from ..mesh.smaller import smaller_scene
+from ..mesh.layout import smaller_scene
+from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import MovingClamps
 from .contact_checks import ContactSums

@@ -15,14 +15,10 @@ import warp as wp
 from ..base.text import short_repr
 from ..compute.host import fetch
 from ..compute.steering import Steering
-from ..measure import strain
-from ..measure.boundary import Boundary
-from ..measure.contact_places import ContactPlaces
+from ..measure import active_threshold, strain
 from ..measure.drawn_curve import WireCurve
-from ..measure.hook_contact import HookContact
-from ..measure.measures import active_threshold
-from ..measure.observables import Energies, WireStress
-from ..measure.panel_map import PanelMap
+from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, WireStress
+from ..measure.strain import Boundary
 from ..measure.tiles import has_map
 from .contact_places import contact_places, site_places, touched_places
 from .contacts import Contacts

@@ -1,4 +1,4 @@
-"""The virial of a gripped panel in space, tile by tile, for its map (measure/panel_map.py)."""
+"""The virial of a gripped panel in space, tile by tile, for its map (measure/tiles.py)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..measure.panel_map import PanelMap
+from ..measure.observables import PanelMap
 from ..measure.tiles import Tiles, panel_map_of
 from .rest_curve import rest_place
 

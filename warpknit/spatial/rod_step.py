@@ -23,9 +23,8 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, store
-from ..compute.launch import Launch, bind, replay
+from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.precision import DOUBLE, Precision
-from ..compute.row_sums import fewer_rows
 from ..compute.steering import Steering
 from ..compute.team import Team
 from ..kernels.control import update_control

@@ -15,8 +15,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import Mirror, fetch, is_in_place
-from ..compute.launch import Launch, bind, replay
-from ..compute.row_sums import fewer_rows
+from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.steering import Steering
 from ..errors import ModelError
 from ..kernels.control import PARTIAL_COUNT, update_control

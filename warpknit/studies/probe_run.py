@@ -12,7 +12,7 @@ from functools import cached_property
 
 from ..errors import Diverged
 from ..mechanics.trial import Setting, edge_of
-from ..mesh.smaller import of_repeats
+from ..mesh.layout import of_repeats
 from ..scene import Scene
 from ..solve.model import build_model, trials_of
 from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of

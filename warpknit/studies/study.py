@@ -33,7 +33,7 @@ from .parameters import Overrides, Point
 from .pareto import pareto
 from .point import Errors, Outcome, Results, errors_of, run_point, scales_of, settings_of_scene
 from .trade_summary import columns_of, parameter_table, point_summary
-from .trade_table import Row, read_rows, write_rows
+from .trade_table import TradeRow, read_rows, write_rows
 
 _log = logging.getLogger(__name__)
 
@@ -179,7 +179,7 @@ class _Study:
             )
         if is_reference and outcome.results is None:
             raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {outcome.message}")
-        self.rows.append(Row(point.name, point.group, point.parameter, outcome))
+        self.rows.append(TradeRow(point.name, point.group, point.parameter, outcome))
         self._compute_errors()
         write_rows(self.path, self.rows)
 
@@ -250,6 +250,6 @@ class _Study:
         trade_figure(self.out / "figures" / "trade.png", marks, tuple(own.values()), title=self.base.scene.name)
 
 
-def _repeats(row: Row) -> int:
+def _repeats(row: TradeRow) -> int:
     """Number of repeats of the mesh of a point."""
     return math.prod(int(part) for part in str(row.outcome.settings["repeats"]).split("x"))

@@ -20,7 +20,7 @@ from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
 from ..mechanics.numerics import thread_count
-from ..mesh.smaller import smaller_scene
+from ..mesh.layout import smaller_scene
 from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Progress as Display

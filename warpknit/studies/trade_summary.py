@@ -10,10 +10,10 @@ from ..base.text import rounded
 from ..runner.summary_table import model_rows
 from . import parameters
 from .point import Errors
-from .trade_table import Row
+from .trade_table import TradeRow
 
 
-def point_summary(row: Row) -> dict[str, Any]:
+def point_summary(row: TradeRow) -> dict[str, Any]:
     """Name, cost and errors of a point, for trade.json."""
     outcome = row.outcome
     return {
@@ -26,7 +26,7 @@ def point_summary(row: Row) -> dict[str, Any]:
     }
 
 
-def parameter_table(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def parameter_table(rows: Sequence[TradeRow]) -> list[dict[str, Any]]:
     """Effect of each parameter alone: cost relative to the unchanged scene, and errors."""
     base = next((row for row in rows if row.parameter == parameters.BASE), None)
     if base is None:

@@ -27,7 +27,7 @@ COLUMNS = (
 
 
 @dataclass
-class Row:
+class TradeRow:
     """One point: its group, its outcome and, once there is a reference, its errors."""
 
     point: str
@@ -47,7 +47,7 @@ class Row:
         return self.parameter if self.group == "preset" else ""
 
 
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
+def write_rows(path: Path, rows: Sequence[TradeRow]) -> None:
     """Write the table, atomically."""
     with write_aside(path) as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
@@ -62,7 +62,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
             writer.writerow(values | {"stop_reason": outcome.stop_reason, "message": outcome.message})
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path) -> list[TradeRow]:
     """Rows that `write_rows` wrote, without errors, settings as text; none where the file is absent.
 
     Raises `RunDirectoryError` where it is of another version.
@@ -76,7 +76,7 @@ def read_rows(path: Path) -> list[Row]:
         return [_row(values) for values in reader]
 
 
-def _row(values: dict[str, str]) -> Row:
+def _row(values: dict[str, str]) -> TradeRow:
     results = Results(**{name: float(values[name]) for name in RESULTS}) if values[RESULTS[0]] else None
     outcome = Outcome(
         settings={name: values[name] or None for name in SETTINGS},
@@ -88,4 +88,4 @@ def _row(values: dict[str, str]) -> Row:
         steps=int(values["steps"]),
         node_steps=int(values["node_steps"]),
     )
-    return Row(values["point"], values["group"], values["knob"], outcome)
+    return TradeRow(values["point"], values["group"], values["knob"], outcome)

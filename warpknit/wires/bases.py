@@ -1,4 +1,4 @@
-"""Control points to cubic pieces in Bezier form, for each way in which files describe a curve.
+"""Centre lines as a file has them, in its unit: control points to cubic pieces in Bezier form, for each kind of curve.
 
 Of the four control points P0..P3 of a piece, with B0..B3 its Bezier points:
 
@@ -12,11 +12,84 @@ pinned puts 2 P[0] - P[1] before the first and 2 P[n-1] - P[n-2] behind the last
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
 
-from warpknit.wires.curve import LEAST, BadFile, Curve
+MOST_POINTS = 2_000_000  # of a file
+NAMED = 3  # of what is not used in a file, in a note
+MOST = 1e9  # of a coordinate, in the file's unit
+LEAST = 1e-15  # of a distance between points that differ, in the file's unit
+
+
+class BadFile(Exception):
+    """A file is not what its name says: `given`, such as 'a file that ends in its header'."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """pieces (piece, 4, 3): Bezier control points, each piece beginning where the last one ended.
+
+    A closed curve ends where it begins; a periodic one ends at its beginning moved by `shift` repeats.
+    """
+
+    pieces: np.ndarray
+    kind: str  # open | closed | periodic
+    shift: tuple[int, int] = (0, 0)
+    slack: np.ndarray | None = None  # (piece,) length free of stress over length
+    # of a wire that goes on, at the beginnings of its pieces: natural turn as a vector on the section at rest (piece, 3) [rad];
+    # twist at rest less natural twist (piece,) [rad]
+    natural_turn: np.ndarray | None = None
+    twist: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFile:
+    """What a reader found. Lengths are in the file's unit."""
+
+    curves: tuple[Curve, ...]
+    metres: float | None = None  # in a unit of the file, where it says so
+    radius: np.ndarray | None = None  # (curve,) where the file says it
+    no_radius: str = ""  # why widths of the file are no radius of each curve
+    period: np.ndarray | None = None  # (2,)
+    notes: tuple[str, ...] = ()  # what the file states and is not used
+
+
+def some_of(names: list[str]) -> str:
+    """The first of these names, and how many more there are."""
+    more = f"; {len(names) - NAMED:,} more" if len(names) > NAMED else ""
+    return "; ".join(names[:NAMED]) + more
+
+
+def check_points(points: np.ndarray) -> np.ndarray:
+    """`points` (point, 3) as doubles. Raises `BadFile` where a coordinate is no number, or beyond MOST."""
+    points = np.asarray(points, dtype=np.float64)
+    bad = ~(np.abs(points) <= MOST).all(axis=-1)
+    if bad.any():
+        number = int(np.argmax(bad))
+        raise BadFile(f"point {number + 1} at {', '.join(f'{x:g}' for x in points[number])}")
+    return points
+
+
+def check_count(count: int) -> None:
+    """Raises `BadFile` for more points than are read; called before memory is taken."""
+    if count > MOST_POINTS:
+        raise BadFile(f"{count:,} points, more than {MOST_POINTS:,}")
+
+
+_UPRIGHT = {
+    0: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),  # x up: y, z, x
+    1: np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),  # y up: x, -z, y, as tools with z up read such files
+    2: np.eye(3),
+}
+
+
+def upright(points: np.ndarray, up: int) -> np.ndarray:
+    """Points (..., 3) turned so that their axis `up` (0, 1 or 2) is z; a rotation, so nothing is mirrored."""
+    return points @ _UPRIGHT[up].T
+
 
 MATRICES = {
     "catmullRom": np.array([[0, 6, 0, 0], [-1, 6, 1, 0], [0, 1, 6, -1], [0, 0, 6, 0]]) / 6.0,

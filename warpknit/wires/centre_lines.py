@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +23,8 @@ class Wires:
     period: np.ndarray | None  # (2,) [m] width and height of a repeat; None: the wires do not repeat
     radius: np.ndarray | None  # (wire,) [m] where the file says it
     rest_lengths: tuple[np.ndarray, ...] | None  # of each wire (segment,) [m] straight, free of stress, where the file says it
-    natural_turns: tuple[np.ndarray, ...] | None = None  # of each wire (node, 3) [rad], see natural_shape.py; None: as at rest
-    twist_strains: tuple[np.ndarray, ...] | None = None  # of each wire (node,) [rad], see natural_shape.py; None: 0
+    natural_turns: tuple[np.ndarray, ...] | None = None  # of each wire (node, 3) [rad], see read.py; None: as at rest
+    twist_strains: tuple[np.ndarray, ...] | None = None  # of each wire (node,) [rad], see read.py; None: 0
     notes: tuple[str, ...] = ()  # what the file states and is not used
 
     @property
@@ -54,3 +55,47 @@ class Wires:
         """(wire,) [m] sums of the segments."""
         ends = (self.ends(wire) for wire in range(len(self.points)))
         return np.array([np.linalg.norm(last - first, axis=1).sum() for first, last in ends])
+
+
+def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:
+    """The wires of so many repeats along x and y, which from then on are one repeat.
+
+    A periodic wire that goes on by (i, j) repeats passes through n = lcm(a/gcd(a, i), b/gcd(b, j)) of the a x b there are before
+    it is back where it began; so it becomes a b/n wires of n pieces, each going on by (n i/a, n j/b) of the larger repeats.
+    """
+    if wires.period is None or repeats == (1, 1):
+        return wires
+    points, kinds, shifts, origin, counts = [], [], [], [], []
+    for number, (piece, kind) in enumerate(zip(wires.points, wires.kinds, strict=True)):
+        shift = wires.shifts[number]
+        count = math.lcm(*(side // math.gcd(side, int(step)) for side, step in zip(repeats, shift, strict=True)))
+        taken = np.zeros(repeats, dtype=bool)
+        for start in np.ndindex(*repeats):
+            if taken[start]:
+                continue
+            cells = np.array(start) + np.arange(count)[:, None] * shift
+            taken[tuple((cells % repeats).T)] = True
+            places = np.column_stack([cells * wires.period, np.zeros(count)])
+            points.append((piece + places[:, None]).reshape(-1, 3))
+            kinds.append(kind)
+            shifts.append(count * shift // repeats)
+            origin.append(number)
+            counts.append(count)
+
+    def of_copies(values: tuple[np.ndarray, ...] | None) -> tuple[np.ndarray, ...] | None:
+        if values is None:
+            return None
+        pieces = zip(origin, counts, strict=True)
+        return tuple(np.concatenate([values[number]] * count) for number, count in pieces)
+
+    return replace(
+        wires,
+        points=tuple(points),
+        kinds=tuple(kinds),
+        shifts=np.array(shifts, dtype=np.int64),
+        period=wires.period * repeats,
+        radius=None if wires.radius is None else wires.radius[origin],
+        rest_lengths=of_copies(wires.rest_lengths),
+        natural_turns=of_copies(wires.natural_turns),
+        twist_strains=of_copies(wires.twist_strains),
+    )

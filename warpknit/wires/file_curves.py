@@ -1,19 +1,230 @@
-"""The curves in a file of wires, whatever its format."""
+"""The curves in a file of wires, whatever its format; BCC, CSV and NPZ are read here."""
 
 from __future__ import annotations
 
+import csv
+import math
+import re
+import struct
+import zipfile
+import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from warpknit.base.text import exact
+from warpknit.scene.units import QuantityError, si
 from warpknit.scene.wire_file import USD, WireFileError, checked_bytes
-from warpknit.wires.bcc import read_bcc
-from warpknit.wires.csv_file import read_table
-from warpknit.wires.curve import BadFile, CurveFile
-from warpknit.wires.npz import read_npz
+from warpknit.wires.bases import MOST_POINTS, BadFile, Curve, CurveFile, check_count, check_points, cubic, polyline, upright
 from warpknit.wires.pyp import read_pyp
 from warpknit.wires.usd import read_usd
+
+MOST_NUMBERS = 5 * MOST_POINTS  # three of a point, and what says where wires begin and close
+
+# What zipfile, zlib and numpy.lib.format raise on bytes that are no archive of arrays.
+FAULTS = (
+    zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, OverflowError,
+    SyntaxError, TypeError, IndexError,
+)  # fmt: skip
+
+
+def read_npz(path: Path, interpolation: str, *, closed: bool = False) -> CurveFile:
+    """The wires of an NPZ file; interpolation: a key of `bases.polyline`. Raises `BadFile`, OSError."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            arrays = _arrays(archive)
+    except FAULTS as error:
+        raise BadFile(f"a file that is no archive of arrays ({type(error).__name__}: {str(error)[:60]})") from error
+    wires, rings = _wires(arrays)
+    unread = sorted(arrays.keys() - {"points", "counts", "closed"}) if {"points", "counts"} <= arrays.keys() else []
+    notes = (f"arrays that are not read: {', '.join(unread)}",) if unread else ()
+    curves = []
+    for number, (points, ring) in enumerate(zip(wires, rings, strict=True), start=1):
+        try:
+            curves.append(polyline(check_points(points), interpolation, closed=closed or bool(ring)))
+        except BadFile as error:
+            raise BadFile(f"wire {number}: {error}") from error
+    return CurveFile(tuple(curves), notes=notes)
+
+
+def _arrays(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
+    """The arrays of numbers by name. The sizes of all, which a small archive may make huge, are looked at before one is read."""
+    names, total = archive.namelist(), 0
+    for name in names:
+        with archive.open(name) as file:
+            version = np.lib.format.read_magic(file)
+            header: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, kind = header(file)
+        if kind.kind not in "fiub" or kind.itemsize > 8:
+            raise BadFile(f"{name} of type {kind}, not numbers")
+        total += math.prod(shape)
+    if total > MOST_NUMBERS:
+        raise BadFile(f"{total:,} numbers, more than {MOST_NUMBERS:,}")
+    arrays: dict[str, np.ndarray] = {}
+    for name in names:
+        with archive.open(name) as file:
+            arrays[name.removesuffix(".npy")] = np.lib.format.read_array(file, allow_pickle=False)
+    return arrays
+
+
+def _wires(arrays: dict[str, np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    """Points (point, 3) of each wire, and whether it is closed (wire,)."""
+    if "points" in arrays and "counts" in arrays:
+        points, counts = arrays["points"], arrays["counts"]
+        if points.ndim != 2 or points.shape[1] != 3 or counts.ndim != 1 or counts.dtype.kind not in "iu":
+            raise BadFile(
+                f"points {points.shape} and counts {counts.shape} of {counts.dtype}, not (point, 3) and (wire,) integers"
+            )
+        if (counts < 1).any() or (counts > len(points)).any() or int(counts.sum(dtype=np.int64)) != len(points):
+            raise BadFile(f"counts that do not add up to its {len(points):,} points")
+        rings = arrays.get("closed", np.zeros(len(counts), dtype=bool))
+        if rings.shape != counts.shape or not np.isin(rings, (0, 1)).all():
+            raise BadFile(f"closed {rings.shape} of {rings.dtype}, not (wire,) of true and false")
+        wires = np.split(points, np.cumsum(counts, dtype=np.int64)[:-1])
+        check_count(len(points))
+        return wires, rings.astype(bool)
+    for name, array in arrays.items():
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise BadFile(f"{name} of shape {array.shape}, not (point, 3)")
+    check_count(sum(len(array) for array in arrays.values()))
+    return list(arrays.values()), np.zeros(len(arrays), dtype=bool)
+
+
+AXES = ("x", "y", "z")
+_COMMA = re.compile(r"[+-]?[\d.]*\d,[\d,.]*(e[+-]?\d+)?", re.IGNORECASE)  # a number with commas
+_HEADING = re.compile(r"\s*(x|y|z|wire)\s*(?:\[(.{1,40})\])?\s*", re.IGNORECASE)
+
+
+def read_table(path: Path, interpolation: str, *, closed: bool = False) -> CurveFile:
+    """The wires of a CSV file; interpolation: a key of `bases.polyline`. Raises `BadFile`, OSError.
+
+    A row a point: x, y, z, or wire, x, y, z; a blank line or another wire's name begins the next wire. Columns are parted by
+    commas, semicolons or tabs. Headings may stand on top, in any order, with one unit in brackets: x [mm], y [mm], z [mm].
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = file.readline()
+            file.seek(0)
+            delimiter = next((mark for mark in "\t;" if mark in first), ",")
+            rows = list(csv.reader(file, delimiter=delimiter))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BadFile(f"a file that is no table of text ({error})") from error
+    rows = [[cell.strip() for cell in row] for row in rows]
+    start = next((number for number, row in enumerate(rows) if any(row)), 0)
+    columns, metres = _headings(rows[start]) if rows else ({}, None)
+    if columns:
+        start += 1
+    check_count(len(rows) - start)
+    wires: list[list[list[float]]] = []
+    name, width = None, len(columns)
+    for number, row in enumerate(rows[start:], start=start + 1):
+        if not any(row):
+            name = None
+            continue
+        if not columns:
+            columns, width = _plain_columns(row, number)
+        if len(row) != width:
+            hint = "; a comma parts columns: write decimal points" if delimiter == "," and len(row) > width else ""
+            raise BadFile(f"{len(row)} columns in line {number}, {width} before{hint}")
+        wire = row[columns["wire"]] if "wire" in columns else ""
+        if name is None or wire != name:
+            wires.append([])
+            name = wire
+        try:
+            wires[-1].append([float(row[columns[axis]]) for axis in AXES])
+        except ValueError as error:
+            if comma := next((cell for cell in row if _COMMA.fullmatch(cell)), None):
+                written = f"{comma[:40]!r} in line {number}, with a comma where a decimal point is meant"
+                raise BadFile(f"{written}: write numbers as 1234.5") from error
+            raise BadFile(f"{', '.join(row)[:40]!r} in line {number}, not numbers") from error
+    curves = []
+    for count, points in enumerate(wires, start=1):
+        try:
+            curves.append(polyline(check_points(np.array(points)), interpolation, closed=closed))
+        except BadFile as error:
+            raise BadFile(f"wire {count}: {error}") from error
+    return CurveFile(tuple(curves), metres=metres)
+
+
+def _headings(row: list[str]) -> tuple[dict[str, int], float | None]:
+    """The place of each column and the metres of the unit in brackets, or nothing where the row is no headings."""
+    found = [_HEADING.fullmatch(cell) for cell in row]
+    if not any(found):
+        return {}, None
+    if not all(found):
+        raise BadFile(f"the headings {', '.join(row)[:60]!r}, not x, y, z and at most wire")
+    names = [match[1].lower() for match in found if match]
+    units = {match[2] for match in found if match and match[1].lower() in AXES}
+    if sorted(set(names) - {"wire"}) != list(AXES) or len(set(names)) != len(names):
+        raise BadFile(f"the headings {', '.join(row)[:60]!r}, not x, y, z and at most wire")
+    if len(units) > 1:
+        raise BadFile(f"the headings {', '.join(row)[:60]!r} with more than one unit")
+    unit = units.pop()
+    try:
+        metres = None if unit is None else si(f"1 {unit}", "length")
+    except QuantityError as error:
+        raise BadFile(f"the unit [{unit}] in its headings") from error
+    return {name: place for place, name in enumerate(names)}, metres
+
+
+def _plain_columns(row: list[str], number: int) -> tuple[dict[str, int], int]:
+    if len(row) not in (3, 4):
+        raise BadFile(f"{len(row)} columns in line {number}, not x, y, z or wire, x, y, z")
+    names = AXES if len(row) == 3 else ("wire", *AXES)
+    return {name: place for place, name in enumerate(names)}, len(row)
+
+
+HEADER = struct.Struct("<3sB2sBBQQ40s")
+COUNT, POINT = 4, 12  # bytes
+
+
+def read_bcc(path: Path, interpolation: str) -> CurveFile:
+    """The curves of a BCC file. interpolation: of polylines, a key of `bases.polyline`. Raises `BadFile`, OSError.
+
+    Of Cem Yuksel's yarn-level cloth models, https://www.cemyuksel.com/cyCodeBase/soln/using_bcc_files.html. Little-endian,
+    without a unit: a header of 64 bytes ("BCC"; 0x44 for numbers of 4 bytes; "C0" for uniform Catmull-Rom curves or "PL" for
+    polylines; 3 dimensions; which of them points up; the number of curves and of all control points; text), then each curve:
+    its number of control points, negative where it is closed, and these. An open curve passes through its first and last
+    control points.
+    """
+    data = path.read_bytes()
+    if len(data) < HEADER.size:
+        raise BadFile(f"a file of {len(data)} bytes, less than its header of {HEADER.size}")
+    sign, sizes, kind, dimensions, up, curve_count, point_count, _ = HEADER.unpack_from(data)
+    if sign != b"BCC":
+        raise BadFile("a file that does not begin with BCC")
+    if sizes != 0x44 or kind not in (b"C0", b"PL") or dimensions != 3 or up > 2:
+        raise BadFile(
+            f"a header with sizes {sizes:#04x}, curves {kind.decode('latin-1')!r}, {dimensions} dimensions and up {up},"
+            " not 0x44, 'C0' or 'PL', 3 and 0 to 2"
+        )
+    check_count(point_count)
+    size = HEADER.size + COUNT * curve_count + POINT * point_count
+    if len(data) != size:
+        raise BadFile(
+            f"{len(data):,} bytes where the header says {curve_count:,} curves of {point_count:,} points, {size:,} bytes"
+        )
+    curves: list[Curve] = []
+    place = HEADER.size
+    for number in range(1, curve_count + 1):
+        count = struct.unpack_from("<i", data, place)[0] if place + COUNT <= len(data) else 0
+        place += COUNT
+        if count == 0 or place + POINT * abs(count) > len(data):
+            raise BadFile(f"curve {number} with {count} control points" if count else f"curve {number} without control points")
+        points = np.frombuffer(data, "<f4", 3 * abs(count), place).reshape(-1, 3)
+        place += POINT * abs(count)
+        try:
+            points = upright(check_points(points), up)
+            if kind == b"PL":
+                curves.append(polyline(points, interpolation, closed=count < 0))
+            else:
+                curves.append(cubic(points, "catmullRom", "periodic" if count < 0 else "pinned"))
+        except BadFile as error:
+            raise BadFile(f"curve {number}: {error}") from error
+    if place != len(data):
+        raise BadFile(f"{len(data) - place:,} bytes behind its last curve")
+    return CurveFile(tuple(curves))
 
 
 def curves_in(path: Path, interpolation: str, closed: bool, unit: float | None, time: float | None) -> tuple[CurveFile, float]:

@@ -10,8 +10,8 @@ import numpy as np
 from warpknit.base.text import short_percent
 from warpknit.scene import Scene
 from warpknit.wires.centre_lines import Wires
+from warpknit.wires.hooks import Places, find_places
 from warpknit.wires.overlaps import Overlaps, find_overlaps
-from warpknit.wires.places import Places, find_places
 from warpknit.wires.read import rest_wires, thickness_of
 
 

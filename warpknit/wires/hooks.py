@@ -3,6 +3,10 @@
 Two crossings of the same two wires, next to each other along both, bound a lens. The wires hook in it where the sign alternates:
 one lies over the other at one corner and under it at the other. Wires that repeat go on: what hooks a copy of itself, or of
 another, hooks it once a repeat. Nested lenses count one by one, as those of a knit with `model.merge_lenses = false`.
+
+A knit has contact at its clasps. Wires from a file need not be knitted: in a weave every crossing carries a force. So each
+crossing that bounds no hook is a place of its own. Wires that cross farther apart than a layer of the mesh is thick are in
+different layers, which strains in the plane do not bring together.
 """
 
 from __future__ import annotations
@@ -36,7 +40,7 @@ class Hooks:
 
 
 @dataclass(frozen=True)
-class Crossings:
+class PlanCrossings:
     """[crossing], each once, and of a wire that crosses itself or a copy of it once from either side."""
 
     number: np.ndarray  # what is the same from both sides has one number
@@ -67,7 +71,7 @@ def find_hooks(wires: Wires, loop_length: float) -> Hooks:
     return hooks_of(wires, find_crossings(wires), loop_length)
 
 
-def hooks_of(wires: Wires, crossings: Crossings | None, loop_length: float) -> Hooks:
+def hooks_of(wires: Wires, crossings: PlanCrossings | None, loop_length: float) -> Hooks:
     """The same from the crossings of the wires; None: too much crosses."""
     lenses = [] if crossings is None else _lenses(wires, crossings, LONGEST * loop_length)
     return Hooks(
@@ -95,7 +99,7 @@ def _place(wires: Wires, wire: int, arc: float) -> np.ndarray:
     return np.array([np.interp(s, along, points[:, k]) for k in (0, 1)]) + rounds * wires.closing(wire)[:2]
 
 
-def find_crossings(wires: Wires) -> Crossings | None:
+def find_crossings(wires: Wires) -> PlanCrossings | None:
     """All crossings of the wires in plan view, with their copies too; None where there is too much to look at."""
     flat = replace(wires, points=tuple(points * [1.0, 1.0, 0.0] for points in wires.points))
     segments, plan = segments_of(wires), segments_of(flat)
@@ -140,14 +144,14 @@ def find_crossings(wires: Wires) -> Crossings | None:
         position[flip] -= repeat[flip] * wires.period
     wire[flip], arc[flip] = wire[flip, ::-1], arc[flip, ::-1]
     repeat[flip], over[flip], turn[flip] = -repeat[flip], -over[flip], -turn[flip]
-    return Crossings(again, wire, arc, repeat, over, turn, np.abs(height)[again], position)
+    return PlanCrossings(again, wire, arc, repeat, over, turn, np.abs(height)[again], position)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _lenses(wires: Wires, c: Crossings, longest: float) -> list[_Lens]:
+def _lenses(wires: Wires, c: PlanCrossings, longest: float) -> list[_Lens]:
     """Hooked lenses; those that share a corner: the one with the shorter arcs."""
     found: list[_Lens] = []
     order = np.lexsort(c.wire.T[::-1])
@@ -177,7 +181,7 @@ def _lenses(wires: Wires, c: Crossings, longest: float) -> list[_Lens]:
 class _Images:
     """The crossings of two wires, and those that come by again further along the first one."""
 
-    def __init__(self, wires: Wires, c: Crossings, member: np.ndarray, longest: float) -> None:
+    def __init__(self, wires: Wires, c: PlanCrossings, member: np.ndarray, longest: float) -> None:
         """member: numbers of all crossings of the two wires."""
         self.crossings, self.longest = c, longest
         first, second = c.wire[member[0]].tolist()
@@ -192,7 +196,8 @@ class _Images:
         self._repeat = (c.repeat[number] + rounds[:, None] * wires.shifts[first])[order]
 
     def beside(self, p: int) -> tuple[np.ndarray, np.ndarray]:
-        """Crossings of the very two wires that cross at p, near it on the first: their numbers, and their arcs (k, 2) [m] counted
+        """Crossings of the very two wires that cross at p, near it on the first: their numbers, and their arcs (k, 2) [m]
+        counted
         from where those of p are."""
         c = self.crossings
         here = slice(*np.searchsorted(self._first, [c.arc[p, 0] - self.longest, c.arc[p, 0] + self.longest]).tolist())
@@ -210,3 +215,50 @@ def _rounds(wires: Wires, wire: int, longest: float) -> np.ndarray:
     """By which a wire is looked at again; none where it is open."""
     most = 0 if wires.kinds[wire] == "open" else 1 + int(longest // wires.lengths[wire])
     return np.arange(-most, most + 1)
+
+
+LAYER = 0.15  # of the wire of a loop, half the size of a loop: wires that cross farther apart are in different layers
+
+
+@dataclass(frozen=True)
+class Places:
+    """Hooks first, then the other crossings; [place]."""
+
+    wire: np.ndarray  # (place, 2) from 0
+    low: np.ndarray  # (place, 2) [m] where the lens of a hook begins along either wire; of a crossing where it is
+    high: np.ndarray  # (place, 2) [m]
+    position: np.ndarray  # (place, 2) [m] in plan view
+    hooks: int
+    crowded: bool = False  # too many crossings to search
+
+    def __len__(self) -> int:
+        return len(self.wire)
+
+    def line(self) -> str:
+        """The same in words."""
+        if self.crowded:
+            return "not searched: too many crossings in plan view"
+        crossings = len(self) - self.hooks
+        others = f"{crossings:,} {'other ' * (self.hooks > 0)}crossing{'s' * (crossings != 1)}"
+        if not self.hooks:
+            return f"no wires hook each other; {others}"
+        hooks = f"{self.hooks:,} places where two wires hook each other"
+        return f"{hooks}; {others}" if crossings else hooks
+
+
+def find_places(wires: Wires, loop_length: float) -> Places:
+    """The places of wires with about so much wire [m] in a loop; each once."""
+    crossings = find_crossings(wires)
+    hooks = hooks_of(wires, crossings, loop_length)
+    if crossings is None:
+        return Places(hooks.wire, hooks.low, hooks.high, hooks.position, 0, crowded=True)
+    number, first = np.unique(crossings.number, return_index=True)
+    is_place = ~np.isin(number, hooks.corner) & (crossings.gap[first] <= LAYER * loop_length)
+    other = first[is_place]
+    return Places(
+        np.concatenate([hooks.wire, crossings.wire[other]]),
+        np.concatenate([hooks.low, crossings.arc[other]]),
+        np.concatenate([hooks.high, crossings.arc[other]]),
+        np.concatenate([hooks.position, crossings.position[other]]),
+        len(hooks),
+    )

@@ -188,12 +188,7 @@ def _near_pairs(segments: Segments, wires: Wires, thickness: float | np.ndarray)
 
 
 def _pairs(
-    segments: Segments,
-    wires: Wires,
-    images: Images,
-    tree: cKDTree,
-    own: np.ndarray,
-    radius: float,
+    segments: Segments, wires: Wires, images: Images, tree: cKDTree, own: np.ndarray, radius: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (pair, 4) of the segments `own` of the first repeat with all that may be near: both segments, and the repeat that the
     second lies in; and the wire between them (pair,) [m]. Each pair once: from the segment with the smaller number, or from the

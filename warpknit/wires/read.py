@@ -1,9 +1,16 @@
-"""Wires from a file, whatever its format, as nodes at equal arc length."""
+"""Wires from a file, whatever its format, as nodes at equal arc length.
+
+Each piece of a curve is halved twice; the length of a part is a Gauss-Legendre sum of eight points. The parameter of a node is
+found by Newton's method on the arc length inside its part, whose derivative is the speed. The nodes lie on the curve; how equal
+their distances are depends on the quadrature alone.
+"""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,15 +20,151 @@ import numpy as np
 from warpknit.base.text import engineering, exact
 from warpknit.scene.messages import scene_error
 from warpknit.scene.wire_file import WireFileError
-from warpknit.wires.arc_length import ArcLength, resample, segment_count
-from warpknit.wires.centre_lines import Wires
-from warpknit.wires.curve import BadFile, Curve, CurveFile
+from warpknit.wires.bases import BadFile, Curve, CurveFile
+from warpknit.wires.centre_lines import Wires, repeated
+from warpknit.wires.directors import transported
 from warpknit.wires.file_curves import curves_in, expected_in
-from warpknit.wires.natural_shape import natural_turns, twist_strains
-from warpknit.wires.repeat import repeated
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene
+
+
+PARTS = 4  # of a piece
+NEWTON_STEPS = 6
+FOUND = 1e-9  # of a piece: a step shorter than this leaves its square
+BLOCK = 1 << 15  # pieces or nodes at once: bounds the memory
+PLACES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+PLACES, WEIGHTS = 0.5 * (PLACES + 1.0), 0.5 * WEIGHTS  # on [0, 1]
+
+
+class ArcLength:
+    """Arc length along the pieces (piece, 4, 3) of a curve."""
+
+    def __init__(self, curve: Curve) -> None:
+        self.pieces = curve.pieces
+        parts = np.empty((len(self.pieces), PARTS))
+        for first in range(0, len(self.pieces), BLOCK):
+            block = self.pieces[first : first + BLOCK, None]
+            start = np.arange(PARTS) / PARTS
+            parts[first : first + BLOCK] = _lengths(block, start, start + 1.0 / PARTS)
+        self.parts = parts.ravel()
+        self.knots = np.concatenate([[0.0], np.cumsum(self.parts)])  # arc length at the ends of the parts
+
+    @property
+    def length(self) -> float:
+        return float(self.knots[-1])
+
+    def points(self, arcs: np.ndarray) -> np.ndarray:
+        """(node, 3) at arc lengths (node,) between 0 and `length`."""
+        blocks = [self._points(arcs[first : first + BLOCK]) for first in range(0, len(arcs), BLOCK)]
+        return np.concatenate(blocks) if blocks else np.empty((0, 3))
+
+    def _points(self, arcs: np.ndarray) -> np.ndarray:
+        part = np.clip(np.searchsorted(self.knots, arcs, side="right") - 1, 0, len(self.parts) - 1)
+        wanted = np.clip(arcs - self.knots[part], 0.0, self.parts[part])
+        pieces, start = self.pieces[part // PARTS], (part % PARTS) / PARTS
+        end = start + 1.0 / PARTS
+        share = np.divide(wanted, self.parts[part], out=np.zeros_like(wanted), where=self.parts[part] > 0.0)
+        place = start + share / PARTS
+        for _ in range(NEWTON_STEPS):
+            speed = np.linalg.norm(_derivative(pieces, place), axis=-1)
+            excess = _lengths(pieces, start, place) - wanted
+            step = np.divide(excess, speed, out=np.zeros_like(excess), where=speed > 0.0)
+            place = np.clip(place - step, start, end)
+            if np.abs(step).max(initial=0.0) < FOUND:
+                break
+        return _value(pieces, place)
+
+
+def _lengths(pieces: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Arc length (...) of pieces (..., 4, 3) between parameters (...)."""
+    span = np.asarray(end - start)
+    places = start[..., None] + span[..., None] * PLACES
+    speed = np.linalg.norm(_derivative(pieces[..., None, :, :], places), axis=-1)
+    return np.asarray(span * (speed @ WEIGHTS))
+
+
+def _value(pieces: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(..., 3) by de Casteljau's steps."""
+    t = t[..., None, None]
+    for _ in range(3):
+        pieces = pieces[..., :-1, :] + t * np.diff(pieces, axis=-2)
+    return np.asarray(pieces[..., 0, :])
+
+
+def _derivative(pieces: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(..., 3) by the parameter."""
+    rise = 3.0 * np.diff(pieces, axis=-2)
+    t = t[..., None, None]
+    for _ in range(2):
+        rise = rise[..., :-1, :] + t * np.diff(rise, axis=-2)
+    return np.asarray(rise[..., 0, :])
+
+
+def segment_count(length: float, kind: str, spacing: float) -> int:
+    """Segments of equal length nearest to `spacing`; two at least, four of a wire that goes on."""
+    return max(2 if kind == "open" else 4, round(length / spacing))
+
+
+def resample(curve: Curve, arc: ArcLength, count: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Nodes at equal arc length, `count` segments of them, and the lengths (segment,) free of stress of these straight segments:
+    so much shorter or longer than they are as the wire is along its curve.
+
+    The first node is where the curve begins; of an open curve the last is where it ends.
+    """
+    places = np.linspace(0.0, arc.length, count + 1)
+    points = arc.points(places if curve.kind == "open" else places[:-1])
+    points[0] = curve.pieces[0, 0]
+    if curve.kind == "open":
+        points[-1] = curve.pieces[-1, 3]
+    if curve.slack is None:
+        return points, None
+    free = np.concatenate([[0.0], np.cumsum(np.repeat(curve.slack, PARTS) * arc.parts)])
+    along = np.diff(np.interp(places, arc.knots, free)) / (arc.length / count)
+    ends = points if curve.kind == "open" else np.concatenate([points, points[:1] + curve.pieces[-1, 3] - curve.pieces[0, 0]])
+    return points, along * np.linalg.norm(np.diff(ends, axis=0), axis=1)
+
+
+def natural_turns(curve: Curve, arc: ArcLength, points: np.ndarray) -> np.ndarray | None:
+    """(node, 3) [rad] natural turns of a wire that goes on, as vectors on its section at rest; None: as at rest.
+
+    points (node, 3): its nodes. The turns of the file, over the length of their points, are interpolated along the wire and
+    transported to the tangents of the nodes.
+    """
+    if curve.natural_turn is None:
+        return None
+    own, here, after, share = _places(arc, len(points))
+    rate = curve.natural_turn / own[:, None]
+    at_points = _tangents(curve.pieces[:, 3] - curve.pieces[:, 0])
+    at_nodes = _tangents(np.concatenate([points[1:], points[:1] + curve.pieces[-1, 3] - curve.pieces[0, 0]]) - points)
+    first = transported(rate[here], at_points[here], at_nodes)
+    return (first + share[:, None] * (transported(rate[after], at_points[after], at_nodes) - first)) * arc.length / len(points)
+
+
+def twist_strains(curve: Curve, arc: ArcLength, count: int) -> np.ndarray | None:
+    """[node] [rad] twist at rest less natural twist of `count` nodes; None: the natural twist is that at rest."""
+    if curve.twist is None:
+        return None
+    own, here, after, share = _places(arc, count)
+    rate = curve.twist / own
+    return np.asarray((rate[here] + share * (rate[after] - rate[here])) * arc.length / count)
+
+
+def _places(arc: ArcLength, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """[piece] length that belongs to its first point; [node] the points before and behind, and the place between them."""
+    knots = arc.knots[::PARTS]
+    length = np.diff(knots)
+    place = np.arange(count) * (arc.length / count)
+    here = np.clip(np.searchsorted(knots, place, side="right") - 1, 0, len(length) - 1)
+    return 0.5 * (length + np.roll(length, 1)), here, (here + 1) % len(length), (place - knots[here]) / length[here]
+
+
+def _tangents(edge: np.ndarray) -> np.ndarray:
+    """(point, 3) unit vectors between the directions of the edges (point, 3) before and behind."""
+    along = edge / np.linalg.norm(edge, axis=1)[:, None]
+    both = along + np.roll(along, 1, axis=0)
+    return np.asarray(both / np.linalg.norm(both, axis=1)[:, None])
+
 
 MOST_NODES = 4_000_000
 LARGEST = 1e3  # [m] of a coordinate
@@ -48,10 +191,8 @@ def read_wires(
     time: time code of a USD stage. Raises `SceneError`, of one line, for whatever is wrong with the file.
     """
     path = Path(path)
-    try:
+    with _one_line(path, path):
         return _read(path, node_spacing, unit, interpolation, closed, period, time)
-    except WireFileError as error:
-        raise scene_error(path, f"wires.{error.key}", f"{_subject(path, error)}{error.wrong}", error.instead) from error
 
 
 def rest_wires(scene: Scene) -> Wires:
@@ -59,19 +200,9 @@ def rest_wires(scene: Scene) -> Wires:
     options = scene.wires
     if options is None:
         raise scene_error(scene.path, "wires", "missing", "write a table with a file")
-    try:
-        wires = _read(
-            options.path,
-            options.node_spacing,
-            options.unit,
-            options.interpolation,
-            options.closed,
-            options.period,
-            options.time,
-        )
-    except WireFileError as error:
-        wrong = f"{_subject(options.path, error)}{error.wrong}"
-        raise scene_error(scene.path, f"wires.{error.key}", wrong, error.instead) from error
+    given = options.node_spacing, options.unit, options.interpolation, options.closed, options.period, options.time
+    with _one_line(scene.path, options.path):
+        wires = _read(options.path, *given)
     if (wires.period is not None) != (scene.model.boundary == "periodic"):
         repeat, other = ("repeat", "periodic") if wires.period is not None else ("do not repeat", "gripped")
         wrong = f"{scene.model.boundary!r} does not fit the wires, which {repeat}"
@@ -105,9 +236,14 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
     return replace(wires, notes=tuple(notes))
 
 
-def _subject(path: Path, error: WireFileError) -> str:
-    """The name of the file, where the fault is its own."""
-    return f"{path.name!r} " if error.key == "file" else ""
+@contextmanager
+def _one_line(scene: Path, path: Path) -> Iterator[None]:
+    """Raise faults of the file at `path` as a `SceneError`, with its name where the fault is its own."""
+    try:
+        yield
+    except WireFileError as error:
+        subject = f"{path.name!r} " if error.key == "file" else ""
+        raise scene_error(scene, f"wires.{error.key}", f"{subject}{error.wrong}", error.instead) from error
 
 
 def _read(

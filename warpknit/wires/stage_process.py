@@ -18,7 +18,7 @@ import numpy as np
 import psutil
 from pxr import Tf, Usd, UsdGeom
 
-from warpknit.wires.curve import BadFile, check_count, some_of
+from warpknit.wires.bases import BadFile, check_count, some_of
 
 SAME_SCALE = 1e-3  # relative difference of the scales of a transform that is none
 MEMORY = 6 << 30  # bytes that it may take, and no more than half of the machine's

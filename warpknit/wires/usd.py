@@ -17,9 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from warpknit.base.text import engineering
-from warpknit.wires.axes import upright
-from warpknit.wires.bases import BASES, WRAPS, cubic, polyline
-from warpknit.wires.curve import MOST, BadFile, Curve, CurveFile, check_points, some_of
+from warpknit.wires.bases import BASES, MOST, WRAPS, BadFile, Curve, CurveFile, check_points, cubic, polyline, some_of, upright
 
 CENTIMETRE = 0.01  # USD's unit where a stage does not say
 SAME_WIDTH = 1e-3  # relative difference of widths along a wire that is none

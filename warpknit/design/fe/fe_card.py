@@ -1,4 +1,24 @@
-"""What all cards for FE codes have in common: content, heading, numbers."""
+"""What all cards for FE codes have in common: content, heading, numbers.
+
+In laws of woven fabrics either direction has a tension of its own strain alone. A mesh is no such fabric: its tensions depend
+on both strains. The curves hold on one path, that from the mesh as knitted to the card. There they give both tensions, at the
+card its prestress.
+
+The tangent of the card is that of the stress and strain of an FE code. C of the card relates the second Piola-Kirchhoff stress
+to the Green-Lagrange strain. At the prestress s a code with another pair of measures needs another tangent to return the same
+forces. For the strain (U^2m - 1)/2m and its conjugate stress,
+
+    C_m = C + (1 - m) diag(2 s1, 2 s2, (s1 + s2)/2)        m = 1 Green-Lagrange, 1/2 engineering, 0 logarithmic.
+
+m = 0 is also the rate form, true stress over rate of deformation, of a membrane that keeps its volume. If it keeps its thickness
+instead, the true stress does not follow the area, and the tangent is that of m = 0 less s (1 1 0), of which the symmetric part
+
+    C_true = C_0 - (s (1 1 0) + (1 1 0) s)/2
+
+is written: an elastic law has no other. Heat changes the stress at constant strain by -C alpha in any measure,
+
+    alpha_m = C_m^-1 C alpha.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +26,149 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ...base.text import celsius
+import numpy as np
+
+from ...base.text import alike, celsius, percent
+from ...runner.history import Row
 from ..card import MaterialCard
-from .tangent import THICKNESS, megapascal
-from .yarn_curves import YarnCurve
+
+THICKNESS = 1e-3  # [m] nominal; only products with it have a meaning: E t, density t, stress t
+MPA, TONNE_PER_MM3 = 1e6, 1e12  # [Pa], [kg/m3]
+
+
+@dataclass(frozen=True)
+class StressMeasure:
+    """Pair of stress and strain in which an FE code states its material law."""
+
+    exponent: float  # m of the strain
+    keeps_thickness: bool
+    text: str
+
+
+GREEN = StressMeasure(1.0, False, "second Piola-Kirchhoff stress over Green-Lagrange strain")
+ENGINEERING = StressMeasure(0.5, False, "engineering stress and strain that turn with the element")
+LOGARITHMIC = StressMeasure(0.0, False, "true stress over logarithmic strain, in a membrane that keeps its volume")
+TRUE = StressMeasure(0.0, True, "true stress over logarithmic strain, in a membrane that keeps its thickness")
+
+
+class NoConstants(Exception):
+    """The card has no constants of the form that a code asks for; the message says why."""
+
+
+@dataclass(frozen=True)
+class Orthotropic:
+    """Engineering constants of a sheet of the nominal thickness, without coupling of shear and extension."""
+
+    modulus: tuple[float, float]  # [MPa] E1, E2
+    poissons_ratio: tuple[float, float]  # nu12, nu21: contraction in 2 (1) over extension in 1 (2)
+    shear_modulus: float  # [MPa]
+    expansion: tuple[float, float]  # [1/K]
+
+
+def megapascal(tension: float) -> float:
+    """Stress [MPa] of a force per width [N/m] in the nominal thickness."""
+    return tension / THICKNESS / MPA
+
+
+def density(areal_mass: float) -> float:
+    """Density [tonne/mm3] of a mass per area [kg/m2] in the nominal thickness."""
+    return areal_mass / THICKNESS / TONNE_PER_MM3
+
+
+def tangent(card: MaterialCard, measure: StressMeasure) -> np.ndarray:
+    """(3, 3) [N/m] tangent in `measure`, symmetric."""
+    s1, s2 = card.tension_weft, card.tension_warp
+    stiffness = card.stiffness + (1.0 - measure.exponent) * np.diag([2.0 * s1, 2.0 * s2, 0.5 * (s1 + s2)])
+    if measure.keeps_thickness:
+        by_area = np.outer([s1, s2, 0.0], [1.0, 1.0, 0.0])
+        stiffness -= 0.5 * (by_area + by_area.T)
+    return np.asarray(stiffness)
+
+
+def expansion(card: MaterialCard, measure: StressMeasure) -> np.ndarray:
+    """(3,) [1/K] thermal strain at constant stress in `measure`, shear as engineering strain."""
+    return np.asarray(np.linalg.solve(tangent(card, measure), card.stiffness @ card.expansion))
+
+
+def orthotropic(card: MaterialCard, measure: StressMeasure) -> Orthotropic:
+    """Constants of the tangent in `measure`. Raises `NoConstants` where it is not positive definite."""
+    c = tangent(card, measure)
+    plane, shear = c[:2, :2], float(c[2, 2])
+    if min(float(np.linalg.eigvalsh(plane).min()), shear) <= 0.0:
+        raise NoConstants(f"its stiffness for {measure.text} is not positive definite")
+    compliance = np.linalg.inv(plane)
+    alpha = compliance @ (card.stiffness @ card.expansion)[:2]
+    return Orthotropic(
+        modulus=(megapascal(1.0 / compliance[0, 0]), megapascal(1.0 / compliance[1, 1])),
+        poissons_ratio=(float(-compliance[0, 1] / compliance[0, 0]), float(-compliance[0, 1] / compliance[1, 1])),
+        shear_modulus=megapascal(shear),
+        expansion=(float(alpha[0]), float(alpha[1])),
+    )
+
+
+APART = 0.02  # of a tension: nearer states are that of the card, less exact
+FIRST = 0.05  # of the strain of the card: points nearer to the mesh as knitted, of one that contracted before, are left out
+MISFIT = 0.1  # of the tension of the card: largest difference of a curve from a state on the way to the card
+
+
+@dataclass(frozen=True)
+class YarnCurve:
+    """Tension along one direction, rising; the first point is the mesh as knitted, without tension."""
+
+    stretch: np.ndarray  # (point,) over the length as knitted
+    nominal: np.ndarray  # (point,) [N/m] force over the width as knitted
+
+    @property
+    def slope(self) -> float:
+        """[N/m] largest of the curve."""
+        return float((np.diff(self.nominal) / np.diff(self.stretch)).max())
+
+
+def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, YarnCurve]:
+    """Curves along weft and warp. path: states on the way to the card, and beyond, up to the first jump to another equilibrium.
+
+    Raises `NoConstants` where a direction is not stretched or carries no tension, where the mesh resists no shear or jumps on the
+    way to the card, and where a tension is no rising function of the strain along it.
+    """
+    if min(card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp) <= 0.0:
+        strains, tensions = (card.strain_weft, card.strain_warp), (card.tension_weft, card.tension_warp)
+        values = f"strain {' / '.join(map(percent, strains))}, tension {' / '.join(alike(tensions, 'N/m'))}"
+        raise NoConstants(f"a direction of the mesh is not stretched or carries no tension ({values} in weft / warp)")
+    if card.stiffness[2, 2] <= 0.0:
+        raise NoConstants("its shear stiffness is not positive")
+    if card.jumps:
+        raise NoConstants("the mesh jumps to another equilibrium on the way to the card")
+    kept = (card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp)
+    rows = [kept]
+    for row in path:
+        tension = (row.tension_weft_N_per_m, row.tension_warp_N_per_m)
+        if max(abs(one / other - 1.0) for one, other in zip(tension, kept[2:], strict=True)) > APART:
+            rows.append((row.strain_weft, row.strain_warp, *tension))
+    strain_weft, strain_warp, weft, warp = np.array(rows).T
+    along_weft, along_warp = 1.0 + strain_weft, 1.0 + strain_warp
+    return _rising("weft", along_weft, weft * along_warp), _rising("warp", along_warp, warp * along_weft)
+
+
+def _rising(side: str, stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
+    """The curve by stretch, from the mesh as knitted and through the first of these points, without others that make it fall.
+
+    Raises `NoConstants` where the others of less tension than the first are far off the curve.
+    """
+    points = [(stretch[0], nominal[0])]
+    order, least = np.argsort(stretch), 1.0 + FIRST * (stretch[0] - 1.0)
+    for i in order[::-1]:
+        if least < stretch[i] < points[0][0] and 0.0 < nominal[i] < points[0][1]:
+            points.insert(0, (stretch[i], nominal[i]))
+    for i in order:
+        if stretch[i] > points[-1][0] and nominal[i] > points[-1][1]:
+            points.append((stretch[i], nominal[i]))
+    curve = YarnCurve(*np.array([(1.0, 0.0), *points]).T)
+    before = nominal < nominal[0]
+    off = np.abs(np.interp(stretch[before], curve.stretch, curve.nominal) - nominal[before])
+    if off.max(initial=0.0) > MISFIT * nominal[0]:
+        raise NoConstants(f"the tension in {side} does not rise with the strain in {side} on the way to the card")
+    return curve
+
 
 LINE = 72  # characters of a comment; Nastran and LS-DYNA read 80
 LINEAR, FABRIC = "MESH", "FABRIC"  # names of the two materials of a file

@@ -1,19 +1,51 @@
 """scene.usda: the levels of detail as variants, their clips, materials, light, camera, and the list of frames."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import errno
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from warpknit.export.usd.layers import set_units
+from warpknit.base.files import path_aside
 from warpknit.export.usd.shapes import GOLD
-from warpknit.export.usd.tiles import Tile
+from warpknit.export.usd.tiles import MILLIMETRES, Tile
 
-__all__ = [
-    "CONTACTS", "FRAMES", "FULL", "K8", "LEVELS", "MANIFEST", "SURFACE", "TOPOLOGY",
-    "frame_file", "new_scene", "place_camera", "set_clips",
-]  # fmt: skip
+
+def save_layer(layer: Sdf.Layer, path: Path) -> None:
+    """Save a layer that was made for a file. Raises OSError, naming `path`, where the disk fails."""
+    with _disk_errors(path):
+        _written(layer.Save(), path)
+
+
+def write_layer(layer: Sdf.Layer, path: Path) -> None:
+    """Write a layer that stays in memory. Raises OSError where the disk fails."""
+    with path_aside(path) as aside, _disk_errors(path):
+        _written(layer.Export(str(aside)), path)
+
+
+def set_units(stage: Usd.Stage) -> None:
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0 / MILLIMETRES)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+
+
+@contextmanager
+def _disk_errors(path: Path) -> Iterator[None]:
+    """USD tells of a full disk in its own way: as `OSError` with the path."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        number = errno.ENOSPC if os.strerror(errno.ENOSPC) in str(error) else errno.EIO
+        raise OSError(number, os.strerror(number), str(path)) from error
+
+
+def _written(done: bool, path: Path) -> None:
+    if not done:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+
 
 TOPOLOGY, MANIFEST, FRAMES = "wires.topology.usdc", "wires.manifest.usda", "frames"
 # A part is a prim at the root of the layers other than scene.usda; a level of detail is made of parts.

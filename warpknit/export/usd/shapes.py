@@ -10,21 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-__all__ = [
-    "GOLD",
-    "MOVING",
-    "contact_values",
-    "declare",
-    "define_contacts",
-    "define_elsewhere",
-    "define_surface",
-    "define_wires",
-    "elsewhere_values",
-    "stress_colour",
-    "surface_values",
-    "wire_values",
-]
-
 COLOURS = 256  # entries of the table
 ROW = 2048  # points whose coordinates are compared at once
 GOLD = Gf.Vec3f(1.0, 0.77, 0.34)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpknit.base.files import path_aside
-from warpknit.export.usd.layers import save_layer, set_units, write_layer
+from warpknit.export.run_record import RunRecord, item
 from warpknit.export.usd.scene import (
     CONTACTS,
     FRAMES,
@@ -25,7 +25,10 @@ from warpknit.export.usd.scene import (
     frame_file,
     new_scene,
     place_camera,
+    save_layer,
     set_clips,
+    set_units,
+    write_layer,
 )
 from warpknit.export.usd.shapes import (
     Values,
@@ -39,12 +42,8 @@ from warpknit.export.usd.shapes import (
     surface_values,
     wire_values,
 )
-from warpknit.export.usd.surface_mesh import Surface
-from warpknit.export.usd.thinning import Thinning
-from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Tile, cut_tiles, from_origin, tile_of
-from warpknit.results.frame import Frame, WireLayout, curve_position
-
-__all__ = ["StageWriter"]
+from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Sheet, Thinning, Tile, cut_tiles, from_origin, tile_of
+from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 LAYOUT = "tiles, lod: full, k8, surface; contacts elsewhere"  # an earlier stage that says something else is not gone on with
 MARKER_WIDTH = 2.5  # diameters: a sphere about a clasp that reaches the centres of wires 1.25 diameters away
@@ -103,7 +102,7 @@ class StageWriter:
         self._full: set[int] = set()
         self._tiles: tuple[Tile, ...] = ()
         self._thinnings: tuple[Thinning, ...] = ()
-        self._surface: Surface | None = None
+        self._surface: Sheet | None = None
         self._origin = np.zeros(3)  # [mm] of the sheet
         self._scene: Sdf.Layer | None = None
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -251,7 +250,7 @@ class StageWriter:
             if tile.bodies.size:
                 bodies[tile.bodies] = np.array(points[_prim(CONTACTS, tile.name)])[:, :2] + tile.origin[:2]
         wires = np.concatenate([np.array(points[_prim(K8, tile.name)]) + tile.origin for tile in self._tiles])
-        self._surface = Surface(wires[:, :2], bodies, self.layout.period * MILLIMETRES, deformation, self.layout.repeats)
+        self._surface = Sheet(wires[:, :2], bodies, self.layout.period * MILLIMETRES, deformation, self.layout.repeats)
         self._origin = np.round(0.5 * (wires.min(axis=0) + wires.max(axis=0)), 3)
 
     def _remove_leftovers(self) -> None:
@@ -411,3 +410,19 @@ def _earlier_stage(path: Path) -> dict[str, Any]:
 def _earlier_loads(data: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
     columns = {name: list(values) for name, values in data["load"].items()}
     return {index: {name: values[number] for name, values in columns.items()} for number, index in enumerate(data["frames"])}
+
+
+def export_usd(record: RunRecord) -> list[Path]:
+    """Write scene.usda and its layers; the paths, the stage first."""
+    writer = StageWriter(
+        record.directory,
+        drawn_layout(record.layout),
+        scene_name=record.summary["scene"]["name"],
+        scene_hash=str(item(record.summary, ("scene", "hash")) or ""),
+        version=str(record.summary.get("version", "")),
+        colour_stress_max=record.quantity("wire", "yield_stress_Pa"),
+        streaming=True,
+    )
+    frames = [writer.add_frame(drawn_frame(record.layout, frame)) for frame in record.frames()]
+    writer.close(complete=record.summary.get("stop_reason") in ("steady", "finished"))
+    return [writer.path, *frames]

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ...results.frame import Floats, Frame, Integers, WireLayout, curve_position, drawn_frame, drawn_layout
-from ..over_under import tile_copies
+from ..plots import tile_copies
 
 SIDES = (12, 8, 5)  # of a tube, the first with which a drawing has at most TUBE_VERTICES
 TUBE_VERTICES = 300_000  # beyond, wires are lines

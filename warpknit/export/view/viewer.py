@@ -27,7 +27,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ...base.text import engineering, percent
 from ...errors import ExportError, InputError
-from ...knit.clasp_classes import CLASS_NAMES
+from ...knit.cloth import CLASS_NAMES
 from ...results.frame import Floats
 from ..figures import tension_of
 from ..mesh_figure import state_title, stress_colours
