@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import MEAN_PUSH
+from .control import MEAN_PUSH, STATUS, STATUS_WAITING
 from .native_text import native_text
 from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 
@@ -112,7 +112,8 @@ def bound_contact_stiffness(
     weight_square: wp.float64,
     lever: wp.float64,
     # in: contacts, also those with a gap below EVALUATED_GAP
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     touch_first_start: wp.array(dtype=wp.int32),
     touch_second_start: wp.array(dtype=wp.int32),
     touch_of_second: wp.array(dtype=wp.int32),
@@ -130,9 +131,12 @@ def bound_contact_stiffness(
 ):
     """A thread a node."""
     i = first_node + wp.tid()
+    own = control[i / world_nodes]
+    if own[STATUS] == STATUS_WAITING:
+        return
     bound = contact_bound_at(
         i, previous, following, natural_length, rest_row, slope_weight, thickness, thickest, weight_square, lever,
-        control, touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
+        own, touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
         pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty,
     )  # fmt: skip
     sweep[i] = sweep.dtype(bound)
@@ -154,7 +158,8 @@ def renew_contact_offsets(
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
     # in: as above
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     force_penalty: wp.float64,
     allowed: wp.float64,
     most_offset: wp.float64,
@@ -166,9 +171,13 @@ def renew_contact_offsets(
     contact_offset: wp.array(dtype=wp.float64),
 ):
     """A thread a node."""
+    i = first_node + wp.tid()
+    own = control[i / world_nodes]
+    if own[STATUS] == STATUS_WAITING:
+        return
     renew_contact_at(
-        first_node + wp.tid(), previous, following, touch_first_start, touch_second_start, touch_of_second, touch_pair,
-        pair_found, pair_place, touch_overlap, touch_normal_force, control, force_penalty, allowed,
+        i, previous, following, touch_first_start, touch_second_start, touch_of_second, touch_pair,
+        pair_found, pair_place, touch_overlap, touch_normal_force, own, force_penalty, allowed,
         most_offset, penalty_raised, overlap_best, overlap_checks, contact_penalty, contact_offset,
     )  # fmt: skip
 
@@ -186,13 +195,17 @@ def sum_contacts(
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
     # in: mean force of those that push, if it is known
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # out: (block, CONTACT_COLUMNS)
     contact_partial: wp.array2d(dtype=wp.float64),
 ):
     """A thread for the touches whose first segments are in a block."""
     block = first_block + wp.tid()
     begin = block_first[block]
+    own = control[begin / world_nodes]
+    if own[STATUS] == STATUS_WAITING:
+        return
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     pushing = wp.float64(0.0)
@@ -207,9 +220,9 @@ def sum_contacts(
                 if push > zero:
                     pushing += one
                     total += push
-                    own = wp.min(one, push / control[MEAN_PUSH]) * wp.abs(touch_overlap[PLACES * touch + a])
-                    error = wp.max(error, own)
-                    square += own * own
+                    counts = wp.min(one, push / own[MEAN_PUSH]) * wp.abs(touch_overlap[PLACES * touch + a])
+                    error = wp.max(error, counts)
+                    square += counts * counts
     contact_partial[block, PUSHING] = pushing
     contact_partial[block, PUSH_SUM] = total
     contact_partial[block, ERROR_MAX] = error

@@ -80,6 +80,7 @@ STATUS_STALE = wp.constant(wp.float64(1.0))
 STATUS_DIVERGED = wp.constant(wp.float64(2.0))
 STATUS_EVALUATING = wp.constant(wp.float64(3.0))  # of rods: a step finds the forces of the state and moves nothing
 STATUS_ACCEPTING = wp.constant(wp.float64(4.0))  # the same, and an increment of load ends (wire_contact_forces.py)
+STATUS_WAITING = wp.constant(wp.float64(5.0))  # of one of many worlds: steps and evaluations of others leave it out
 
 # columns of the partial sums, a row for every block of nodes and of bodies
 KINETIC_PART = wp.constant(0)  # [J] sum m v^2
@@ -92,7 +93,8 @@ PARTIAL_COUNT = 4
 @wp.func
 def is_halted(control: wp.array(dtype=wp.float64)) -> bool:
     """Whether the remaining steps of a graph have nothing to do."""
-    return control[STATUS] == STATUS_STALE or control[STATUS] == STATUS_DIVERGED
+    status = control[STATUS]
+    return status == STATUS_STALE or status == STATUS_DIVERGED or status == STATUS_WAITING
 
 
 @wp.func
@@ -176,13 +178,8 @@ def sum_partials(
 
 
 @wp.func
-def renew_control(
-    wire_partial: wp.array2d(dtype=wp.float64),
-    body_partial: wp.array2d(dtype=wp.float64),
-    control: wp.array(dtype=wp.float64),
-):
-    """Sum the partial sums in their order, watch the limits, set the factors of the next step and move the load."""
-    sums = all_rows(wire_partial, body_partial)
+def renew_control(sums: partial_sums, control: wp.array(dtype=wp.float64)):
+    """From the sums over the step just taken: watch the limits, set the factors of the next step and move the load."""
     kinetic = sums[KINETIC_PART]
     finite = wp.isfinite(kinetic) and wp.isfinite(sums[FORCE_PART])
     control[KINETIC_TWICE] = kinetic
@@ -221,4 +218,20 @@ def update_control(
     """One thread, after each step."""
     if control[STATUS] != STATUS_RUNNING:
         return
-    renew_control(wire_partial, body_partial, control)
+    renew_control(all_rows(wire_partial, body_partial), control)
+
+
+@wp.kernel
+def update_controls(
+    # in
+    first_world: int,
+    world_rows: int,
+    wire_partial: wp.array2d(dtype=wp.float64),
+    # in and out
+    control: wp.array2d(dtype=wp.float64),
+):
+    """One thread a world, whose rows of partial sums stand side by side, after each step."""
+    world = first_world + wp.tid()
+    if control[world, STATUS] == STATUS_RUNNING:
+        sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1)
+        renew_control(sums, control[world])

@@ -12,7 +12,7 @@ import warp as wp
 
 from .bodies import step_block_of_bodies
 from .contact_by_batch import contact_of_batch
-from .control import STATUS, STATUS_RUNNING, STEP, renew_control
+from .control import STATUS, STATUS_RUNNING, STEP, all_rows, renew_control
 from .grip import count_of, held_move
 from .wires import block_step, rounding_phase
 
@@ -217,5 +217,5 @@ def step_replicas(
             move = held_move(control[r], wp.vec2d(held_lever_x[h], held_lever_y[h]))
             node_ux[then, r, held_node[h]] = count_of(move[0], unit)
             node_uy[then, r, held_node[h]] = count_of(move[1], unit)
-        renew_control(wire_partial[r], body_partial[r], control[r])
+        renew_control(all_rows(wire_partial[r], body_partial[r]), control[r])
         parity[r] = then

@@ -17,7 +17,7 @@ import warp as wp
 
 from . import bend
 from .banded_mass import HELD_NODE, HELD_TURN
-from .control import LENGTH_FACTOR, MULTIPLIER_RATE
+from .control import LENGTH_FACTOR, MULTIPLIER_RATE, STATUS, STATUS_WAITING
 from .native_text import native_text
 
 # columns of the sums of a state
@@ -93,7 +93,8 @@ def sum_states(
     wire_axial: wp.array(dtype=wp.float64),
     keeps_arc_length: wp.int32,
     # in
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     stretch_stiffness: wp.array(dtype=wp.float64),
     tension_offset: wp.array(dtype=wp.float64),
     length: wp.array(dtype=wp.float64),
@@ -105,6 +106,9 @@ def sum_states(
 ):
     """A thread a block."""
     block = first_block + wp.tid()
+    own = control[block_first[block] / world_nodes]
+    if own[STATUS] == STATUS_WAITING:
+        return
     axial_stiffness = wire_axial[block_wire[block]]
     half = wp.float64(0.5)
     square = wp.float64(0.0)
@@ -123,15 +127,15 @@ def sum_states(
             largest = wp.max(largest, force)
         after = following[i]
         if after >= 0:
-            strain = chord_strain(i, natural_length, control, length)
+            strain = chord_strain(i, natural_length, own, length)
             tension = tension_offset[i] + stretch_stiffness[i] * strain
             stored = wp.where(keeps_arc_length != 0, axial_stiffness, stretch_stiffness[i])
             stretching = natural_length[i] + wp.where(keeps_arc_length != 0, half_in_clamp[i], wp.float64(0.0))
-            stretched += half * stretching * control[LENGTH_FACTOR] * tension * tension / stored
+            stretched += half * stretching * own[LENGTH_FACTOR] * tension * tension / stored
             if is_free(i, held) or is_free(after, held):
                 excess = excess_strain(
                     i, following, natural_length, half_in_clamp, bow_weight, bow_at_rest, thermal_strain, axial_stiffness,
-                    keeps_arc_length, control, stretch_stiffness, tension_offset, length, curvature,
+                    keeps_arc_length, own, stretch_stiffness, tension_offset, length, curvature,
                 )  # fmt: skip
                 excess_max = wp.max(excess_max, wp.abs(excess))
                 excess_square += excess * excess
@@ -162,7 +166,8 @@ def renew_tension_offsets(
     # in: [wire] by which the softened stiffness of a wire is multiplied
     stiffening: wp.array(dtype=wp.float64),
     # in
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     length: wp.array(dtype=wp.float64),
     curvature: wp.array(dtype=wp.vec2d),
     # in and out
@@ -171,6 +176,9 @@ def renew_tension_offsets(
 ):
     """A thread a node. A segment between two held nodes has no offset."""
     i = first_node + wp.tid()
+    own = control[i / world_nodes]
+    if own[STATUS] == STATUS_WAITING:
+        return
     stiffness = stretch_stiffness[i]
     axial_stiffness = wire_axial[node_wire[i]]
     stiffer = wp.min(stiffening[node_wire[i]] * stiffness, axial_stiffness)
@@ -180,10 +188,10 @@ def renew_tension_offsets(
         if is_free(i, held) or is_free(after, held):
             excess = excess_strain(
                 i, following, natural_length, half_in_clamp, bow_weight, bow_at_rest, thermal_strain, axial_stiffness,
-                keeps_arc_length, control, stretch_stiffness, tension_offset, length, curvature,
+                keeps_arc_length, own, stretch_stiffness, tension_offset, length, curvature,
             )  # fmt: skip
-            offset = tension_offset[i] + control[MULTIPLIER_RATE] * stiffness * excess
-            offset += (stiffness - stiffer) * chord_strain(i, natural_length, control, length)
+            offset = tension_offset[i] + own[MULTIPLIER_RATE] * stiffness * excess
+            offset += (stiffness - stiffer) * chord_strain(i, natural_length, own, length)
     tension_offset[i] = offset
     stretch_stiffness[i] = stiffer
 
@@ -198,6 +206,8 @@ def find_motion(
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
     # in
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     displacement: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=Any),
     angle: wp.array(dtype=Any),
@@ -213,6 +223,8 @@ def find_motion(
 ):
     """A thread a block."""
     block = first_block + wp.tid()
+    if control[block_first[block] / world_nodes, STATUS] == STATUS_WAITING:
+        return
     work = wp.float64(0.0)
     for lane in range(block_count[block]):
         i = block_first[block] + lane
@@ -233,6 +245,8 @@ def find_motion(
 def keep_motion(
     # in
     first_node: int,
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     displacement: wp.array(dtype=wp.vec3d),
     force: wp.array(dtype=Any),
     angle: wp.array(dtype=Any),
@@ -246,6 +260,8 @@ def keep_motion(
 ):
     """A thread a node."""
     i = first_node + wp.tid()
+    if control[i / world_nodes, STATUS] == STATUS_WAITING:
+        return
     last_place[i] = displacement[i]
     last_force[i] = wp.vec3d(force[i])
     last_angle[i] = wp.float64(angle[i])
@@ -257,12 +273,16 @@ def keep_motion(
 def slow_motion(
     # in
     first_node: int,
-    share: wp.float64,
+    world_nodes: int,
+    slowed: wp.array(dtype=wp.float64),
     # in and out
     velocity: wp.array(dtype=Any),
     spin: wp.array(dtype=Any),
 ):
-    """A thread a node: velocities become a share of themselves."""
+    """A thread a node: velocities become a share of themselves, `slowed` [world]."""
     i = first_node + wp.tid()
+    share = slowed[i / world_nodes]
+    if share == wp.float64(1.0):
+        return
     velocity[i] = velocity.dtype(share * wp.vec3d(velocity[i]))
     spin[i] = spin.dtype(share * wp.float64(spin[i]))

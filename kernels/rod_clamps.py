@@ -33,6 +33,7 @@ from .wire_travel import add_travel
 @wp.kernel
 def move_clamps(
     # in: clamps
+    first_clamp: int,
     clamp_node: wp.array2d(dtype=wp.int32),
     clamp_lever: wp.array2d(dtype=wp.vec2d),
     clamp_slides: wp.array(dtype=wp.int32),
@@ -42,7 +43,8 @@ def move_clamps(
     node_block: wp.array(dtype=wp.int32),
     node_mass: wp.array(dtype=wp.vec3d),
     # in: what steers the step
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # in: the sums without holding
     force: wp.array(dtype=Any),
     # state in and out
@@ -54,12 +56,13 @@ def move_clamps(
     block_travel: wp.array(dtype=wp.float64),
 ):
     """One thread a clamp, behind `move_rods`. `clamp_lever` is X - c [m] of both nodes, `clamp_velocity` [m/s] along the warp."""
-    s = wp.tid()
-    if control[STATUS] != STATUS_RUNNING:
-        return
-    length_factor = control[LENGTH_FACTOR]
-    dt = control[TIME_STEP]
+    s = first_clamp + wp.tid()
     a = clamp_node[s, 0]
+    own = control[a / world_nodes]
+    if own[STATUS] != STATUS_RUNNING:
+        return
+    length_factor = own[LENGTH_FACTOR]
+    dt = own[TIME_STEP]
     b = clamp_node[s, 1]
     slide = wp.float64(0.0)
     speed_square = wp.float64(0.0)
@@ -68,9 +71,9 @@ def move_clamps(
         mass = node_mass[a][1] + node_mass[b][1]
         push = wp.float64(force[a][1]) + wp.float64(force[b][1])
         before = clamp_velocity[s]
-        after = control[VELOCITY_FACTOR] * before + control[FORCE_FACTOR] * push / mass
+        after = own[VELOCITY_FACTOR] * before + own[FORCE_FACTOR] * push / mass
         clamp_velocity[s] = after
-        slide = dt * (after + control[LOOK_AHEAD] * (after - before))
+        slide = dt * (after + own[LOOK_AHEAD] * (after - before))
         speed_square = after * after
         wp.atomic_add(partial, row, KINETIC_PART, mass * speed_square)
         wp.atomic_max(partial, row, STRONGEST_PART, push * push)
@@ -79,8 +82,8 @@ def move_clamps(
         i = clamp_node[s, k]
         lever = clamp_lever[s, k]
         old = displacement[i]
-        x = (length_factor - control[GRADIENT]) * lever[0] - control[GRADIENT + 1] * lever[1]
-        y = (length_factor - control[GRADIENT + 3]) * lever[1] - control[GRADIENT + 2] * lever[0]
+        x = (length_factor - own[GRADIENT]) * lever[0] - own[GRADIENT + 1] * lever[1]
+        y = (length_factor - own[GRADIENT + 3]) * lever[1] - own[GRADIENT + 2] * lever[0]
         if clamp_slides[s] != 0:
             y = old[1] + slide
         displacement[i] = wp.vec3d(x, y, old[2])

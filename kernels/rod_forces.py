@@ -143,7 +143,8 @@ def find_rod_forces(
     # in, where there is one: load of the nodes [N]
     load_force: wp.array(dtype=wp.vec3d),
     # in: what steers the step
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # in: contact
     touch_first_start: wp.array(dtype=wp.int32),
     touch_second_start: wp.array(dtype=wp.int32),
@@ -172,7 +173,8 @@ def find_rod_forces(
     """`threads_a_block` threads a block: one, or ROD_LANES on a GPU."""
     thread = wp.tid()
     block = first_block + thread / threads_a_block
-    if not is_halted(control):
+    own = control[block_first[block] / world_nodes]
+    if not is_halted(own):
         forces_of_block(
             block,
             thread % threads_a_block,
@@ -195,7 +197,7 @@ def find_rod_forces(
             hardening,
             stretch_stiffness,
             load_force,
-            control,
+            own,
             touch_first_start,
             touch_second_start,
             touch_of_second,

@@ -81,7 +81,8 @@ def update_frames(
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
     # in: what steers the step
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # state in
     displacement: wp.array(dtype=wp.vec3d),
     # in and out: the pending rotation [rad] is applied and set to zero
@@ -94,11 +95,12 @@ def update_frames(
 ):
     """`threads_a_block` threads a block: one, or ROD_LANES on a GPU. `rest_edge` may cross the border of a
     periodic tile."""
-    if (when == UNLESS_AHEAD and control[FRAMES_AHEAD] != wp.float64(0.0)) or (when == AHEAD and not is_at_rest(control)):
-        return
     thread = wp.tid()
     block = first_block + thread / threads_a_block
-    if not is_halted(control):
+    own = control[block_first[block] / world_nodes]
+    if (when == UNLESS_AHEAD and own[FRAMES_AHEAD] != wp.float64(0.0)) or (when == AHEAD and not is_at_rest(own)):
+        return
+    if not is_halted(own):
         frames_of_block(
             block,
             thread % threads_a_block,
@@ -111,7 +113,7 @@ def update_frames(
             rest_row,
             rest_position,
             rest_edge,
-            control,
+            own,
             displacement,
             pending_turn,
             tangent,

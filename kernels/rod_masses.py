@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from . import banded_mass, bend, rod_blocks
+from .control import STATUS, STATUS_WAITING
 from .native_text import native_text
 
 TURNED = 2.0  # e of the bound
@@ -102,7 +103,8 @@ def find_masses(
     wave_fourth: wp.float64,
     spacing: wp.float64,
     # in: what steers the step
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # state in
     stretch_stiffness: wp.array(dtype=wp.float64),
     tension_offset: wp.array(dtype=wp.float64),
@@ -122,6 +124,9 @@ def find_masses(
     """`threads_a_block` threads a block: one, or ROD_LANES on a GPU."""
     thread = wp.tid()
     block = first_block + thread / threads_a_block
+    own = control[block_first[block] / world_nodes]
+    if own[STATUS] == STATUS_WAITING:
+        return
     masses_of_block(
         block,
         thread % threads_a_block,
@@ -149,7 +154,7 @@ def find_masses(
         wave_square,
         wave_fourth,
         spacing,
-        control,
+        own,
         stretch_stiffness,
         tension_offset,
         length,

@@ -70,7 +70,8 @@ def move_rods(
     node_mass: wp.array(dtype=wp.vec3d),
     spin_inertia: wp.array(dtype=wp.float64),
     # in: what steers the step; forces, torques and the sweep, from this node on
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     stored_from: wp.int32,
     force: wp.array(dtype=Any),
     torque: wp.array(dtype=Any),
@@ -90,10 +91,12 @@ def move_rods(
     """`threads_a_block` threads a wire: one, or MOTION_LANES on a GPU; and a row of partial sums. The kinetic energy is that of
     the diagonal masses."""
     thread = wp.tid()
-    if control[STATUS] != STATUS_RUNNING:
+    wire = first_wire + thread / threads_a_block
+    own = control[wire_first[wire] / world_nodes]
+    if own[STATUS] != STATUS_RUNNING:
         return
     move_wire(
-        first_wire + thread / threads_a_block,
+        wire,
         thread % threads_a_block,
         wire_first,
         wire_count,
@@ -105,7 +108,7 @@ def move_rods(
         wire_quiet,
         node_mass,
         spin_inertia,
-        control,
+        own,
         stored_from,
         force,
         torque,

@@ -4,6 +4,8 @@ from typing import Any
 
 import warp as wp
 
+from .control import STATUS, STATUS_WAITING
+
 
 @wp.kernel
 def sum_mass_products(
@@ -12,6 +14,8 @@ def sum_mass_products(
     block_count: wp.array(dtype=wp.int32),
     first_block: int,
     following: wp.array(dtype=wp.int32),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # in: fictitious masses (banded_mass.py)
     node_mass: wp.array(dtype=wp.vec3d),
     next_mass: wp.array(dtype=wp.float64),
@@ -26,6 +30,8 @@ def sum_mass_products(
 ):
     """v . M v + w . I w of a block; couplings with nodes behind count twice."""
     block = first_block + wp.tid()
+    if control[block_first[block] / world_nodes, STATUS] == STATUS_WAITING:
+        return
     two = wp.float64(2.0)
     total = wp.float64(0.0)
     for lane in range(block_count[block]):

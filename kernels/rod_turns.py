@@ -54,7 +54,8 @@ def turn_sections(
     rest_row: wp.array(dtype=wp.int32),
     rest_edge: wp.array(dtype=wp.vec3d),
     rest_director: wp.array(dtype=wp.vec3d),
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     displacement: wp.array(dtype=wp.vec3d),
     # in: [rad]
     turn: wp.array(dtype=wp.float64),
@@ -67,7 +68,7 @@ def turn_sections(
     after = following[node]
     if after >= 0:
         row = rest_row[node]
-        t = wp.normalize(affine_map(rest_edge[row], control) + displacement[after] - displacement[node])
+        t = wp.normalize(affine_map(rest_edge[row], control[node / world_nodes]) + displacement[after] - displacement[node])
         p = tilted(rest_edge[row], rest_director[row], t)
         tangent[node] = tangent.dtype(t)
         director[node] = director.dtype(wp.cos(turn[node]) * p + wp.sin(turn[node]) * wp.cross(t, p))

@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, is_halted
+from .control import EVALUATED_GAP, LENGTH_FACTOR, NEAR_GAP, STATUS, STATUS_RUNNING, STATUS_WAITING, is_halted
 from .rod_frames import affine_map
 from .wire_curve import (
     CLOSING_RATE,
@@ -41,7 +41,7 @@ from .wire_minima import (
     projected_end,
     saddle_of,
 )
-from .wire_near import first_of_part
+from .wire_near import first_of_nodes, first_of_part, first_of_share
 from .wire_travel import travel_of_pair
 
 MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the contact distance: ten times NEWTON_ACCURACY squared
@@ -81,9 +81,12 @@ def offset_of_pair(i: int, j: int, following: wp.array(dtype=wp.int32), contact_
 def mark_near_pairs(
     # in: pairs
     pair_count: wp.array(dtype=wp.int32),
+    first_node: int,
+    end_node: int,
     part: int,
     parts: int,
     threads: int,
+    pair_start: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -97,7 +100,8 @@ def mark_near_pairs(
     contact_offset: wp.array(dtype=wp.float64),
     node_block: wp.array(dtype=wp.int32),
     # in: what steers the step; [m] travel of blocks
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
     # state in
     position: wp.array(dtype=wp.vec3d),
@@ -111,19 +115,25 @@ def mark_near_pairs(
 ):
     """The threads of a part share its pairs: whether their wires may be nearer than NEAR_GAP, by chords, sag and what pushes
     them apart."""
-    for pair in range(first_of_part(pair_count, part, parts) + wp.tid(), first_of_part(pair_count, part + 1, parts), threads):
+    begin = first_of_nodes(pair_start, pair_count, first_node)
+    count = first_of_nodes(pair_start, pair_count, end_node) - begin
+    end = begin + first_of_part(count, part + 1, parts)
+    for pair in range(begin + first_of_part(count, part, parts) + wp.tid(), end, threads):
         i = pair_first[pair]
+        own = control[i / world_nodes]
+        if own[STATUS] == STATUS_WAITING:
+            continue
         j = pair_second[pair]
-        travel = travel_of_pair(i, j, node_block, block_travel, control)
+        travel = travel_of_pair(i, j, node_block, block_travel, own)
         offset = offset_of_pair(i, j, following, contact_offset)
         gap = CLOSING_RATE * (pair_wake_travel[pair] - travel) - offset
-        if gap <= control[NEAR_GAP]:
+        if gap <= own[NEAR_GAP]:
             p = stencil(i, previous, following, position, length, tangent)
             q = stencil(j, previous, following, position, length, tangent)
-            shift = affine_map(pair_shift[pair], control)
+            shift = affine_map(pair_shift[pair], own)
             q = q + wp.matrix_from_rows(shift, shift, shift, shift)
             chords = closest_on_chords(row(p, 1), row(p, 2), row(q, 1), row(q, 2))
-            length_factor = control[LENGTH_FACTOR]
+            length_factor = own[LENGTH_FACTOR]
             of_p = rest_row[i]
             of_q = rest_row[j]
             bulge_p = length_factor * rest_bulge[of_p]
@@ -132,7 +142,7 @@ def mark_near_pairs(
             bound = bound - length_factor * (node_radius[i] + node_radius[j])
             pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
             gap = wp.max(gap, bound - offset)
-        if gap <= control[NEAR_GAP]:
+        if gap <= own[NEAR_GAP]:
             pair_is_near[pair] = 1
         else:
             pair_is_near[pair] = 0
@@ -171,7 +181,8 @@ def list_awake_pairs(
     contact_offset: wp.array(dtype=wp.float64),
     node_block: wp.array(dtype=wp.int32),
     # in: what steers the step; [m] travel of blocks
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
     # in and out: places of pairs that sleep are kept
     pair_found: wp.array(dtype=wp.int32),
@@ -181,15 +192,16 @@ def list_awake_pairs(
     touch_awake_count: wp.array(dtype=wp.int32),
 ):
     """On a GPU, where threads of pairs that sleep would wait for the others."""
-    if is_halted(control):
-        return
     for touch in range(wp.tid(), touch_count[0], threads):
         pair = touch_pair[touch]
         i = pair_first[pair]
+        own = control[i / world_nodes]
+        if is_halted(own):
+            continue
         j = pair_second[pair]
         offset = offset_of_pair(i, j, following, contact_offset)
-        travel = travel_of_pair(i, j, node_block, block_travel, control)
-        if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap(control):
+        travel = travel_of_pair(i, j, node_block, block_travel, own)
+        if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + evaluated_gap(own):
             pair_found[pair] = -wp.abs(pair_found[pair])
             touch_loaded[touch] = 0
         else:
@@ -203,6 +215,9 @@ def find_closest_places(
     touch_followed: wp.array(dtype=wp.int32),
     touch_left: wp.array(dtype=wp.int32),
     touch_left_count: wp.array(dtype=wp.int32),
+    touch_first_start: wp.array(dtype=wp.int32),
+    first_node: int,
+    end_node: int,
     part: int,
     parts: int,
     threads: int,
@@ -222,7 +237,8 @@ def find_closest_places(
     contact_offset: wp.array(dtype=wp.float64),
     node_block: wp.array(dtype=wp.int32),
     # in: what steers the step; [m] travel of blocks
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
     # state in
     position: wp.array(dtype=wp.vec3d),
@@ -244,21 +260,23 @@ def find_closest_places(
 
     A step evaluates pairs whose curves may touch; an evaluation without a step those whose gap may be below EVALUATED_GAP.
     """
-    if is_halted(control):
-        return
-    first = first_of_part(touch_left_count, part, parts)
-    for k in range(first + wp.tid(), first_of_part(touch_left_count, part + 1, parts), threads):
+    first = first_of_share(touch_is_listed, touch_left_count, touch_first_start, first_node, end_node, part, parts)
+    end = first_of_share(touch_is_listed, touch_left_count, touch_first_start, first_node, end_node, part + 1, parts)
+    for k in range(first + wp.tid(), end, threads):
         touch = touch_left[k]
         if touch_followed[touch] != 0:
             continue
-        touch_loaded[touch] = 0
         pair = touch_pair[touch]
-        is_running = control[STATUS] == STATUS_RUNNING
-        most = evaluated_gap(control)
-        found = pair_found[pair]
         i = pair_first[pair]
+        own = control[i / world_nodes]
+        if is_halted(own):
+            continue
+        touch_loaded[touch] = 0
+        is_running = own[STATUS] == STATUS_RUNNING
+        most = evaluated_gap(own)
+        found = pair_found[pair]
         j = pair_second[pair]
-        travel = travel_of_pair(i, j, node_block, block_travel, control)
+        travel = travel_of_pair(i, j, node_block, block_travel, own)
         offset = offset_of_pair(i, j, following, contact_offset)
         if CLOSING_RATE * (pair_wake_travel[pair] - travel) > offset + most:
             pair_found[pair] = -wp.abs(found)
@@ -266,9 +284,9 @@ def find_closest_places(
         pair_found[pair] = NOT_NEAR
         p = stencil(i, previous, following, position, length, tangent)
         q = stencil(j, previous, following, position, length, tangent)
-        shift = affine_map(pair_shift[pair], control)
+        shift = affine_map(pair_shift[pair], own)
         q = q + wp.matrix_from_rows(shift, shift, shift, shift)
-        length_factor = control[LENGTH_FACTOR]
+        length_factor = own[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j]) + offset
         of_p = rest_row[i]
         of_q = rest_row[j]

@@ -16,7 +16,7 @@ from . import wire_closest, wire_curve, wire_minima, wire_pairs, wire_weights
 from .control import is_halted
 from .native_text import native_text
 from .wire_curve import Bump
-from .wire_near import first_of_part
+from .wire_near import first_of_share
 
 CPU_LANES = 4  # numbers of a vector of a CPU; with eight they do not fit the registers of AVX2
 QUAD = 4  # threads of a pair on a GPU
@@ -88,6 +88,9 @@ def follow_contacts(
 @wp.kernel(launch_bounds=(QUAD * QUADS_A_BLOCK, 3))
 def find_followed_contacts(
     # in: the pairs that may touch, those of them to look at, and all pairs
+    touch_first_start: wp.array(dtype=wp.int32),
+    first_node: int,
+    end_node: int,
     part: int,
     parts: int,
     threads: int,
@@ -114,7 +117,8 @@ def find_followed_contacts(
     contact_offset: wp.array(dtype=wp.float64),
     node_block: wp.array(dtype=wp.int32),
     # in: what steers the step; [m] travel of blocks
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
     friction: wp.float64,
@@ -142,17 +146,30 @@ def find_followed_contacts(
     touch_force: wp.array(dtype=Any),
     touch_couple: wp.array(dtype=Any),
     # in and out: [m] largest overlap of a thread
-    max_penetration: wp.array(dtype=wp.float64),
+    max_penetration: wp.array2d(dtype=wp.float64),
 ):
     """The pairs of a part, a thread a pair, or QUAD of `threads_a_block` threads on a GPU. Other kernels skip what
     `touch_followed` says is found, with friction the places."""
     a_pair = wp.min(threads_a_block, QUAD)
-    if not is_halted(control):
+    k = first_of_share(touch_is_listed, touch_awake_count, touch_first_start, first_node, end_node, part, parts)
+    k += wp.tid() / a_pair
+    end = first_of_share(touch_is_listed, touch_awake_count, touch_first_start, first_node, end_node, part + 1, parts)
+    while k < end:  # pairs of one world after those of another; of a list one by one
+        world = pair_first[touch_pair[touch_awake[k]]] / world_nodes
+        own = control[world]
+        first = k
+        behind = wp.min(end, touch_first_start[(world + 1) * world_nodes])
+        k = behind
+        if touch_is_listed != 0:
+            behind = first + 1
+            k = first + threads / a_pair
+        if is_halted(own):
+            continue
         follow_contacts(
             wp.tid() % a_pair,
-            first_of_part(touch_awake_count, part, parts) + wp.tid() / a_pair,
-            first_of_part(touch_awake_count, part + 1, parts),
-            threads / a_pair,
+            first,
+            behind,
+            1,
             touch_pair,
             touch_count,
             touch_awake,
@@ -172,7 +189,7 @@ def find_followed_contacts(
             contact_penalty,
             contact_offset,
             node_block,
-            control,
+            own,
             block_travel,
             min_arc_separation,
             friction,
@@ -195,5 +212,5 @@ def find_followed_contacts(
             touch_loaded,
             touch_force,
             touch_couple,
-            max_penetration,
+            max_penetration[part + world],
         )

@@ -42,7 +42,7 @@ from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_
 from .wire_friction import previous_slip, surface_before
 from .wire_minima import is_bounded
 from .wire_motion import node_velocities, point_velocity, section_rate
-from .wire_near import first_of_part
+from .wire_near import first_of_share
 from .wire_pairs import NO_COMMON_WIRE
 from .wire_weights import friction_weight, line_weight, saddle_weight
 
@@ -99,6 +99,10 @@ def find_contact_forces(
     touch_followed: wp.array(dtype=wp.int32),
     touch_found: wp.array(dtype=wp.int32),
     touch_found_count: wp.array(dtype=wp.int32),
+    touch_is_listed: int,
+    touch_first_start: wp.array(dtype=wp.int32),
+    first_node: int,
+    end_node: int,
     part: int,
     parts: int,
     threads: int,
@@ -124,7 +128,8 @@ def find_contact_forces(
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
     # in: what steers the step
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     min_arc_separation: wp.float64,
     friction: wp.float64,
     stick_share: wp.float64,
@@ -141,7 +146,7 @@ def find_contact_forces(
     before_length: wp.array(dtype=wp.float64),
     before_tangent: wp.array(dtype=Any),
     before_director: wp.array(dtype=Any),
-    before_control: wp.array(dtype=wp.float64),
+    before_control: wp.array2d(dtype=wp.float64),
     # in and out: elastic slip, double-buffered by the parity of the step
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
@@ -155,7 +160,7 @@ def find_contact_forces(
     touch_slip_work: wp.array(dtype=wp.float64),
     # out: whether a touch pushes at all; [m] largest overlap
     touch_loaded: wp.array(dtype=wp.int32),
-    max_penetration: wp.array(dtype=wp.float64),
+    max_penetration: wp.array2d(dtype=wp.float64),
     # in and out: forces on the four nodes of either segment, and couples on its three sections, from zero
     touch_force: wp.array(dtype=Any),
     touch_couple: wp.array(dtype=Any),
@@ -164,15 +169,19 @@ def find_contact_forces(
 
     `stick_share` is k_t over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE.
     """
-    if is_halted(control):
-        return
-    first = first_of_part(touch_found_count, part, parts)
-    for listed in range(first + wp.tid(), first_of_part(touch_found_count, part + 1, parts), threads):
+    first = first_of_share(touch_is_listed, touch_found_count, touch_first_start, first_node, end_node, part, parts)
+    end = first_of_share(touch_is_listed, touch_found_count, touch_first_start, first_node, end_node, part + 1, parts)
+    for listed in range(first + wp.tid(), end, threads):
         touch = touch_found[listed]
         if touch_followed[touch] == FOLLOWED_FORCE:
             continue
-        touch_loaded[touch] = 0
         pair = touch_pair[touch]
+        world = pair_first[pair] / world_nodes
+        steer = control[world]
+        if is_halted(steer):
+            continue
+        touch_loaded[touch] = 0
+        before = before_control[world]
         found = pair_found[pair]
         if found <= NOT_NEAR:
             continue
@@ -183,9 +192,9 @@ def find_contact_forces(
         j = pair_second[pair]
         p = stencil(i, previous, following, position, length, tangent)
         q = stencil(j, previous, following, position, length, tangent)
-        offset = affine_map(pair_shift[pair], control)
+        offset = affine_map(pair_shift[pair], steer)
         q = q + wp.matrix_from_rows(offset, offset, offset, offset)
-        length_factor = control[LENGTH_FACTOR]
+        length_factor = steer[LENGTH_FACTOR]
         contact_distance = length_factor * (node_radius[i] + node_radius[j])
         shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                              tangent, director)  # fmt: skip
@@ -197,10 +206,10 @@ def find_contact_forces(
         curve_q = curve_through(q, shape_q, slope_weight[rest_row[j]])
         separation = pair_arc_separation[pair]
         is_same = separation != NO_COMMON_WIRE
-        is_running = control[STATUS] == STATUS_RUNNING
-        step = int(control[STEP])
-        is_accepting = control[STATUS] == STATUS_ACCEPTING
-        is_increment = control[DRIVE] == zero
+        is_running = steer[STATUS] == STATUS_RUNNING
+        step = int(steer[STEP])
+        is_accepting = steer[STATUS] == STATUS_ACCEPTING
+        is_increment = steer[DRIVE] == zero
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0
         last = wp.where(found == ONE_PLACE, 1, 3)
@@ -276,21 +285,21 @@ def find_contact_forces(
                 lever_q = (length_factor * node_radius[j] / contact_distance) * r
                 way = wp.vec3d()
                 if is_increment:
-                    way = affine_map(pair_shift[pair], before_control)
+                    way = affine_map(pair_shift[pair], before)
                     way += surface_before(j, t, lever_q, previous, following, natural_length, rest_row, rest_slope, rest_bump,
                                           slope_weight, tangent, director, before_position, before_length,
-                                          before_tangent, before_director, before_control)  # fmt: skip
+                                          before_tangent, before_director, before)  # fmt: skip
                     way -= surface_before(i, s, lever_p, previous, following, natural_length, rest_row, rest_slope, rest_bump,
                                           slope_weight, tangent, director, before_position, before_length,
-                                          before_tangent, before_director, before_control)  # fmt: skip
+                                          before_tangent, before_director, before)  # fmt: skip
                 elif is_running:
-                    velocity_p = node_velocities(i, p, previous, following, control, displacement, velocity)
-                    velocity_q = node_velocities(j, q, previous, following, control, displacement, velocity)
+                    velocity_p = node_velocities(i, p, previous, following, steer, displacement, velocity)
+                    velocity_q = node_velocities(j, q, previous, following, steer, displacement, velocity)
                     slip_velocity = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
                     slip_velocity -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
                     rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
                     rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
-                    way = control[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
+                    way = steer[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
                 elastic = previous_slip(pair, i, j, place, step, previous, following, node_wire, node_radius, wire_period,
                                      pair_start, pair_count_of, pair_second, pair_shift,
                                      slip_step, slip_place, elastic_slip)  # fmt: skip
@@ -299,7 +308,7 @@ def find_contact_forces(
                 own = weight
                 if found != ONE_PLACE:
                     own = weight * friction_weight(overlap, overlaps[1 - a], weights[1 - a], -weights[2] * overlaps[2])
-                friction_force = -(stick_share * control[CONTACT_STIFFNESS] * own) * slip
+                friction_force = -(stick_share * steer[CONTACT_STIFFNESS] * own) * slip
                 limit = friction * own * normal_force / weight
                 size = wp.length(friction_force)
                 if size > limit:
@@ -315,17 +324,17 @@ def find_contact_forces(
                     slip_place[after, 2 * pair + a] = place
                     elastic_slip[after, 2 * pair + a] = wp.where(is_increment and is_running, elastic, slip)
             if a < 2:
-                wp.atomic_max(max_penetration, 0, contact_distance - distance)
+                wp.atomic_max(max_penetration, part + world, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force
             if friction > zero:
                 touch_friction[k] = friction_force
             push = normal_force * n + friction_force
             if not pushes:
                 pushes = True
-                for part in range(8):
-                    touch_force[8 * touch + part] = touch_force.dtype()
-                for part in range(6):
-                    touch_couple[6 * touch + part] = touch_couple.dtype()
+                for k8 in range(8):
+                    touch_force[8 * touch + k8] = touch_force.dtype()
+                for k6 in range(6):
+                    touch_couple[6 * touch + k6] = touch_couple.dtype()
             push_wire(2 * touch, i, w, push, levers_p, couple_p, previous, following, touch_force, touch_couple)
             push_wire(2 * touch + 1, j, v, -push, levers_q, couple_q, previous, following, touch_force, touch_couple)
         if pushes:

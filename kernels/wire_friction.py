@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import LENGTH_FACTOR
+from .control import LENGTH_FACTOR, STEP
 from .wire_curve import Bump, curve_through, point_at, rest_shape, stencil
 
 MAX_HANDOVER = wp.constant(wp.float64(0.5))  # segments, largest motion of a contact in one step
@@ -166,8 +166,9 @@ def surface_before(
 
 @wp.kernel
 def transfer_elastic_slip(
-    # what steers the step
-    step: int,
+    # in: what steers the step
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     # in: the pairs before
     old_start: wp.array(dtype=wp.int32),
     old_count: wp.array(dtype=wp.int32),
@@ -188,13 +189,13 @@ def transfer_elastic_slip(
 ):
     """Copy elastic slips from the old pair list to the new one; one thread a pair, which has two contacts."""
     pair = wp.tid()
-    half = step % 2
     for k in range(2 * pair, 2 * pair + 2):
-        slip_step[half, k] = -1
-        slip_step[1 - half, k] = -1
+        slip_step[0, k] = -1
+        slip_step[1, k] = -1
     if pair >= pair_count[0]:
         return
     i = pair_first[pair]
+    half = int(control[i / world_nodes, STEP]) % 2
     for old in range(old_start[i], old_start[i] + old_count[i]):
         if old_second[old] == pair_second[pair] and wp.length(old_shift[old] - pair_shift[pair]) == wp.float64(0.0):
             for a in range(2):

@@ -16,15 +16,41 @@ def before(counts: wp.array(dtype=wp.int32), k: int) -> int:
 
 
 @wp.func
-def first_of_part(count: wp.array(dtype=wp.int32), part: int, parts: int) -> int:
+def first_of_part(count: int, part: int, parts: int) -> int:
     """The first pair of a part of a list, which is cut into `parts` of the same length."""
-    length = (count[0] + parts - 1) / parts
-    return wp.min(part * length, count[0])
+    length = (count + parts - 1) / parts
+    return wp.min(part * length, count)
+
+
+@wp.func
+def first_of_nodes(start: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32), node: int) -> int:
+    """The first pair of the nodes from one on, in a list in their order; behind the last node the number of all pairs."""
+    if node < start.shape[0]:
+        return start[node]
+    return count[0]
+
+
+@wp.func
+def first_of_share(
+    touch_is_listed: int,
+    list_count: wp.array(dtype=wp.int32),
+    touch_first_start: wp.array(dtype=wp.int32),
+    first_node: int,
+    end_node: int,
+    part: int,
+    parts: int,
+) -> int:
+    """The first of a part of the near pairs of some nodes; where they are listed, as on a GPU, of a part of the list."""
+    if touch_is_listed != 0:
+        return first_of_part(list_count[0], part, parts)
+    first = touch_first_start[first_node]
+    return first + first_of_part(touch_first_start[end_node] - first, part, parts)
 
 
 @wp.kernel
 def count_by_second(
     # in
+    pair_count: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     # in and out: [segment]
     count: wp.array(dtype=wp.int32),
@@ -32,6 +58,8 @@ def count_by_second(
     pair_number: wp.array(dtype=wp.int32),
 ):
     pair = wp.tid()
+    if pair >= pair_count[0]:
+        return
     pair_number[pair] = pair
     wp.atomic_add(count, pair_second[pair], 1)
 
@@ -39,16 +67,20 @@ def count_by_second(
 @wp.kernel
 def find_reach(
     # in
+    world_nodes: int,
+    pair_count: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
-    # out: [m] largest distance at rest of the first nodes of a pair
+    # out: [world] [m] largest distance at rest of the first nodes of a pair
     reach: wp.array(dtype=wp.float64),
 ):
     pair = wp.tid()
+    if pair >= pair_count[0]:
+        return
     apart = rest_position[pair_first[pair]] - rest_position[pair_second[pair]] - pair_shift[pair]
-    wp.atomic_max(reach, 0, wp.length(apart))
+    wp.atomic_max(reach, pair_first[pair] / world_nodes, wp.length(apart))
 
 
 @wp.kernel
@@ -108,3 +140,52 @@ def find_near_starts(
         second = second_start[i]
     touch_first_start[i] = before(near_before, first)
     touch_second_start[i] = before(near_by_second, second)
+
+
+@wp.kernel
+def carry_pairs(
+    # in: [world] whether its pairs have just been searched
+    searched: wp.array(dtype=wp.int32),
+    world_nodes: int,
+    # in: the list before
+    old_start: wp.array(dtype=wp.int32),
+    old_first: wp.array(dtype=wp.int32),
+    old_second: wp.array(dtype=wp.int32),
+    old_shift: wp.array(dtype=wp.vec3d),
+    old_arc_separation: wp.array(dtype=wp.float64),
+    old_wake_travel: wp.array(dtype=wp.float64),
+    old_renewal_travel: wp.array(dtype=wp.float64),
+    old_found: wp.array(dtype=wp.int32),
+    old_is_near: wp.array(dtype=wp.int32),
+    old_place: wp.array(dtype=wp.vec2d),
+    # in: where the pairs of each segment begin now, and how many they are
+    start: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    # out
+    pair_first: wp.array(dtype=wp.int32),
+    pair_second: wp.array(dtype=wp.int32),
+    pair_shift: wp.array(dtype=wp.vec3d),
+    pair_arc_separation: wp.array(dtype=wp.float64),
+    pair_wake_travel: wp.array(dtype=wp.float64),
+    pair_renewal_travel: wp.array(dtype=wp.float64),
+    pair_found: wp.array(dtype=wp.int32),
+    pair_is_near: wp.array(dtype=wp.int32),
+    pair_place: wp.array(dtype=wp.vec2d),
+):
+    """A thread a segment: the pairs of worlds that were not searched go over into the new list as they are."""
+    i = wp.tid()
+    if searched[i / world_nodes] != 0:
+        return
+    for n in range(count[i]):
+        k = start[i] + n
+        old = old_start[i] + n
+        pair_first[k] = old_first[old]
+        pair_second[k] = old_second[old]
+        pair_shift[k] = old_shift[old]
+        pair_arc_separation[k] = old_arc_separation[old]
+        pair_wake_travel[k] = old_wake_travel[old]
+        pair_renewal_travel[k] = old_renewal_travel[old]
+        pair_found[k] = old_found[old]
+        pair_is_near[k] = old_is_near[old]
+        for a in range(3):
+            pair_place[3 * k + a] = old_place[3 * old + a]

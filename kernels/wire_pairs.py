@@ -17,6 +17,7 @@ from .rod_frames import affine_map
 from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
 
 KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
+LEVELS = wp.constant(1024.0)  # of a cell, to which places across the mesh are rounded
 NO_COMMON_WIRE = wp.constant(wp.float64(1.0e30))  # [m] arc separation of segments of different wires
 
 
@@ -119,30 +120,36 @@ def place_segments_in_hash(
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     # state in
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
     # how
     cell: wp.vec3d,
+    cells_across: float,
     # out: midpoints of the segments in rest coordinates, in cells; [m] bound on the distance of their curves from them
     place: wp.array(dtype=wp.vec3),
     reach: wp.array(dtype=wp.float32),
-    # in and out: [m] the longest reach
+    # in and out: [world] [m] the longest reach
     longest_reach: wp.array(dtype=wp.float32),
 ):
     """One thread a node. The last node of an open wire, which has no segment, has the reach -1."""
     i = wp.tid()
     half = wp.float64(0.5) * length[i]
-    middle = affine_inverse(position[i] + half * wp.vec3d(tangent[i]), control)
-    place[i] = wp.vec3(wp.float32(middle[0] / cell[0]), wp.float32(middle[1] / cell[1]), wp.float32(middle[2] / cell[2]))
+    world = i / world_nodes
+    own = control[world]
+    middle = affine_inverse(position[i] + half * wp.vec3d(tangent[i]), own)
+    # worlds lie one above the other, in steps that single precision holds exactly
+    across = wp.round(wp.float32(middle[2] / cell[2]) * LEVELS) / LEVELS + float(world) * cells_across
+    place[i] = wp.vec3(wp.float32(middle[0] / cell[0]), wp.float32(middle[1] / cell[1]), across)
     reach[i] = -1.0
     if following[i] >= 0:
         p = stencil(i, previous, following, position, length, tangent)
-        bulge = control[LENGTH_FACTOR] * rest_bulge[rest_row[i]]
+        bulge = own[LENGTH_FACTOR] * rest_bulge[rest_row[i]]
         own_reach = wp.float32(half + sag(p, bulge, slope_weight[rest_row[i]]))
         reach[i] = own_reach
-        wp.atomic_max(longest_reach, 0, own_reach)
+        wp.atomic_max(longest_reach, world, own_reach)
 
 
 @wp.kernel
@@ -150,14 +157,16 @@ def find_segment_pairs(
     # how
     first_segment: int,
     grid: wp.uint64,
-    largest_distance: float,
-    rest_scale: float,
     round_off: float,
     cell: wp.vec3,
     margin: wp.float64,
     min_arc_separation: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
+    # in: of each world
+    searched: wp.array(dtype=wp.int32),
+    largest_distance: wp.array(dtype=wp.float32),
+    rest_scale: wp.array(dtype=wp.float32),
     # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
@@ -171,14 +180,16 @@ def find_segment_pairs(
     wire_length: wp.array(dtype=wp.float64),
     wire_period: wp.array(dtype=wp.vec3d),
     # state in
-    control: wp.array(dtype=wp.float64),
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
     place: wp.array(dtype=wp.vec3),
     reach: wp.array(dtype=wp.float32),
     longest_reach: wp.array(dtype=wp.float32),
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
-    # in: where the pairs of each segment begin
+    # in: of worlds that are not searched, how many pairs each segment has in the list before; where those of each begin
+    old_count: wp.array(dtype=wp.int32),
     start: wp.array(dtype=wp.int32),
     # in and out: how many other segments form pairs with each, and the first KEPT of them
     partner_count: wp.array(dtype=wp.int32),
@@ -193,15 +204,21 @@ def find_segment_pairs(
 ):
     """One thread a segment, from `first_segment` on. Pairs are segments and images whose surfaces may come nearer than `margin`
     [m]; on one wire their arc separation is at least `min_arc_separation` radii. Lengths at rest are at most `rest_scale` times
-    those in space; wires touch or are listed at most `largest_distance` [m] from each other; single precision moves places by at
-    most `round_off` [m]. The list is filled from the segments that the count has kept, or where they were more by the hash again.
+    those in space; wires touch or are listed at most `largest_distance` [m] from each other, both [world]; single precision moves
+    places by at most `round_off` [m]. The list is filled from the segments that the count has kept, or where they were more by
+    the hash again. Worlds that are not `searched` keep their pairs.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch.
     """
     i = first_segment + wp.tid()
+    world = i / world_nodes
     if is_filling == 0:
-        count[i] = 0
+        count[i] = wp.where(searched[world] != 0, 0, old_count[i])
+    if searched[world] == 0:
+        return
+    own = control[world]
+    scale = rest_scale[world]
     own_reach = reach[i]
     if own_reach < 0.0:
         return
@@ -212,13 +229,13 @@ def find_segment_pairs(
     p = stencil(i, previous, following, position, length, tangent)
     p1 = row(p, 1)
     p2 = row(p, 2)
-    length_factor = control[LENGTH_FACTOR]
+    length_factor = own[LENGTH_FACTOR]
     bulge = sag(p, length_factor * rest_bulge[rest_row[i]], slope_weight[rest_row[i]])
     zero = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
-    rest_extent = largest_rest_extent(control)
-    farthest = rest_scale * (own_reach + longest_reach[0] + largest_distance + round_off)
+    rest_extent = largest_rest_extent(own)
+    farthest = scale * (own_reach + longest_reach[world] + largest_distance[world] + round_off)
     query = wp.hash_grid_query(grid, place[i], farthest / wp.min(cell[0], wp.min(cell[1], cell[2])))
     j = int(0)
     number = int(0)
@@ -231,18 +248,18 @@ def find_segment_pairs(
                 number += 1
         else:
             is_left = wp.hash_grid_query_next(query, j)
-        if not is_left or j < i or reach[j] < 0.0:
+        if not is_left or j < i or j / world_nodes != world or reach[j] < 0.0:
             continue
         before = found
         contact_distance = length_factor * (node_radius[i] + node_radius[j])
         search_distance = contact_distance + margin
         both = own_reach + reach[j] + float(search_distance) + round_off
-        if nearest_image_square(place[j] - place[i], cell, tile_size) > rest_scale * rest_scale * both * both:
+        if nearest_image_square(place[j] - place[i], cell, tile_size) > scale * scale * both * both:
             continue
         q1 = position[j]
         q2 = q1 + length[j] * wp.vec3d(tangent[j])
         between = middle - half * (q1 + q2)
-        rest_offset = affine_inverse(between, control)
+        rest_offset = affine_inverse(between, own)
         rest_reach = wp.float64(both) * rest_extent
         first_x = first_image(rest_offset[0], rest_reach[0], tile[0])
         first_y = first_image(rest_offset[1], rest_reach[1], tile[1])
@@ -258,7 +275,7 @@ def find_segment_pairs(
             )
             if j == i and not is_positive(shift):
                 continue
-            offset = affine_map(shift, control)
+            offset = affine_map(shift, own)
             if wp.length(between - offset) > wp.float64(both):
                 continue
             separation = arc_separation(i, j, shift, node_wire, node_arc, wire_closed, wire_length, wire_period)

@@ -49,9 +49,11 @@ def test_deep_overlaps_slow_the_load_in_space(monkeypatch: pytest.MonkeyPatch):
     mechanics.set_load(load, 400)
     lags = []
     for overlap in (0.3, 0.3, 0.2, 0.1):
-        monkeypatch.setattr(mechanics.contact, "pop_max_penetration", lambda overlap=overlap: overlap * thickness)
+        monkeypatch.setattr(
+            mechanics.contact, "pop_max_penetration", lambda rows, overlap=overlap: np.array([overlap * thickness])
+        )
         assert mechanics.overlap() == pytest.approx(overlap)
-        mechanics.check(1, loading=True)
+        mechanics.group.check(np.array([0]), np.array([1]), np.array([True]))
         lags.append(mechanics.state.steering.ramp_lag)
     assert lags == [0.5, 0.75, 0.75, 0.5]
     mechanics.set_load(load, 400)

@@ -1,8 +1,7 @@
-"""Maps of a mesh in space: each pair of strains is what a run of it gives, whichever process brings it to rest."""
+"""Maps of a mesh in space: each pair of strains is what a run of it gives, whatever is solved beside it."""
 
 import csv
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,15 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit import measure
-from warpknit.base.processes import start_process
 from warpknit.commands.cli import main
-from warpknit.errors import OutOfResources
 from warpknit.runner.interrupts import Interrupts
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.studies import state_processes
-from warpknit.studies.state_processes import StateProcesses
+from warpknit.studies.batch import Batch
 from warpknit.studies.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -28,6 +24,7 @@ SMALL = [
 ]  # fmt: skip
 SWEEP = ["sweep.strain_weft=[0.0]", "sweep.strain_warp=[0.02, 0.0]"]
 STRAINS = [(0.0, 0.0), (0.0, 0.02)]
+THICKNESS = 15e-6  # [m] of the wire
 
 
 def make_map(out: Path, *arguments: str):
@@ -41,32 +38,35 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def states(processes: int, **more):
+def batch(strains, **more) -> Batch:
     scene = load_scene(SCENES / "contact_map.toml", SMALL)
-    stages = [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in STRAINS]
-    return StateProcesses(build_model(scene), stages, processes=processes, **more)
+    stages = [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in strains]
+    return Batch(build_model(scene), stages, **more)
 
 
-def test_every_state_is_that_of_a_run_whichever_process_has_it():
-    """To the bit: here, in two processes, and as Simulation takes the load alone."""
-    here, there = ({outcome.index: outcome for outcome in states(processes).run()} for processes in (1, 2))
-    assert set(here) == set(there) == {0, 1}
+def test_every_state_is_the_same_whatever_is_beside_it(monkeypatch):
+    """To the bit: side by side on one thread and on two, and alone. The records of a run are evaluations in between."""
+    found = []
+    for threads in ("1", "2"):
+        monkeypatch.setenv("WARPKNIT_THREADS", threads)
+        found.append({outcome.index: outcome for outcome in batch(STRAINS).run()})
+        assert set(found[-1]) == {0, 1}
     for index, (weft, warp) in enumerate(STRAINS):
+        (alone,) = batch([(weft, warp)]).run()
+        for outcome in (found[0][index], found[1][index]):
+            assert outcome.observables is not None and outcome.steps == alone.steps
+            assert np.array_equal(outcome.observables.position, alone.observables.position)
+            assert measure.mesh_tension(outcome.observables) == measure.mesh_tension(alone.observables)
         load = [f"load.strain_weft={weft}", f"load.strain_warp={warp}"]
-        relaxation = Simulation(build_model(load_scene(SCENES / "contact_map.toml", SMALL + load)))
-        relaxation.compile()
-        *_, last = relaxation.run()
-        for outcome in (here[index], there[index]):
-            assert outcome.observables is not None and outcome.steps == last.steps
-            assert np.array_equal(outcome.observables.position, last.observables.position)
-            assert measure.mesh_tension(outcome.observables) == measure.mesh_tension(last.observables)
+        *_, last = Simulation(build_model(load_scene(SCENES / "contact_map.toml", SMALL + load))).run()
+        assert alone.steps == last.steps
+        assert alone.observables.position == pytest.approx(last.observables.position, rel=0, abs=1e-6 * THICKNESS)
 
 
 def test_the_share_that_is_done_counts_load_levels():
-    """Of loads with 3 levels and 1, the last one first: 1/4 when it is done."""
-    both = states(1, levels=[3, 1])
-    both._loads.reverse()
-    assert both.done == 0.0 and next(both.run()).index == 1 and both.done == pytest.approx(0.25)
+    """Of loads with 1 level and 3: 1/4 when the first one is done, which has nothing to solve."""
+    both = batch(STRAINS, levels=[1, 3])
+    assert both.done == 0.0 and next(both.run()).index == 0 and both.done == pytest.approx(0.25)
 
 
 def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch):
@@ -80,7 +80,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     assert (whole / "figures" / "contact_map.png").stat().st_size > 0
     assert len((whole / "map.csv").read_text().splitlines()) == 3
 
-    check, run, finished = Interrupts.check, StateProcesses.run, []
+    check, run, finished = Interrupts.check, Batch.run, []
 
     def stop(self):
         if finished:
@@ -92,7 +92,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
             finished.append(outcome)
             yield outcome
 
-    monkeypatch.setattr(StateProcesses, "run", noting)
+    monkeypatch.setattr(Batch, "run", noting)
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut, *plain)
     monkeypatch.undo()
@@ -101,25 +101,6 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     assert len(rows(cut / "map.csv")) == 1
     assert run_map(load_scene(cut / "scene.toml"), out=cut, resume=True).exit_code == 0
     assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()
-
-
-def test_a_process_that_is_gone_is_said(monkeypatch):
-    """As where memory ran out and the system ended it: exit status 4, and nothing waits for it."""
-    started = []
-
-    def starting(module, *descriptors, **more):
-        found = start_process(module, *descriptors, **more)
-        started.append(found[0])
-        return found
-
-    monkeypatch.setattr(state_processes, "start_process", starting)
-
-    def end(_states):
-        os.kill(started[0].pid, 9)
-
-    with pytest.raises(OutOfResources, match="ended by signal 9"):
-        list(states(2, watch=end).run())
-    assert all(process.returncode is not None for process in started)
 
 
 @pytest.mark.parametrize(("setting", "said"), [("wire.plastic=true", "wire.plastic"), ("solver.drive=ramp", "solver.drive")])

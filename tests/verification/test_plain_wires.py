@@ -68,7 +68,7 @@ def test_stability_is_tested_before_the_load_and_at_its_end(tmp_path: Path, monk
         load={"strain_weft": 1.5 * STRAIN},
         output={"frames": 4},
     )
-    monkeypatch.setattr(simulation.mechanics.stability, "begin", lambda: begun.append(simulation.progress.load_factor))
+    monkeypatch.setattr(simulation.mechanics.stability, "begin", lambda world: begun.append(simulation.progress.load_factor))
     list(simulation.run())
     assert begun == [0.0, 0.75, 1.0]
 

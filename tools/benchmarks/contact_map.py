@@ -8,6 +8,7 @@ together, which says more on a machine that others use too.
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -40,8 +41,9 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, str | float]]:
     for _ in range(options.rounds):
         row: dict[str, float | int] = {"cells": len(stages), "nodes": model.panel.node_count}
         for threads in (1, len(CORES)):
+            os.environ["WARPKNIT_THREADS"] = str(threads)
             begin, begin_cpu = time.perf_counter(), time.process_time()
-            batch = Batch(model, stages, threads=threads)
+            batch = Batch(model, stages)
             list(batch.run())
             wall, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             row |= {f"batch_{threads}_threads_s": wall, f"batch_{threads}_threads_cpu_s": cpu}

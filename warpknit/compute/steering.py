@@ -83,18 +83,27 @@ class Steering:
     loading = Entry(c.IS_LOADING)
     sticking = Entry(c.STICKING)
 
-    RUNNING, STALE, DIVERGED, EVALUATING, ACCEPTING = (
-        float(status) for status in (c.STATUS_RUNNING, c.STATUS_STALE, c.STATUS_DIVERGED, c.STATUS_EVALUATING, c.STATUS_ACCEPTING)
+    RUNNING, STALE, DIVERGED, EVALUATING, ACCEPTING, WAITING = (
+        float(status)
+        for status in (
+            c.STATUS_RUNNING,
+            c.STATUS_STALE,
+            c.STATUS_DIVERGED,
+            c.STATUS_EVALUATING,
+            c.STATUS_ACCEPTING,
+            c.STATUS_WAITING,
+        )  # fmt: skip
     )
 
-    def __init__(self, array: wp.array | np.ndarray) -> None:
-        """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host."""
-        self.array = array
+    def __init__(self, array: wp.array | np.ndarray, world: int | None = None) -> None:
+        """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host; world: the one of them that is meant."""
+        self.array, self.world = array, world
 
     @property
     def values(self) -> np.ndarray:
         """The array on the host: a view on the CPU, a copy from a GPU."""
-        return self.array if isinstance(self.array, np.ndarray) else fetch(self.array)
+        values = self.array if isinstance(self.array, np.ndarray) else fetch(self.array)
+        return values if self.world is None else values[self.world]
 
     def read(self) -> Steering:
         """The entries of now, read once."""
@@ -102,18 +111,21 @@ class Steering:
 
     def write(self, values: dict[Entry, Any], rows: np.ndarray | None = None) -> None:
         """Set entries of one world, of all, or of `rows`; values broadcast to (row, ...)."""
-        array = self.array
-        if not isinstance(array, np.ndarray) and array.ndim == 1 and not is_in_place(array.device):
+        array, host = self.array, self.values
+        if not isinstance(array, np.ndarray) and host.ndim == 1 and not is_in_place(array.device):
+            flat, begin = array.flatten(), (self.world or 0) * c.CONTROL_COUNT
             for entry, value in values.items():  # without waiting for the device
-                for k, number in enumerate(np.broadcast_to(value, entry.shape).ravel()):
-                    array[entry.first + k : entry.first + k + 1].fill_(float(number))
+                for k, number in enumerate(np.broadcast_to(value, entry.shape).ravel().tolist(), begin + entry.first):
+                    flat[k : k + 1].fill_(number)
             return
-        host = self.values
-        lead = host.shape[:-1] if rows is None else (len(rows),)
+        own = slice(None) if rows is None or host.ndim == 1 else rows
         for entry, value in values.items():
-            columns = np.arange(entry.first, entry.first + entry.count)
-            given = np.broadcast_to(value, (*lead, *entry.shape)).reshape(*lead, entry.count)
-            host[(..., columns) if rows is None else (rows[:, None], columns)] = given
+            columns: Any = entry.first
+            if entry.shape:
+                columns = slice(entry.first, entry.first + entry.count)
+                given = np.asarray(value)
+                value = given.reshape(*given.shape[: given.ndim - len(entry.shape)], entry.count)
+            host[columns if host.ndim == 1 else (own, columns)] = value
         if not isinstance(array, np.ndarray) and not is_in_place(array.device):
             store_at(array, ..., host)
 

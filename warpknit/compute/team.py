@@ -8,10 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ..kernels.barrier import wait_for_all
 from ..kernels.control import STATUS, STATUS_RUNNING
+from .host import fetch
 from .launch import Launch, bind
 
 TRIAL = 20  # calls after which the slower way is tried again
@@ -42,7 +44,7 @@ class Team:
 
         def of_thread(part: int) -> None:
             for graph in graphs[part]:
-                if replayed[part] > 0 and self._on_cpu and control.numpy()[int(STATUS)] != float(STATUS_RUNNING):
+                if replayed[part] > 0 and self._on_cpu and not np.any(fetch(control)[..., int(STATUS)] == float(STATUS_RUNNING)):
                     return
                 wp.capture_launch(graph)
                 replayed[part] += 1
@@ -70,8 +72,9 @@ class Team:
 class SharedLaunches:
     """Launches that a team repeats, recorded once by name."""
 
-    def __init__(self, team: Team, device: str) -> None:
-        self._team, self._device = team, device
+    def __init__(self, team: Team, device: str, threads: int | None = None) -> None:
+        """threads: how many of the team take part, default all; few items are launched faster by one."""
+        self._team, self._device, self._threads = team, device, threads or team.threads
         self._recorded: dict[str, list[Callable[[], None]]] = {}
 
     def clear(self) -> None:
@@ -84,7 +87,8 @@ class SharedLaunches:
         by: name of the argument for the first item of a part; sources and the other arguments as in `bind`, of the first call.
         """
         if name not in self._recorded:
-            shares = [self._team.share_of(items, part) for part in range(self._team.threads)]
+            count = self._threads
+            shares = [items[len(items) * part // count : len(items) * (part + 1) // count] for part in range(count)]
             parts = [bind(kernel, threads * len(own), *sources, **{by: own.start}, **named) for own in shares]
             self._recorded[name] = [launch.replay(self._device) for launch in parts if launch.threads]
         self._team.together(self._recorded[name])

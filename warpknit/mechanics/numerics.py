@@ -72,14 +72,13 @@ def slowest_damping(bending_stiffness: float, wave_length: float, spacing: float
     return 2.0 * math.sqrt(bending_stiffness * wave_number**4 * spacing / mass)
 
 
-def renewed_pace(pace: float, overlap: float) -> float:
+def renewed_pace(pace: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """Share of its usual increments in which a load is applied, at most 1: less while wires overlap deeply.
 
     overlap: the deepest since the last renewal, over the thickness of the wires.
     """
-    if overlap > DEEP:
-        return max(0.5 * pace, LEAST_PACE)
-    return min(2.0 * pace, 1.0) if overlap < SHALLOW else pace
+    faster = np.where(overlap < SHALLOW, np.minimum(2.0 * pace, 1.0), pace)
+    return np.where(overlap > DEEP, np.maximum(0.5 * pace, LEAST_PACE), faster)
 
 
 def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, slowest: float) -> np.ndarray:

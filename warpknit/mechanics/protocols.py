@@ -26,10 +26,6 @@ class Model(MeshModel, Protocol):
         """Whether multilevel starts and membrane corrections are available."""
 
     @property
-    def has_replicas(self) -> bool:
-        """Whether one launch can step many states."""
-
-    @property
     def softening(self) -> float:
         """EA over the axial stiffness of the dynamics."""
 
@@ -107,6 +103,10 @@ class Mechanics(Protocol):
     @property
     def can_overlap(self) -> bool:
         """Whether wires may pass through each other."""
+
+    @property
+    def group(self) -> Any:
+        """The group of which this is a mesh."""
 
     @property
     def model(self) -> Any: ...
@@ -300,6 +300,8 @@ class EdgeMechanics(MultilevelMechanics, Protocol):
 class Group(Protocol):
     """Meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
 
+    keeps_equilibria: bool  # whether a mesh may return to an earlier state
+
     @property
     def model(self) -> Any: ...
     @property
@@ -352,6 +354,8 @@ def strength_exceeded(stress: float, strength: float) -> str:
 
 class SingleMesh:
     """A group of one mesh."""
+
+    keeps_equilibria = True
 
     def __init__(self, mechanics: Mechanics) -> None:
         self.model, self.members = mechanics.model, (mechanics,)

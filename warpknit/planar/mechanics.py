@@ -14,7 +14,7 @@ from ..compute.steering import Steering
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
-from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
+from ..mechanics.protocols import TOO_THICK, Check, Drift, SingleMesh, strength_exceeded
 from ..mesh.rim import LoadPoint, Rim
 from .diagnostics import Diagnostics, Sums
 from .history_variables import HistoryVariables
@@ -59,6 +59,7 @@ class PlanarMechanics:
 
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
+        self.group = SingleMesh(self)
         self.notes: list[str] = []
         self.drift = drift_of(model.scene.model.nodes_per_loop)
         self.stepper = stepper_of(model, state)

@@ -61,8 +61,6 @@ class Model:
     __repr__ = short_repr
 
     has_multilevel: ClassVar[bool] = True
-    has_replicas: ClassVar[bool] = True
-
     scene: Scene
     cloth: Cloth | None  # None for wires that no pattern made
     table: Table

@@ -87,6 +87,8 @@ class Replicas:
 class ReplicaGroup:
     """Replicas as a group of meshes (mechanics.py), each with the same steps and checks as a single mesh."""
 
+    keeps_equilibria = False  # the rules of their multipliers do not return to earlier states
+
     def __init__(self, model: Model, count: int, *, threads: int | None = None) -> None:
         """`threads` share the replicas; default: see `Replicas`."""
         self.model = model

@@ -102,17 +102,17 @@ class Convergence:
         self._stalled[rows] = np.where(better, 0, self._stalled[rows] + ~waits)
         return np.asarray(self._stalled[rows] > self.patience)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
+    def state_dict(self, row: int) -> dict[str, np.ndarray]:
+        """Arrays of a mesh for a checkpoint."""
         return {
-            "convergence_best": self._best.copy(),
-            "convergence_stalled": self._stalled.copy(),
-            "convergence_met": self._met.copy(),
-            "convergence_stress": self._stress.copy(),
+            "convergence_best": self._best[:, row].copy(),
+            "convergence_stalled": np.array(self._stalled[row]),
+            "convergence_met": np.array(self._met[row]),
+            "convergence_stress": self._stress[:, row].copy(),
         }
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray], row: int) -> None:
         """Restore a `state_dict`."""
-        self._best, self._stalled, self._met, self._stress = (
-            kept[f"convergence_{name}"].copy() for name in ("best", "stalled", "met", "stress")
+        self._best[:, row], self._stalled[row], self._met[row], self._stress[:, row] = (
+            kept[f"convergence_{name}"] for name in ("best", "stalled", "met", "stress")
         )

@@ -5,6 +5,7 @@ Each kind is a package of that name; its module `kind` has the same functions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -57,14 +58,13 @@ def initial_state(model: Model) -> Any:
 
 def mechanics_of(model: Model, state: Any) -> Mechanics:
     """The mechanics that step a state of a model."""
-    mechanics: Mechanics = _kind(model.scene).mechanics(model, state)
-    return mechanics
+    return worlds_of([model], state).members[0]
 
 
-def replicas_of(model: Model, count: int, threads: int | None = None) -> Group:
-    """A group of `count` replicas of a model; `threads` default to one a core."""
-    replicas: Group = _kind(model.scene).replicas(model, count, threads=threads)
-    return replicas
+def worlds_of(models: Sequence[Model], state: Any = None) -> Group:
+    """Worlds of one topology side by side, one of each model; of a single one from a state."""
+    worlds: Group = _kind(models[0].scene).worlds(models, state)
+    return worlds
 
 
 def description_of(scene: Scene) -> ModuleType:

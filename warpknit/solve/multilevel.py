@@ -349,7 +349,7 @@ class MultilevelRelaxation(Relaxation):
             self._move(membrane, correction.scaled(part))
             self.mechanics.search()
             self._step_on(PART_STEPS)
-            pace = renewed_pace(pace, self.mechanics.overlap())
+            pace = float(renewed_pace(np.array(pace), np.array(self.mechanics.overlap())))
             correction = correction.scaled(1.0 - part)
         self._move(membrane, correction)
 

@@ -16,7 +16,7 @@ from ..base.text import engineering, percent
 from ..errors import Diverged, NoProgress, StepLimitExceeded
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mechanics.protocols import Mechanics, SingleMesh
+from ..mechanics.protocols import Mechanics
 from ..mesh.rim import LoadPoint
 from ..scene import Stage
 from .drive import Drive, under
@@ -74,9 +74,9 @@ class Relaxation(Drive):
     ) -> None:
         """`equilibrium`: the solver of many meshes, of which this is number `row`; default: its own."""
         super().__init__(mechanics, progress or Progress(), watch)
-        # one of many meshes does not return to its last equilibrium
-        self._may_cut = equilibrium is None and self.model.global_model.node_count <= MOST_KEPT
-        self.equilibrium = equilibrium or Equilibrium(SingleMesh(mechanics), [self])
+        group = mechanics.group if equilibrium is None else equilibrium.group
+        self._may_cut = group.keeps_equilibria and self.model.global_model.node_count <= MOST_KEPT
+        self.equilibrium = equilibrium or Equilibrium(mechanics.group, [self])
         self.row = row
         self._last_gradient: np.ndarray | None = None  # of the previous level
         self._wanted: WantedTension | None = None  # of this level
@@ -87,13 +87,13 @@ class Relaxation(Drive):
         return self.mechanics.dissipated
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        kept = super().state_dict() | self.equilibrium.convergence.state_dict()
+        kept = super().state_dict() | self.equilibrium.convergence.state_dict(self.row)
         kept |= {f"equilibrium_{name}": value for name, value in self._before.items()}
         return kept | {"last_gradient": np.zeros(0) if self._last_gradient is None else self._last_gradient}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         super().load_state_dict(kept)
-        self.equilibrium.convergence.load_state_dict(kept)
+        self.equilibrium.convergence.load_state_dict(kept, self.row)
         self._last_gradient = kept["last_gradient"].copy() if len(kept["last_gradient"]) else None
         self._before = under("equilibrium_", kept)
 

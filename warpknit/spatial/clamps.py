@@ -36,11 +36,12 @@ class MovingClamps:
         """Whether some of them slide."""
         return len(self.sliding) > 0
 
-    def launches(self) -> list[Launch]:
-        """Launches that move the clamps after the step of the rods."""
-        return [
-            bind(move_clamps, self.count, self.stepper.arrays, self.stepper.state, clamp_velocity=self.velocity, **self._clamps)
-        ]
+    def launches(self, worlds: range) -> list[Launch]:
+        """Launches that move the clamps of some worlds after the step of the rods."""
+        each = self.count // self.stepper.worlds
+        sources = (self.stepper.arrays, self.stepper.state)
+        own = {"first_clamp": worlds.start * each, "clamp_velocity": self.velocity}
+        return [bind(move_clamps, len(worlds) * each, *sources, **own, **self._clamps)]
 
     # --- sliding clamps, in the state last evaluated
 
@@ -63,6 +64,6 @@ class MovingClamps:
         """(sliding clamp, 2, 3) the vectors of both nodes."""
         return self._entries.fetch(array).reshape(-1, 2, 3) if self.need_forces else np.zeros((0, 2, 3))
 
-    def stop(self) -> None:
-        """Set all velocities to zero."""
-        store(self.velocity, 0)
+    def stop(self, world: int) -> None:
+        """Set the velocities of a world to zero."""
+        store(self.stepper.part(self.velocity, world), 0)

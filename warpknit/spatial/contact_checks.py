@@ -23,12 +23,12 @@ STICK_SHARE = 0.5  # tangential over normal stiffness
 
 @dataclass(frozen=True)
 class ContactSums:
-    """Sums over the contacts with a force in the state last evaluated."""
+    """Sums over the contacts with a force in the state last evaluated; [world] of those asked for."""
 
-    mean_push: float  # [N] mean force of those that push; 0 without any
-    pushing: int  # contacts that push
-    overlap_max: float  # [m] largest overlap or gap; of forces below the mean, in proportion; not of saddles
-    overlap_square: float  # [m2] squares of the same, summed
+    mean_push: np.ndarray  # [N] mean force of those that push; 0 without any
+    pushing: np.ndarray  # contacts that push
+    overlap_max: np.ndarray  # [m] largest overlap or gap; of forces below the mean, in proportion; not of saddles
+    overlap_square: np.ndarray  # [m2] squares of the same, summed
 
 
 class ContactChecks:
@@ -44,24 +44,27 @@ class ContactChecks:
             "weight_square": wp.float64(curve.weight_square),
             "lever": wp.float64(curve.lever),
         }
-        self._launches = SharedLaunches(stepper.team, stepper.device)
+        # by list of pairs, two of which may take turns
+        self._recorded: dict[tuple[int, int], SharedLaunches] = {}
         blocks, device = len(stepper.arrays.block_first), stepper.device
         self._segment_stress, self._contact_stress = (wp.zeros(blocks, dtype=wp.vec4d, device=device) for _ in range(2))
         self._partial = wp.zeros((blocks, k.CONTACT_COLUMNS), dtype=wp.float64, device=device)
-        self._lists: tuple[PairList, TouchArrays] | None = None
 
     def use(self, pairs: PairList, touch: TouchArrays) -> None:
         """Read these lists from now on."""
-        if self._lists is None or self._lists[0] is not pairs or self._lists[1] is not touch:
-            self._lists = (pairs, touch)
-            self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
-            self._launches.clear()
+        key = pairs.number, touch.capacity
+        if key not in self._recorded:
+            kept = [one for one in self._recorded if one[1] == touch.capacity][-1:]
+            self._recorded = {one: self._recorded[one] for one in kept}
+            self._recorded[key] = SharedLaunches(
+                self._stepper.team, self._stepper.device, min(self._stepper.few, self._stepper.threads)
+            )
+        self._launches, self._touch = self._recorded[key], touch
+        self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
 
     def _launch(self, kernel: wp.Kernel, by: str, items: range, *sources: object, **named: Any) -> None:
         """Launch a kernel whose threads share some items, from `by` on, on the lists in use."""
-        assert self._lists is not None
-        stepper, touch = self._stepper, self._lists[1]
-        every = (stepper.arrays, stepper.state, self._wires, touch, self._pairs, *sources)
+        every = (self._stepper.arrays, self._stepper.state, self._wires, self._touch, self._pairs, *sources)
         self._launches.run(kernel.key, kernel, by, items, *every, **named)
 
     def _of_blocks(self, kernel: wp.Kernel, **named: Any) -> None:
@@ -72,30 +75,30 @@ class ContactChecks:
         """Launch a kernel for the own nodes, on the lists in use."""
         self._launch(kernel, "first_node", self._stepper.strip.nodes, *sources, **named)
 
-    def sums(self) -> ContactSums:
-        """Sums over the contacts with a force in the state last evaluated."""
-        state = self._stepper.state
+    def sums(self, rows: np.ndarray) -> ContactSums:
+        """Sums over the contacts with a force in the state last evaluated, of worlds."""
+        sums = self._stepper.sums
 
         def total() -> np.ndarray:
             self._of_blocks(k.sum_contacts, contact_partial=self._partial)
-            return self._stepper.sums.total(fetch(self._partial))
+            return sums.total(fetch(self._partial), rows)
 
-        pushing, force = total()[[int(k.PUSHING), int(k.PUSH_SUM)]].tolist()
-        mean = force / pushing if pushing > 0.0 else 0.0
-        state.steering.set(mean_push=max(mean, 1e-300))
-        square = float(total()[int(k.ERROR_SQUARE)])
-        return ContactSums(mean, int(pushing), float(self._stepper.sums.largest(fetch(self._partial))[int(k.ERROR_MAX)]), square)
+        pushing, force = total()[:, [int(k.PUSHING), int(k.PUSH_SUM)]].T
+        mean = np.divide(force, pushing, out=np.zeros(len(rows)), where=pushing > 0.0)
+        self._stepper.steering.set(rows, mean_push=np.maximum(mean, 1e-300))
+        square = total()[:, int(k.ERROR_SQUARE)]
+        return ContactSums(mean, pushing, sums.largest(fetch(self._partial), rows)[:, int(k.ERROR_MAX)], square)
 
-    def stress(self) -> np.ndarray:
-        """(2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        """(world, 2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
         self._of_blocks(sum_segment_stress, segment_stress=self._segment_stress)
         self._of_blocks(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self._has_friction))
-        segments, contacts = (self._stepper.sums.total(fetch(stress)) for stress in (self._segment_stress, self._contact_stress))
-        return np.asarray(segments + contacts).reshape(2, 2)
+        parts = (self._segment_stress, self._contact_stress)
+        segments, contacts = (self._stepper.sums.total(fetch(stress), rows) for stress in parts)
+        return np.asarray(segments + contacts).reshape(-1, 2, 2)
 
-    def bound_stiffness(self) -> None:
+    def bound_stiffness(self, rows: np.ndarray) -> None:
         """Write bounds on the stiffness of contacts, up to the gap of the last evaluation, into `sweep` of the state."""
-        state = self._stepper.state
-        stiffness = state.steering.contact_stiffness
-        state.steering.set(sticking=STICK_SHARE * stiffness if self._has_friction else 0.0)
+        steering = self._stepper.steering
+        steering.set(rows, sticking=STICK_SHARE * steering.contact_stiffness[rows] if self._has_friction else 0.0)
         self.of_nodes(k.bound_contact_stiffness, **self._of_wires)

@@ -54,7 +54,7 @@ class ContactMultipliers:
             "allowed": wp.float64(OVERLAP_ERROR * self._thickness),
             "most_offset": wp.float64(MAX_OFFSET * self._thickness),
         }
-        self.mean_force = 0.0  # [N] of the contacts
+        self.mean_force = np.zeros(contact.stepper.worlds)  # [world] [N] of the contacts
         store(self._state.contact_penalty, floor)
 
     @property
@@ -63,49 +63,51 @@ class ContactMultipliers:
         return fetch(self._arrays.penalty_raised)
 
     @property
-    def _loading_floor(self) -> float:
-        """[N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
-        return max(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
+    def _loading_floor(self) -> np.ndarray:
+        """[world] [N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
+        return np.maximum(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
 
-    def error_ratio(self, contacts: ContactSums) -> float:
-        """Overlaps over what is allowed."""
+    def error_ratio(self, contacts: ContactSums) -> np.ndarray:
+        """[row] Overlaps over what is allowed."""
         allowed = OVERLAP_ERROR * self._thickness
-        return float(error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, allowed))
+        return error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, allowed)
 
-    def renew(self, contacts: ContactSums, rate: float, *, loading: bool) -> None:
-        """Move the offsets by `rate` times the overlaps, and the penalties with the forces; contacts: those of this state."""
-        state = self._state
-        self.mean_force = contacts.mean_push or self.mean_force
-        is_fast = loading or state.steering.speed_max > SLOW * self._thickness
-        floor = self._loading_floor if is_fast else LOADED * self._floor
-        state.steering.set(multiplier_rate=rate, penalty_floor=floor, loading=float(loading))
+    def renew(self, contacts: ContactSums, rate: np.ndarray, rows: np.ndarray, *, loading: np.ndarray) -> None:
+        """Move the offsets by `rate` [row] times the overlaps, and the penalties with the forces, of this state."""
+        steering = self._contact.stepper.steering
+        self.mean_force[rows] = np.where(contacts.mean_push > 0.0, contacts.mean_push, self.mean_force[rows])
+        is_fast = loading | (steering.speed_max[rows] > SLOW * self._thickness)
+        floor = np.where(is_fast, self._loading_floor[rows], LOADED * self._floor)
+        steering.set(rows, multiplier_rate=rate, penalty_floor=floor, loading=loading)
         self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint, beside the state of the rods."""
-        kept = {name: fetch(array).copy() for name, array in vars(self._arrays).items()}
-        return kept | {"mean_contact_force": np.array(self.mean_force)}
+    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
+        """Arrays of a world for a checkpoint, beside the state of the rods."""
+        kept = {name: fetch(self._contact.stepper.part(array, world)).copy() for name, array in vars(self._arrays).items()}
+        return kept | {"mean_contact_force": np.array(self.mean_force[world])}
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
-        self.mean_force = float(kept["mean_contact_force"])
+        self.mean_force[world] = float(kept["mean_contact_force"])
         for name, array in vars(self._arrays).items():
-            store(array, kept[name])
+            store(self._contact.stepper.part(array, world), kept[name])
 
-    def stiffen(self) -> None:
-        """Raise the penalties for a load to come, and forget where overlaps have stalled."""
-        arrays = self._arrays
-        for array, value in ((arrays.penalty_raised, 1.0), (arrays.overlap_best, np.inf), (arrays.overlap_checks, 0)):
-            store(array, value)
-        self.raise_to_floor()
+    def stiffen(self, rows: np.ndarray | None = None) -> None:
+        """Raise the penalties of worlds for a load to come, and forget where overlaps have stalled."""
+        stepper, arrays = self._contact.stepper, self._arrays
+        for world in (stepper.rows if rows is None else rows).tolist():
+            for array, value in ((arrays.penalty_raised, 1.0), (arrays.overlap_best, np.inf), (arrays.overlap_checks, 0)):
+                store(stepper.part(array, world), value)
+            self.raise_to_floor(world)
 
-    def raise_to_floor(self) -> None:
+    def raise_to_floor(self, world: int = 0) -> None:
         """Raise the penalties to what contacts need that close fast; the forces of the offsets are kept."""
-        state = self._state
-        before = fetch(state.contact_penalty)
-        penalty = np.maximum(before, self._loading_floor)
-        store(state.contact_offset, fetch(state.contact_offset) * before / penalty)
-        store(state.contact_penalty, penalty)
+        part, state = self._contact.stepper.part, self._state
+        own_penalty, own_offset = part(state.contact_penalty, world), part(state.contact_offset, world)
+        before = fetch(own_penalty)
+        penalty = np.maximum(before, self._loading_floor[world])
+        store(own_offset, fetch(own_offset) * before / penalty)
+        store(own_penalty, penalty)
 
     @property
     def push(self) -> np.ndarray:
@@ -117,10 +119,10 @@ class ContactMultipliers:
         penalty = np.maximum(fetch(self._state.contact_penalty), 1e-300)
         store(self._state.contact_offset, np.clip((self.push + push) / penalty, 0.0, MAX_OFFSET * self._thickness))
 
-    def raise_to(self, penalty: np.ndarray, raised: np.ndarray, mean_force: float) -> None:
+    def raise_to(self, penalty: np.ndarray, raised: np.ndarray, mean_force: np.ndarray) -> None:
         """Raise penalties [node] [N/m] and their factors to at least these; the forces of the offsets are kept."""
         state, push = self._state, self.push
         store(state.contact_penalty, np.maximum(fetch(state.contact_penalty), penalty))
         store(self._arrays.penalty_raised, np.clip(raised, self.raised, MOST_RAISED))
-        self.mean_force = max(self.mean_force, mean_force)
+        self.mean_force = np.maximum(self.mean_force, mean_force)
         self.add_push(push - self.push)

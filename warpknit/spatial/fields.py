@@ -85,7 +85,7 @@ class Fields:
         on_panel = {name: np.array(self.nodes.of_panel(value, of_segments=name == "stretch")) for name, value in values.items()}
         return {name: self._of_all_ranks(value) for name, value in on_panel.items()}
 
-    def stiffen(self, stiffness: dict[str, np.ndarray], mean_force: float) -> None:
+    def stiffen(self, stiffness: dict[str, np.ndarray], mean_force: np.ndarray) -> None:
         """Raise stiffnesses to those given [panel node]; mean_force [N] of the contacts."""
         state = self.stepper.state
         raised = {name: self.nodes.of_rods(value, of_segments=name == "stretch") for name, value in stiffness.items()}
@@ -142,7 +142,7 @@ class Fields:
         """Largest overlap of wires over their thickness."""
         self.contact.pop_max_penetration()
         self.stepper.evaluate()
-        return self.contact.pop_max_penetration() / self.model.rods.section.thickness
+        return float(self.contact.pop_max_penetration()[0]) / self.model.rods.section.thickness
 
     def _pull(self, change: dict[str, np.ndarray]) -> None:
         """Change the multipliers of segments and contacts with the fields [node]."""

@@ -1,8 +1,8 @@
-"""The spatial model by the names that every kind of model has (model.py)."""
+"""The spatial model by the names that every kind of model has (solve/model.py)."""
 
 from . import description, trials
-from .mechanics import SpatialMechanics as mechanics
+from .mechanics import SpatialWorlds as worlds
 from .model import build_model as build_model
 from .model import initial_state
 
-__all__ = ["build_model", "description", "initial_state", "mechanics", "trials"]
+__all__ = ["build_model", "description", "initial_state", "trials", "worlds"]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from .. import measure
 from ..compute.host import Entries, fetch, store
+from ..compute.steering import Steering
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check, Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
@@ -17,23 +20,25 @@ from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import MovingClamps
-from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
 from .edge import Edge
 from .fields import Fields
 from .masses import Masses
 from .membrane_grid import MembraneGrid
-from .model import SpatialModel
+from .model import SpatialModel, initial_state
 from .observables import SpatialObservables, read
 from .overlap_text import overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .prolongation import Prolongation
 from .residual import Residual
+from .rest_curve import joined_curves
 from .rod_arrays import RodState, root_mean_square, set_natural_shape
-from .rod_checks import StateSums
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
+from .rod_step import RodStepper
+from .rods import joined
 from .search_cells import search_cells
 from .sites import Sites
 from .stability import Stability
+from .strip import RodStrip
 from .strip_step import stepper_of
 from .thermal import segment_thermal_strain
 from .wire_contact import WireContact
@@ -47,8 +52,137 @@ RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is a
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
+class SpatialWorlds:
+    """Meshes of one topology, stepped and checked side by side; one is a group too. `rows` are indices of some of them."""
+
+    keeps_equilibria = True
+
+    def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
+        """models: of each world; state: of a single one, default at rest."""
+        self.model = model = models[0]
+        scene, worlds = model.scene, len(models)
+        rods = joined([one.rods for one in models])
+        curve = joined_curves([one.curve for one in models], rods)
+        if worlds == 1:
+            self.stepper = stepper_of(model, initial_state(model) if state is None else state)
+        else:
+            self.stepper = RodStepper(rods, model.device, None, model.precision, worlds=worlds)
+        mesh = model.global_model
+        self.contact = WireContact(
+            self.stepper,
+            model.contact_stiffness,
+            friction=scene.contact.friction,
+            curve=curve,
+            cells=search_cells(mesh.rods, mesh.curve),
+        )
+        self.clamps = self._moving_clamps()
+        self.relaxation = RodRelaxation(
+            self.stepper,
+            softening=model.softening,
+            wave_length=SLOWEST_WAVE * model.loop_length,
+            curve=curve,
+            clamps=self.clamps,
+            multipliers=model.ramp is None,
+            vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
+            wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
+        )
+        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
+        self.residual = Residual(model, self.relaxation, self.multipliers)
+        self.stability = Stability(model, self.relaxation, self.contact)
+        self.overlap = np.zeros(worlds)  # over the thickness, deepest up to the last convergence check
+        self.members = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
+
+    def _moving_clamps(self) -> MovingClamps | None:
+        """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
+        wires, worlds = self.model.wires, self.stepper.worlds
+        if not len(wires.held_node) or self.model.scene.has_moving_edge:
+            return None
+        sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
+        count, nodes = len(wires.held_node) // 2, self.stepper.arrays.world_nodes
+        node = np.concatenate([wires.held_node + k * nodes for k in range(worlds)])
+        lever = np.concatenate([wires.held_lever] * worlds)
+        slides = np.concatenate([sliding + k * count for k in range(worlds)])
+        return MovingClamps(self.stepper, node.reshape(-1, 2), lever.reshape(-1, 2, 2), slides)
+
+    # --- steps
+
+    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
+        steering = self.stepper.steering
+        before = steering.step
+        diverged, active = np.zeros(len(before), dtype=bool), rows
+        while len(active):
+            with self.stepper.only(active):
+                self.stepper.step(int(steps - (steering.step - before)[active].max()))
+            status, taken = steering.status, steering.step - before
+            stale = active[status[active] == Steering.STALE]
+            if len(stale):
+                self.contact.refresh(rows=stale)
+            diverged[active] = status[active] == Steering.DIVERGED
+            active = active[~diverged[active] & (taken[active] < steps)]
+        return (steering.step - before)[rows].astype(int), diverged[rows]
+
+    def is_loading(self, rows: np.ndarray) -> np.ndarray:
+        """[row] whether a load is being applied."""
+        return np.asarray(self.stepper.steering.is_loading[rows])
+
+    # --- convergence
+
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        """Check convergence, and update damping, multipliers and masses; checks [row]: of the level so far, this one included."""
+        with self.stepper.only(rows):
+            return self._check(rows, checks, loading)
+
+    def _check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        stepper, relaxation, stability = self.stepper, self.relaxation, self.stability
+        members = [self.members[row] for row in rows.tolist()]
+        lags = np.array([member.is_loading_gently(bool(one)) for member, one in zip(members, loading, strict=True)])
+        if lags.any():
+            late = rows[lags]
+            pace = renewed_pace(1.0 - stepper.steering.ramp_lag[late], self.overlap[late])
+            stepper.steering.set(late, ramp_lag=1.0 - pace)
+        for member, one in zip(members, loading.tolist(), strict=True):
+            member.go_on_releasing(loading=one)
+        stepper.evaluate(0.0, rows=rows)
+        relaxation.renew_damping(rows)
+        stability.hold_damping()
+        state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
+        measured = ~loading | np.array([member.edge is not None for member in members])
+        ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
+        watched = ~loading & ~stability.is_running[rows]
+        relaxation.watch_progress(ratio[watched], state.excess_ratio[watched], rows[watched])
+        relaxation.renew_multipliers(state, rows, loading=loading)
+        if self.multipliers is not None:
+            self.multipliers.renew(contacts, relaxation.multiplier_rate(rows), rows, loading=loading)
+        relaxation.renew_masses(rows, loading=loading)
+        relaxation.keep_motion(rows)
+        for k, member in enumerate(members):
+            if member.edge is not None:
+                ratio[k] = member.move_edge(member.edge, int(checks[k]), float(ratio[k]), loading=bool(loading[k]))
+        left = stability.has_left.copy()
+        if not loading.all():
+            ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
+        for world in np.flatnonzero(stability.has_left & ~left).tolist():
+            self.members[world].tell(stability.note(world))
+        tolerance = self.model.scene.solver.residual_tolerance
+        return Check(np.where(loading, np.nan, ratio * tolerance), np.where(loading, np.inf, ratio))
+
+    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
+        """Nothing: masses go with every check."""
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] nominal stress of the meshes."""
+        self.stepper.evaluate(rows=rows)
+        with self.stepper.only(rows):
+            total = self.contact.checks.stress(rows)
+        return np.array([
+            (inner + self.members[row].clamp_stress()) / self.model.panel.area
+            for row, inner in zip(rows.tolist(), total, strict=True)
+        ])  # fmt: skip
+
+
 class SpatialMechanics:
-    """Steps one state of a spatial model."""
+    """Steps one world of a spatial model."""
 
     check_steps = CHECK_STEPS
     can_overlap = True
@@ -57,42 +191,23 @@ class SpatialMechanics:
     path_increment = FOLLOWED_INCREMENT
     path_ratios = (1.0, 1.0)  # tight knits snap on the way
 
-    def __init__(self, model: SpatialModel, state: RodState) -> None:
-        self.model, scene = model, model.scene
+    def __init__(self, group: SpatialWorlds, model: SpatialModel, world: int) -> None:
+        self.group, self.model, self.world, self.rows = group, model, world, np.array([world])
+        scene = model.scene
         self.notes: list[str] = []
         mesh = model.global_model
         measured = mesh if model.ranks.is_first else model
         self.sites = Sites(measured.wires, measured.rods)
-        self.stepper = stepper_of(model, state)
-        self.strip = self.stepper.strip
-        self.contact = WireContact(
-            self.stepper,
-            model.contact_stiffness,
-            friction=scene.contact.friction,
-            curve=model.curve,
-            cells=search_cells(mesh.rods, mesh.curve),
-        )
-        self.clamps = self._moving_clamps()
+        self.stepper, self.contact, self.clamps = group.stepper, group.contact, group.clamps
+        self.relaxation, self.multipliers, self.stability = group.relaxation, group.multipliers, group.stability
+        self.strip = self.stepper.strip if self.stepper.worlds == 1 else RodStrip.alone(model.rods)
+        self.state = self.stepper.state.world(world, self.stepper.worlds)
         self._held = Entries(model.wires.held_node, model.device)
-        self.relaxation = RodRelaxation(
-            self.stepper,
-            softening=model.softening,
-            wave_length=SLOWEST_WAVE * model.loop_length,
-            curve=model.curve,
-            clamps=self.clamps,
-            multipliers=model.ramp is None,
-            vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
-            wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
-        )
-        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
-        self.residual = Residual(model, self.relaxation, self.multipliers)
         self.edge = Edge(model) if scene.has_moving_edge else None
-        self.stability = Stability(model, self.relaxation, self.contact, self.notes)
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._release: tuple[float, float] | None = None  # shares of the release before and after the part in progress
         self._untested = 0.0  # strain since the last test whether an equilibrium is stable
-        self._overlap = 0.0  # over the thickness, deepest up to the last convergence check
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
         if model.ramp is not None:
             self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
@@ -106,18 +221,6 @@ class SpatialMechanics:
         self.state.steering.set(drive=1.0, speed_limit=np.inf, step_limit=farthest)
         self.contact.list_near_pairs(np.inf)
 
-    def _moving_clamps(self) -> MovingClamps | None:
-        """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
-        wires = self.model.wires
-        if not len(wires.held_node) or self.model.scene.has_moving_edge:
-            return None
-        sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
-        return MovingClamps(self.stepper, wires.held_node.reshape(-1, 2), wires.held_lever.reshape(-1, 2, 2), sliding)
-
-    @property
-    def state(self) -> RodState:
-        return self.stepper.state
-
     @property
     def rim(self) -> Rim | None:
         return None if self.edge is None else self.edge.rim
@@ -128,14 +231,14 @@ class SpatialMechanics:
 
     def compile(self) -> None:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
-        self.contact.search()
-        self.stepper.evaluate()
-        near = self.contact.read_contacts(0.0)
+        self.search_pairs()
+        self.stepper.evaluate(rows=self.rows)
+        near = self.contact.read_contacts(0.0, self.world)
         refuse_intersecting_centre_lines(near, self.model.rods, self.strip)
         refuse_overlapping_clamps(near, self.model.rods, self.strip)
         self.step(2)
         if self.model.ramp is None:
-            self.check(1, loading=False)
+            self.group.check(self.rows, np.ones(1, dtype=int), np.zeros(1, dtype=bool))
             self.stress()
         else:
             self.residual_now()
@@ -150,14 +253,18 @@ class SpatialMechanics:
         if self.model.ramp is not None:
             return
         self._apply_release()
-        self.relaxation.set_thermal_strain(self._thermal_strain(load))
+        self.relaxation.set_thermal_strain(self._thermal_strain(load), self.world)
         if self.clamps is None or steps == 0:
             self._move_clamps(load, factor)
         if self.multipliers is not None:
-            self.multipliers.stiffen()
-        self.relaxation.stop_motion()
-        self.contact.search()
-        self.relaxation.renew_masses(loading=True)
+            self.multipliers.stiffen(self.rows)
+        self.relaxation.stop_motion(self.rows)
+        self.search_pairs()
+        self.relaxation.renew_masses(self.rows, loading=True)
+
+    def search_pairs(self) -> None:
+        """Search the pairs of wires that may touch."""
+        self.contact.search(self.rows)
 
     def set_dead_load(self, force: np.ndarray) -> None:
         """Put dead loads on the nodes of the mesh of all ranks, (node, 3) [N]."""
@@ -189,6 +296,12 @@ class SpatialMechanics:
             self._release = begin, end
             self._apply_release()
 
+    def go_on_releasing(self, *, loading: bool) -> None:
+        """Release up to the next convergence check; the release ends with the load."""
+        self._apply_release()
+        if not loading:
+            self._release = None
+
     def _apply_release(self) -> None:
         """Release as much curvature as belongs to the steps up to the next convergence check, over those of the load.
 
@@ -199,8 +312,18 @@ class SpatialMechanics:
         control, (before, after) = self.state.steering.read(), self._release
         ahead = CHECK_STEPS * (1.0 - control.ramp_lag)
         share = min(1.0, float((control.ramp_step + ahead) / max(control.ramp_steps, ahead)))
-        released = before + share * (after - before)
-        set_natural_shape(self.stepper.arrays, self.model.rods, self.model.device, released, self.model.precision)
+        rows = self.model.rods.of_rows.node_count
+        own = slice(self.world * rows, (self.world + 1) * rows)
+        set_natural_shape(self.stepper.arrays, self.stepper.rods, before + share * (after - before), own)
+
+    def is_loading_gently(self, loading: bool) -> bool:
+        """Whether a load is applied more slowly where wires overlap."""
+        return loading and not self.may_overlap
+
+    def tell(self, note: str) -> None:
+        """Add a note for the user, once."""
+        if note not in self.notes:
+            self.notes.append(note)
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         (small, large), strain = LOAD_STRAINS, self._strain_to(load)
@@ -214,7 +337,9 @@ class SpatialMechanics:
         strain = float(np.abs(load.gradient - self.state.gradient).max())
         strain += abs(scene.wire.length_factor(load.temperature) - steering.length_factor)
         if any(any(stage.temperature_gradient) for stage in scene.stages):
-            strain += self.strip.largest_of_nodes(np.abs(self._thermal_strain(load) - self.relaxation.thermal_strain))
+            strain += self.strip.largest_of_nodes(
+                np.abs(self._thermal_strain(load) - fetch(self._part(self.relaxation.checks.arrays.thermal_strain)))
+            )
         if self.edge is not None and load.stations is not None:
             strain += float(np.abs(load.stations - self.edge.target).max() / np.min(self.model.panel.size))
         return strain
@@ -231,27 +356,33 @@ class SpatialMechanics:
             limit = MAX_PREDICTION * self.model.rods.section.thickness
             store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
         self._last = self.state.gradient, displacement
-        self.relaxation.stop_motion()
+        self.relaxation.stop_motion(self.rows)
 
     def advance_history(self) -> None:
-        self.stepper.yielding.advance()
-        self.contact.advance_history()
+        self.stepper.yielding.advance(self.world)
+        self.contact.advance_history(self.world)
 
     @property
     def dissipated(self) -> float:
-        return self.stepper.yielding.dissipated + self.contact.dissipated
+        return float(self.stepper.yielding.dissipated[self.world] + self.contact.dissipated[self.world])
+
+    def _part(self, array: wp.array) -> wp.array:
+        """The part of an array that belongs to this world."""
+        return self.stepper.part(array, self.world)
 
     # --- steps
 
     def search(self) -> None:
-        self.contact.refresh()
+        self.contact.refresh(rows=self.rows)
 
     def step(self, count: int) -> None:
-        self.stepper.step(count)
+        with self.stepper.only(self.rows):
+            self.stepper.step(count)
 
     def overlap(self) -> float:
-        self._overlap = self.contact.pop_max_penetration() / (2.0 * float(self.model.rods.wire_radius.min()))
-        return self._overlap
+        thickness = 2.0 * float(self.model.rods.wire_radius.min())
+        self.group.overlap[self.world] = self.contact.pop_max_penetration(self.rows)[0] / thickness
+        return float(self.group.overlap[self.world])
 
     def deepest_overlap(self) -> str:
         observed, strip, state = self.observe(), self.strip, self.state
@@ -269,69 +400,42 @@ class SpatialMechanics:
     # --- convergence of a relaxation
 
     def begin_level(self) -> None:
-        self.contact.pop_max_penetration()
+        self.contact.pop_max_penetration(self.rows)
 
     def begin_test(self, *, is_certain: bool) -> None:
         if self._is_tested and (is_certain or self._untested >= LOAD_STRAINS[0]):
-            self.stability.begin()
+            self.stability.begin(self.world)
             self._untested = 0.0
 
-    def check(self, checks: int, *, loading: bool) -> Check:
-        if loading and not self.may_overlap:
-            pace = 1.0 - self.state.steering.ramp_lag
-            self.state.steering.set(ramp_lag=1.0 - renewed_pace(pace, self._overlap))
-        self._apply_release()
-        if not loading:
-            self._release = None
-        self.stepper.evaluate(0.0)
-        self.relaxation.renew_damping()
-        self.stability.hold_damping()
-        state, contacts = self.relaxation.sums(of_mean=True), self.contact.checks.sums()
-        tolerance = self.model.scene.solver.residual_tolerance
-        ratio = np.inf if loading and self.edge is None else self.residual.ratio(state, contacts)
-        if not loading and not self.stability.is_running:
-            self.relaxation.watch_progress(ratio, state.excess_ratio)
-        self._renew_multipliers(state, contacts, loading)
-        if self.edge is not None:
-            self._move_edge(self.edge, checks, ratio, loading=loading)
-            ratio = max(ratio, self.edge.residual_ratio(tolerance))
-        return Check(np.nan, np.inf) if loading else Check(ratio * tolerance, self.stability.after_check(ratio))
-
-    def _renew_multipliers(self, state: StateSums, contacts: ContactSums, loading: bool) -> None:
-        self.relaxation.renew_multipliers(state, loading=loading)
-        if self.multipliers is not None:
-            self.multipliers.renew(contacts, self.relaxation.multiplier_rate, loading=loading)
-        self.relaxation.renew_masses(loading=loading)
-        self.relaxation.keep_motion()
-
-    def _move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> None:
-        """Move given stations while the load is applied, free ones once the mesh itself is close to convergence."""
+    def move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> float:
+        """Move given stations while the load is applied, free ones once the mesh itself is close to convergence; returns the
+        larger of the residual ratios of mesh and edge."""
         control = self.state.steering.read()
-        step, steps = control.ramp_step, control.ramp_steps
-        if loading or (steps > 0.0 and not edge.is_at_target):
-            move = edge.move_given(step / steps)
+        move = np.zeros(1)
+        if loading or (control.ramp_steps > 0.0 and not edge.is_at_target):
+            move = edge.move_given(control.ramp_step / control.ramp_steps)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
             move = edge.relax_free(self.state.gradient, fetch(self.state.force))
-        else:
-            return
         if np.any(move):
             displacement = fetch(self.state.displacement).copy()
             displacement[:, :2] += move
             store(self.state.displacement, displacement)
-            self.contact.search()
-            self.relaxation.reset_damping_estimate()
-
-    def renew(self, checks: int) -> None:
-        """Nothing: masses go with every check."""
+            self.search_pairs()
+            self.relaxation.reset_damping_estimate(self.rows)
+        return max(ratio, edge.residual_ratio(self.model.scene.solver.residual_tolerance))
 
     def stress(self) -> np.ndarray:
-        self.stepper.evaluate()
-        total, wires = self.contact.checks.stress(), self.model.wires
-        if len(self.model.global_model.wires.held_node):
-            force = self._held.fetch(self.state.force)[:, :2]
-            products = np.einsum("ia,ib->iab", force, wires.held_lever).reshape(-1, 4)
-            total = total + self.strip.ranks.exact_sum(products).reshape(2, 2)
-        return total / self.model.panel.area
+        """(2, 2) [N/m] nominal stress of the mesh."""
+        return self.group.stress(self.rows)[0]
+
+    def clamp_stress(self) -> np.ndarray:
+        """(2, 2) [N m] of the forces of the clamps, in the state last evaluated."""
+        wires = self.model.wires
+        if not len(self.model.global_model.wires.held_node):
+            return np.zeros((2, 2))
+        force = self._held.fetch(self.state.force)[:, :2]
+        products = np.einsum("ia,ib->iab", force, wires.held_lever).reshape(-1, 4)
+        return self.strip.ranks.exact_sum(products).reshape(2, 2)
 
     def causes(self) -> str:
         observed, strength = self.observe(), self.model.scene.wire.tensile_strength
@@ -342,9 +446,9 @@ class SpatialMechanics:
         wire = self.model.scene.wire
         if self.state.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
             return False
-        self.stepper.evaluate()
-        found = self.contact.read_contacts()
-        overlaps = found.overlap / self.stepper.rods.touch_distance(found.first, found.second)
+        self.stepper.evaluate(rows=self.rows)
+        found = self.contact.read_contacts(world=self.world)
+        overlaps = found.overlap / self.model.rods.touch_distance(found.first, found.second)
         deep = np.concatenate(self.strip.ranks.everyone(overlaps[overlaps > CLOSEST]))
         if len(deep):
             self.notes.append(
@@ -352,11 +456,14 @@ class SpatialMechanics:
                 f" {100 * deep.max():.2g} % of their thickness; they were pushed apart before loading"
             )
             return False
-        state = self.relaxation.sums(of_mean=False)
-        rods, tension = self.model.rods, np.abs(self.relaxation.tension())
+        with self.stepper.only(self.rows):
+            state, contacts = self.relaxation.sums(self.rows, of_mean=False), self.contact.checks.sums(self.rows)
+        tension = np.abs(self.relaxation.tension()).reshape(self.stepper.worlds, -1)[self.world]
+        rods = self.model.rods
         strained = self.strip.largest_of_nodes(tension / rods.of_nodes("axial_stiffness"))
         is_as_drawn = wire.set_fraction == 1.0 and rods.natural_curvature is None and rods.natural_twist is None
-        return is_as_drawn and strained <= AXIAL_ERROR and self.residual.ratio(state, self.contact.checks.sums()) < 1.0
+        ratio = self.group.residual.ratio(state, contacts, self.rows)[0]
+        return bool(is_as_drawn and strained <= AXIAL_ERROR and ratio < 1.0)
 
     # --- real time
 
@@ -374,7 +481,8 @@ class SpatialMechanics:
 
     def residual_now(self) -> float:
         self.stepper.evaluate()
-        return self.residual.measure(self.relaxation.sums(of_mean=False), self.contact.checks.sums())
+        sums, contacts = self.relaxation.sums(of_mean=False), self.contact.checks.sums(self.rows)
+        return float(self.group.residual.measure(sums, contacts, self.rows)[0])
 
     # --- meshes of one knit (solve/multilevel.py)
 
@@ -404,12 +512,12 @@ class SpatialMechanics:
         return self.stress()
 
     def stop(self) -> None:
-        self.relaxation.stop_motion()
+        self.relaxation.stop_motion(self.rows)
 
     # --- observation
 
     def observe(self) -> SpatialObservables:
-        return read(self.model, self.sites, self.relaxation, self.contact)
+        return read(self.model, self.sites, self.relaxation, self.contact, self.world)
 
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         terms = [(observed.thermal_strain_force, observed.thermal_strain)]
@@ -418,23 +526,24 @@ class SpatialMechanics:
         return terms
 
     def state_dict(self) -> dict[str, np.ndarray]:
-        kept: dict[str, Any] = self.contact.state_dict() | self.relaxation.state_dict() | self.stepper.yielding.state_dict()
-        kept |= self.stability.state_dict() | {"untested": np.array(self._untested)}
-        for part in (self.edge, self.multipliers):
-            kept |= part.state_dict() if part is not None else {}
+        world = self.world
+        kept: dict[str, Any] = self.contact.state_dict(world) | self.relaxation.state_dict(world)
+        kept |= self.stepper.yielding.state_dict(world) | self.stability.state_dict(world)
+        kept |= {"untested": np.array(self._untested), "overlap": np.array(self.group.overlap[world])}
+        kept |= self.multipliers.state_dict(world) if self.multipliers is not None else {}
+        kept |= self.edge.state_dict() if self.edge is not None else {}
         if self._last is not None:
             kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
         return kept
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self.contact.load_state_dict(kept)
-        self.relaxation.load_state_dict(kept)
-        self.stepper.yielding.load_state_dict(kept)
-        self.stability.load_state_dict(kept)
-        self._untested = float(kept["untested"])
-        for part in (self.edge, self.multipliers):
+        world = self.world
+        for part in (self.contact, self.relaxation, self.stepper.yielding, self.stability, self.multipliers):
             if part is not None:
-                part.load_state_dict(kept)
+                part.load_state_dict(kept, world)
+        if self.edge is not None:
+            self.edge.load_state_dict(kept)
+        self._untested, self.group.overlap[world] = float(kept["untested"]), float(kept["overlap"])
         self._last = None
         if "gradient_before" in kept:
             self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -72,8 +72,6 @@ class SpatialModel:
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
     whole: SpatialModel | None = None  # the model of all ranks; None: this one
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
-
-    has_replicas: ClassVar[bool] = False
 
     @property
     def has_multilevel(self) -> bool:

@@ -30,6 +30,7 @@ from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .rods import Rods
 from .sites import NOWHERE, Sites
+from .strip import RodStrip
 from .wire_contact import WireContact
 
 NEAR = 1.25  # thicknesses: distance of centre lines below which the paper counts a contact as active
@@ -319,32 +320,40 @@ def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.nda
     return np.asarray(total / model.panel.area)
 
 
-def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact) -> SpatialObservables:
-    """Evaluate the state and copy it to the host; with several ranks a collective call, by which the first gets the mesh."""
-    stepper = relaxation.stepper
-    stepper.evaluate()
-    state, strip, yielding = stepper.state, stepper.strip, stepper.yielding
+def read(
+    model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact, world: int = 0
+) -> SpatialObservables:
+    """Evaluate a world and copy it to the host; with several ranks a collective call, by which the first gets the mesh."""
+    stepper, rows = relaxation.stepper, np.array([world])
+    stepper.evaluate(rows=rows)
+    state, yielding = stepper.state.world(world, stepper.worlds), stepper.yielding
+    strip = stepper.strip if stepper.worlds == 1 else RodStrip.alone(model.rods)
     if strip.ranks.is_first:
         model = model.global_model
-    rods, factor = model.rods, state.steering.length_factor
+    rods, factor = model.rods, stepper.steering.length_factor[world]
 
     def of_mesh(array: wp.array) -> np.ndarray:
         return strip.gathered(fetch(array))
 
+    def own(values: np.ndarray) -> np.ndarray:
+        return values if stepper.worlds == 1 else np.split(values, stepper.worlds)[world]
+
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)
-    twisted = share * (of_mesh(state.twist) - fetch(stepper.arrays.natural_twist)[rods.row])
-    own_tension, tangent, director = relaxation.tension(), of_mesh(state.tangent), of_mesh(state.director)
+    natural_twist = own(fetch(stepper.arrays.natural_twist))[rods.row]
+    twisted = share * (of_mesh(state.twist) - natural_twist)
+    own_tension, tangent, director = own(relaxation.tension()), of_mesh(state.tangent), of_mesh(state.director)
     segment_tension, tension = (
-        strip.gathered(values) for values in (own_tension, np.where(relaxation.can_stretch, own_tension, 0.0))
+        strip.gathered(values) for values in (own_tension, np.where(own(relaxation.can_stretch), own_tension, 0.0))
     )
+    plastic = own(yielding.plastic) if yielding.yields else yielding.plastic
     half_in_clamp = factor * rods.half_in_clamp if relaxation.keeps_arc_length else np.zeros(rods.node_count)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0) + half_in_clamp
-    touching, stored = strip.gathered_contacts(contact.read_contacts()), relaxation.stored_stiffness(rods)
+    touching = strip.gathered_contacts(contact.read_contacts(world=world))
     return SpatialObservables(
         model=model,
         sites=sites,
-        control=Steering(state.steering.values.copy()),
+        control=Steering(stepper.steering.values[world].copy()),
         position=of_mesh(state.position),
         director=director,
         tension=tension,
@@ -353,18 +362,18 @@ def read(model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: 
         chord=of_mesh(state.length),
         half_in_clamp=half_in_clamp,
         moment=of_mesh(state.moment),
-        plastic_curvature=share[:, None] * (strip.gathered(yielding.plastic) if yielding.yields else yielding.plastic),
+        plastic_curvature=share[:, None] * (strip.gathered(plastic) if yielding.yields else plastic),
         twist_change=twisted,
         segment_force=of_mesh(state.edge_force),
         force=of_mesh(state.force),
-        stretch_energy=float(np.sum(0.5 * tension**2 * length / stored)),
-        bend_energy=yielding.elastic_energy,
-        hardened_energy=yielding.hardened_energy,
+        stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness(rods))),
+        bend_energy=float(yielding.elastic_energy[world]),
+        hardened_energy=float(yielding.hardened_energy[world]),
         contact_growth=_contact_growth(model, touching, tangent, director),
         contact_energy=_contact_energy(rods, of_mesh(state.contact_offset), touching),
-        thermal_strain=strip.gathered(relaxation.thermal_strain),
+        thermal_strain=strip.gathered(own(relaxation.thermal_strain)),
         touching=touching,
-        near=strip.gathered_contacts(contact.find_contacts((NEAR - 1.0) * rods.section.thickness)),
+        near=strip.gathered_contacts(contact.find_contacts((NEAR - 1.0) * rods.section.thickness, world)),
     )
 
 

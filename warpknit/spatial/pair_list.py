@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, store, zeros
-from ..compute.launch import bind
+from ..compute.launch import Launch, bind
 from ..kernels.wire_closest import PLACES
 from ..kernels.wire_near import count_by_second, mark_by_second
 
@@ -35,7 +35,8 @@ class PairList:
         # lists of near pairs, the last one by the capacity of that list
         self.find: list[wp.Launch] = []
         self.mark: list[Callable[[], None]] = []
-        self.number_near: Callable[[], None] | None = None
+        self._recorded: dict[str, Callable[[], None]] = {}
+        self._sorted = make(wp.int32, nodes), make(wp.int32, 2 * capacity), make(wp.int32, 2 * capacity)
         self.list_near: tuple[int, Callable[[], None]] | None = None
         self.by_second = make(wp.int32)  # the pairs in the order of their second segments
         self.second_start = make(wp.int32, nodes)  # where those of each segment begin
@@ -47,11 +48,18 @@ class PairList:
         self.slip_place = zeros(slips, wp.vec2d, device)
         self.elastic_slip = zeros(slips, wp.vec3d, device)
 
+    def replayed(self, name: str, make: Callable[[], Launch]) -> None:
+        """Launch on this list, by a launch that is recorded once by name."""
+        if name not in self._recorded:
+            self._recorded[name] = make().replay(self.device)
+        self._recorded[name]()
+
     def order(self, total: int) -> None:
         """Order the pairs by their second segments, after the list has been filled with so many."""
-        device = self.device
-        number, key, count = zeros(2 * total, wp.int32, device), zeros(2 * total, wp.int32, device), wp.zeros_like(self.start)
-        bind(count_by_second, total, count=count, pair_number=number, **self.named("second")).run(device)
+        count, number, key = self._sorted
+        store(count, 0)
+        named = self.named("second") | {"pair_count": self.total, "count": count, "pair_number": number}
+        self.replayed("count", lambda: bind(count_by_second, self.capacity, **named))
         if total > 0:  # a copy of none would be one of all
             wp.copy(key, self.second, count=total)
             wp.utils.radix_sort_pairs(key, number, total)
@@ -62,10 +70,7 @@ class PairList:
         """Number the near pairs among so many, and return how many they are."""
         if total == 0:
             return 0
-        if self.number_near is None:
-            mark = bind(mark_by_second, self.capacity, self, pair_count=self.total, **self.named("is_near"))
-            self.number_near = mark.replay(self.device)
-        self.number_near()
+        self.replayed("near", lambda: bind(mark_by_second, self.capacity, self, pair_count=self.total, **self.named("is_near")))
         wp.utils.array_scan(self.near_by_second, self.near_by_second, inclusive=True)
         wp.utils.array_scan(self.is_near, self.near_before, inclusive=True)
         return int(self.near_before[total - 1 : total].numpy()[0])
@@ -74,26 +79,38 @@ class PairList:
         """Arrays by the names of the kernel arguments."""
         return {f"pair_{name}": getattr(self, name) for name in names}
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint, with the elastic slips."""
-        count = int(fetch(self.total)[0])
-        kept = {f"pairs_{name}": fetch(getattr(self, name))[:count].copy() for name in PAIR_ARRAYS}
-        kept["pairs_place"] = fetch(self.place)[: PLACES * count].copy()
-        kept |= {f"pairs_{name}": fetch(getattr(self, name))[:, : 2 * count].copy() for name in SLIP_ARRAYS}
-        return kept | {f"pairs_{name}": fetch(getattr(self, name)).copy() for name in NODE_ARRAYS}
+    def state_dict(self, pairs: tuple[int, int], nodes: slice) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint, with the elastic slips: those of some pairs, which belong to these nodes."""
+        begin, end = pairs
+        kept = {f"pairs_{name}": fetch(getattr(self, name))[begin:end].copy() for name in PAIR_ARRAYS}
+        for name in ("first", "second"):
+            kept[f"pairs_{name}"] -= nodes.start
+        kept["pairs_place"] = fetch(self.place)[PLACES * begin : PLACES * end].copy()
+        kept |= {f"pairs_{name}": fetch(getattr(self, name))[:, 2 * begin : 2 * end].copy() for name in SLIP_ARRAYS}
+        kept |= {f"pairs_{name}": fetch(getattr(self, name))[nodes].copy() for name in NODE_ARRAYS}
+        kept["pairs_start"] -= begin
+        return kept
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore what `state_dict` returned, into a list of at least its capacity."""
-        total = len(kept["pairs_first"])
+    def load_state_dict(self, kept: dict[str, np.ndarray], others: PairList, pairs: tuple[int, int], nodes: slice) -> None:
+        """Restore what `state_dict` returned, in place of these pairs of a list `others`; into a list of sufficient capacity."""
+        (begin, end), whole = pairs, int(fetch(others.total)[0])
+        total = whole - (end - begin) + len(kept["pairs_first"])
         for name in (*PAIR_ARRAYS, "place", *SLIP_ARRAYS):
-            array, values = getattr(self, name), kept[f"pairs_{name}"]
-            filled = fetch(array).copy()
-            if name in SLIP_ARRAYS:
+            each = PLACES if name == "place" else 2 if name in SLIP_ARRAYS else 1
+            axis = int(name in SLIP_ARRAYS)
+            now, own = fetch(getattr(others, name)), kept[f"pairs_{name}"]
+            own = own + nodes.start if name in ("first", "second") else own
+            before, _, behind, _ = np.split(now, [each * begin, each * end, each * whole], axis=axis)
+            values = np.concatenate([before, own, behind], axis=axis)
+            filled = fetch(getattr(self, name)).copy()
+            if axis:
                 filled[:, : values.shape[1]] = values
             else:
                 filled[: len(values)] = values
-            store(array, filled)
-        for name in NODE_ARRAYS:
-            store(getattr(self, name), kept[f"pairs_{name}"])
+            store(getattr(self, name), filled)
+        count = fetch(others.count).copy()
+        count[nodes] = kept["pairs_count"]
+        store(self.count, count)
+        store(self.start, np.cumsum(count) - count)
         store(self.total, total)
         self.order(total)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import warp as wp
 
@@ -25,27 +23,28 @@ class Residual:
         self.model, self.relaxation, self.multipliers = model, relaxation, multipliers
         self.tolerance = model.scene.solver.residual_tolerance
 
-    def ratio(self, state: StateSums, contacts: ContactSums) -> float:
-        """The largest criterion over its tolerance: residual, and errors of the softened axial strain and of soft contacts."""
-        ratio = max(self.measure(state, contacts) / self.tolerance, state.excess_ratio)
-        return ratio if self.multipliers is None else max(ratio, self.multipliers.error_ratio(contacts))
+    def ratio(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
+        """[row] the largest criterion over its tolerance: residual, and errors of softened axial strain and soft contacts."""
+        ratio = np.maximum(self.measure(state, contacts, rows) / self.tolerance, state.excess_ratio)
+        return ratio if self.multipliers is None else np.maximum(ratio, self.multipliers.error_ratio(contacts))
 
-    def _least_force(self, of_knit: float) -> float:
-        """[N] least force that residuals are compared with: that of the knit, or a smaller dead load."""
-        load, model = self.relaxation.stepper.state.dead_load, self.model
+    def _least_force(self, of_knit: float, rows: np.ndarray) -> np.ndarray:
+        """[row] [N] least force that residuals are compared with: that of the knit, or a smaller dead load."""
+        load, model = self.relaxation.stepper.steering.dead_load[rows], self.model
         round_off = float(np.finfo(wp.dtype_to_numpy(model.precision.real)).eps)
         smallest = ROUND_OFF * round_off * float(model.rods.of_wires("axial_stiffness").max())
-        return of_knit if load == 0.0 else min(of_knit, max(load, smallest))
+        return np.where(load == 0.0, of_knit, np.minimum(of_knit, np.maximum(load, smallest)))
 
-    def measure(self, state: StateSums, contacts: ContactSums) -> float:
-        """The larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.
+    def measure(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
+        """[row] the larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.
 
         Sums of the state last evaluated.
         """
         relaxation, scene = self.relaxation, self.model.scene
         bent = self.model.bending_stiffness / scene.knit.wale_spacing
-        scale = max(contacts.mean_push, self._least_force(FORCE_FLOOR * bent / scene.knit.wale_spacing))
-        rms = math.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
-        loops = relaxation.stepper.strip.whole.node_count / scene.model.nodes_per_loop
-        motion = math.sqrt(relaxation.kinetic_energy() / max(state.energy, ENERGY_FLOOR * bent * loops))
-        return max(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale, motion)
+        scale = np.maximum(contacts.mean_push, self._least_force(FORCE_FLOOR * bent / scene.knit.wale_spacing, rows))
+        rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
+        stepper = relaxation.stepper
+        loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
+        motion = np.sqrt(relaxation.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
+        return np.maximum(np.maximum(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale), motion)

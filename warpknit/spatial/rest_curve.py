@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -57,6 +58,16 @@ class RestCurve:
     fit_error: float  # [m] largest distance of the curve from the centre line
     weight_square: float = 1.0  # largest sum of squared weights of a force on the curve, couples on sections taken as forces
     lever: float = 0.0  # [m] largest part of the curve that rotates with one section
+
+
+def joined_curves(curves: Sequence[RestCurve], rods: Rods) -> RestCurve:
+    """The curves of several worlds, on their joined rods."""
+    if len(curves) == 1:
+        return curves[0]
+    names = ("slope", "slope_weight", "length", "bump", "bulge")
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(curve, name) for curve in curves]) for name in names}
+    largest = {name: max(getattr(curve, name) for curve in curves) for name in ("weight_square", "lever", "fit_error")}
+    return replace(curves[0], row=rods.row, **arrays, **largest)
 
 
 def catmull_rom(rods: Rods) -> RestCurve:

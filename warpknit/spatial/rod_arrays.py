@@ -34,6 +34,7 @@ OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of 
 class RodArrays:
     """Rest data; all arrays [node] unless noted, segment data included. Wires of one shape share the arrays [row]."""
 
+    world_nodes: int  # of each world; worlds stand one behind the other
     wire_first: wp.array  # [wire] int
     wire_count: wp.array  # [wire]
     wire_closed: wp.array  # [wire]
@@ -61,6 +62,7 @@ class RodArrays:
     node_stiffness: wp.array  # (row, 6) [N m], see node_stiffness.py
     slope_length: wp.array  # [row] [m] of the segment, where the slope of the moment stores energy; else 0
     moment_turn: wp.array  # [row] vec2d cosine and sine of the twist from node to node at rest, by which moments turn
+    knitted: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))  # curvature and twist [row] as knitted, on the host
     forms: RodArrays | None = None  # of Rods.forms, with the same arrays [row]
 
 
@@ -115,9 +117,8 @@ class RodState:
     torque: wp.array  # [N m]
     force_sum: wp.array  # vec3d [N] of all steps since the last convergence check
     sweep: wp.array  # vec4d, see kernels/rod_motion.py; between steps the bounds on the stiffness of contacts (contact_checks.py)
-    control: wp.array  # [CONTROL_COUNT], see kernels/control.py
+    control: wp.array  # (world, CONTROL_COUNT), see kernels/control.py
     partial: wp.array  # [wire, PARTIAL_COUNT]
-    no_bodies: wp.array  # [1, PARTIAL_COUNT] zeros: the body rows of a planar model
 
     def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
         """All arrays on the host, by name; not `copied`: on a CPU valid until the next step."""
@@ -128,6 +129,17 @@ class RodState:
         """Restore what `arrays` returned."""
         for name, value in arrays.items():
             store(getattr(self, name), value)
+
+    def world(self, number: int, count: int) -> RodState:
+        """The part of one of so many worlds, in the same memory."""
+        if count == 1:
+            return self
+
+        def part(array: wp.array) -> wp.array:
+            each = array.shape[0] // count
+            return array[number * each : (number + 1) * each] if array.shape[0] > 1 else array
+
+        return RodState(**{field.name: part(getattr(self, field.name)) for field in fields(self)})
 
     def set_load(self, force: np.ndarray, scale: float | None = None) -> None:
         """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh, default: over these."""
@@ -142,7 +154,7 @@ class RodState:
     @property
     def steering(self) -> Steering:
         """The control array by name."""
-        return Steering(self.control)
+        return Steering(self.control, 0)
 
     @property
     def gradient(self) -> np.ndarray:
@@ -150,14 +162,15 @@ class RodState:
         return np.asarray(self.steering.gradient)
 
 
-def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodArrays:
+def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: int = 1) -> RodArrays:
     """Rest data on the device, for steps in this precision; natural curvature and twist default to the rest values times the set
     fraction."""
     forms = None
     if rods.forms is not None:
-        forms = upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision)
+        forms = upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision, worlds)
     blocks = _blocks(rods)
     arrays = RodArrays(
+        world_nodes=rods.node_count // worlds,
         wire_first=shared(rods.wire_first, wp.int32, device),
         wire_count=shared(rods.wire_count, wp.int32, device),
         wire_closed=shared(rods.wire_closed, wp.int32, device),
@@ -179,12 +192,15 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodAr
         half_in_clamp=shared(rods.half_in_clamp, wp.float64, device),
         rest_row=shared(rods.row, wp.int32, device),
         **(_row_arrays(rods, device) if forms is None else {name: getattr(forms, name) for name in BY_ROW}),
+        knitted=(np.zeros((0, 2)), np.zeros(0)) if forms is None else forms.knitted,
         forms=forms,
     )
     if forms is None:
-        twist = set_natural_shape(arrays, rods, device, precision=precision)
-        between = 0.5 * (twist + twist[rods.following])
+        knitted = _shape_as_knitted(arrays, rods, device, precision)
+        arrays = replace(arrays, knitted=knitted)
+        between = 0.5 * (knitted[1] + knitted[1][rods.following])
         store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
+        set_natural_shape(arrays, rods)
     return arrays
 
 
@@ -202,27 +218,24 @@ def _row_arrays(rods: Rods, device: str) -> dict[str, wp.array]:
     }
 
 
-def set_natural_shape(
-    arrays: RodArrays, rods: Rods, device: str, released: float = 1.0, precision: Precision = DOUBLE
-) -> np.ndarray:
-    """Set natural curvature and twist; return [row] the twist at rest.
-
-    released: share of the way from those at rest, 0, to those of the rods, 1.
-    """
-    if rods.forms is not None and arrays.forms is not None:
-        forms = replace(rods.forms, set_fraction=rods.set_fraction)
-        return set_natural_shape(arrays.forms, forms, device, released, precision)
-    at_rest = rest_state(rods, device, precision)
-    at_rest.steering.set(status=Steering.EVALUATING)
+def _shape_as_knitted(arrays: RodArrays, rods: Rods, device: str, precision: Precision) -> tuple[np.ndarray, np.ndarray]:
+    """Curvature [row] and twist [row] of rods at rest."""
+    at_rest = rest_state(rods, device, precision, rods.node_count // arrays.world_nodes)
+    Steering(at_rest.control).set(status=Steering.EVALUATING)
     frames_launch(arrays, at_rest).run(device)
     force_launch(rods, arrays, at_rest, no_contact(rods, device, precision)).run(device)
-    curvature, twist = fetch(at_rest.curvature), fetch(at_rest.twist)
-    for array, knitted, own in (
-        (arrays.natural_curvature, curvature, rods.natural_curvature),
-        (arrays.natural_twist, twist, rods.natural_twist),
+    return fetch(at_rest.curvature).copy(), fetch(at_rest.twist).copy()
+
+
+def set_natural_shape(arrays: RodArrays, rods: Rods, released: float = 1.0, rows: slice = slice(None)) -> None:
+    """Set natural curvature and twist of some rows; released: share of the way from the knitted ones to those of the rods."""
+    own = rods.of_rows
+    for array, knitted, natural in (
+        (arrays.natural_curvature, arrays.knitted[0], own.natural_curvature),
+        (arrays.natural_twist, arrays.knitted[1], own.natural_twist),
     ):
-        store(array, (1.0 - released) * knitted + released * (rods.set_fraction * knitted if own is None else own))
-    return np.array(twist)
+        target = rods.set_fraction * knitted if natural is None else natural
+        store(array[rows], ((1.0 - released) * knitted + released * target)[rows])
 
 
 def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -247,7 +260,7 @@ def _borders(rods: Rods) -> tuple[np.ndarray, int]:
     return begin - np.where(rods.wire_closed, 0, rods.wire_count - OPEN_BORDER), int(rows.sum())
 
 
-def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodState:
+def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: int = 1) -> RodState:
     """The rest state, with true masses and stiffnesses."""
     nodes = rods.node_count
     edge = rods.rest_edge
@@ -299,11 +312,10 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE) -> RodSta
         torque=zeros(nodes, real, device),
         force_sum=zeros(nodes, vec3, device),
         sweep=zeros(nodes, vec4, device),
-        control=zeros(CONTROL_COUNT, wp.float64, device),
+        control=zeros((worlds, CONTROL_COUNT), wp.float64, device),
         partial=zeros((len(rods.wire_first), PARTIAL_COUNT), wp.float64, device),
-        no_bodies=zeros((1, PARTIAL_COUNT), wp.float64, device),
     )
-    state.steering.set(
+    Steering(state.control).set(
         load=(1.0, 0.0, 0.0, 1.0, 1.0), velocity_factor=1.0, drive=1.0, step_limit=np.inf, speed_limit=np.inf, travel_limit=np.inf
     )
     return state

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, store
-from ..compute.launch import Launch, bind
+from ..compute.launch import bind
 from ..compute.team import SharedLaunches
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
@@ -21,21 +21,21 @@ from .rod_step import RodStepper
 
 @dataclass(frozen=True)
 class StateSums:
-    """Sums over the state last evaluated."""
+    """Sums over the state last evaluated; [world] of those asked for."""
 
-    unbalanced_square: float  # [N2] of the free nodes, summed
-    unbalanced_max: float  # [N] the largest
+    unbalanced_square: np.ndarray  # [N2] of the free nodes, summed
+    unbalanced_max: np.ndarray  # [N] the largest
     free_nodes: int
-    energy: float  # [J] of stretch, bending and twist, elastic
-    excess_max: float  # largest difference between the strain of a segment and T/EA
-    excess_square: float  # squares of the same, summed
+    energy: np.ndarray  # [J] of stretch, bending and twist, elastic
+    excess_max: np.ndarray  # largest difference between the strain of a segment and T/EA
+    excess_square: np.ndarray  # squares of the same, summed
     stretching: int  # segments that can stretch
-    mean_excess: np.ndarray  # [wire] of the segments that can stretch, over the length of the wire
+    mean_excess: np.ndarray  # (world, wire) of the segments that can stretch, over the length of the wire
 
     @property
-    def excess_ratio(self) -> float:
+    def excess_ratio(self) -> np.ndarray:
         """Errors of axial strains over what is allowed."""
-        return float(error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR))
+        return error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR)
 
 
 class RodChecks:
@@ -47,64 +47,66 @@ class RodChecks:
         self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
         mesh = stepper.strip.whole
         free = (mesh.held & int(HELD_NODE)) == 0
-        self._free = int(np.count_nonzero(free))
-        self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following])))
+        self._free = int(np.count_nonzero(free)) // stepper.worlds
+        self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // stepper.worlds
         self._own: dict[str, Any] = {"keeps_arc_length": wp.int32(keeps_arc_length)}
-        self.launches = SharedLaunches(stepper.team, device)
+        self.launches = SharedLaunches(stepper.team, device, min(stepper.few, stepper.threads))
 
-    def sums(self, *, of_mean: bool) -> StateSums:
-        """Sums of the state last evaluated; `of_mean`: with the mean unbalanced forces since the last check."""
+    def sums(self, rows: np.ndarray, *, of_mean: bool) -> StateSums:
+        """Sums of the state last evaluated, of worlds; `of_mean`: with the mean unbalanced forces since the last check."""
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
         sources = (stepper.arrays, state, arrays)
         self.launches.run(name, k.sum_states, "first_block", stepper.blocks, *sources, unbalanced=unbalanced, **self._own)
-        rows = fetch(arrays.state_partial)
-        total, largest = self.stepper.sums.total(rows).tolist(), self.stepper.sums.largest(rows).tolist()
+        partial, sums = fetch(arrays.state_partial), self.stepper.sums
+        total, largest = sums.total(partial, rows), sums.largest(partial, rows)
+        excess = (sums.of_wires(partial[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length).reshape(stepper.worlds, -1)
         return StateSums(
-            unbalanced_square=total[int(k.UNBALANCED_SQUARE)],
-            unbalanced_max=float(np.sqrt(largest[int(k.UNBALANCED_MAX)])),
+            unbalanced_square=total[:, int(k.UNBALANCED_SQUARE)],
+            unbalanced_max=np.sqrt(largest[:, int(k.UNBALANCED_MAX)]),
             free_nodes=self._free,
-            energy=total[int(k.STRETCH_ENERGY)] + total[int(k.BEND_ENERGY)],
-            excess_max=largest[int(k.EXCESS_MAX)],
-            excess_square=total[int(k.EXCESS_SQUARE)],
+            energy=total[:, int(k.STRETCH_ENERGY)] + total[:, int(k.BEND_ENERGY)],
+            excess_max=largest[:, int(k.EXCESS_MAX)],
+            excess_square=total[:, int(k.EXCESS_SQUARE)],
             stretching=self._stretching,
-            mean_excess=self.stepper.sums.of_wires(rows[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length,
+            mean_excess=excess[rows],
         )
 
-    def renew_tension_offsets(self, rate: float, stiffening: np.ndarray) -> None:
-        """Move the tension offsets by `rate` times the errors of the softening; `stiffening` [wire] raises the stiffness."""
+    def renew_tension_offsets(self, stiffening: np.ndarray) -> None:
+        """Move the tension offsets by the multiplier rate times the errors of the softening; `stiffening` [wire of all worlds]
+        raises the stiffness."""
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         store(arrays.stiffening, stiffening)
-        state.steering.set(multiplier_rate=rate)
         sources = (stepper.arrays, state, arrays)
         self.launches.run("offsets", k.renew_tension_offsets, "first_node", range(stepper.rods.node_count), *sources, **self._own)
 
-    def motion(self) -> float:
-        """[J] motion since the last check times the change of the forces; the motion stands in `last_place`, `last_angle`."""
+    def motion(self, rows: np.ndarray) -> np.ndarray:
+        """[row] [J] motion since the last check times the change of the forces; it stands in `last_place`, `last_angle`."""
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         self.launches.run(
             "motion", k.find_motion, "first_block", stepper.blocks, stepper.arrays, state, arrays, partial=arrays.partial
         )
-        return self._total()
+        return self._total(rows)
 
-    def _total(self) -> float:
-        """The sum of `partial` over the mesh."""
-        return float(self.stepper.sums.total(fetch(self.arrays.partial)[:, None])[0])
+    def _total(self, rows: np.ndarray | None) -> np.ndarray:
+        """[row] the sums of `partial`."""
+        return self.stepper.sums.total(fetch(self.arrays.partial)[:, None], rows)[:, 0]
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `motion`."""
         stepper = self.stepper
-        self.launches.run("keep", k.keep_motion, "first_node", range(stepper.rods.node_count), stepper.state, self.arrays)
+        sources = (stepper.arrays, stepper.state, self.arrays)
+        self.launches.run("keep", k.keep_motion, "first_node", range(stepper.rods.node_count), *sources)
 
-    def slow_motion(self, share: float) -> None:
-        """Reduce all velocities to a share."""
-        stepper = self.stepper
-        slow: Launch = bind(k.slow_motion, stepper.rods.node_count, stepper.state, first_node=0, share=wp.float64(share))
-        slow.run(stepper.device)
+    def slow_motion(self, share: np.ndarray) -> None:
+        """Reduce all velocities of each world to a share [world]."""
+        stepper, device = self.stepper, self.stepper.device
+        slowed: wp.array = wp.array(share, dtype=wp.float64, device=device)
+        bind(k.slow_motion, stepper.rods.node_count, stepper.arrays, stepper.state, first_node=0, slowed=slowed).run(device)
 
-    def twice_energy(self, move: wp.array, turn: wp.array, name: str) -> float:
-        """[J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of the pair of arrays."""
+    def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray | None = None) -> np.ndarray:
+        """[row] [J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of both arrays."""
         stepper, arrays = self.stepper, self.arrays
         sums: dict[str, Any] = {"move": move, "turn": turn, "partial": arrays.partial}
         self.launches.run(name, sum_mass_products, "first_block", stepper.blocks, stepper.arrays, stepper.state, **sums)
-        return self._total()
+        return self._total(rows)

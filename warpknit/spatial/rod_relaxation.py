@@ -12,7 +12,6 @@ temperature (`set_thermal_strain`).
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +51,8 @@ VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from whi
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
+# what a checkpoint has of a world: the rate of the multipliers and its progress; not the mean energy, which each check renews
+OF_WORLD = ("has_multipliers", "has_last", "rate", "best_ratio", "stalled", "ratio", "has_risen", "excess_leads")
 LAST = ("last_place", "last_force", "last_angle", "last_torque")  # arrays of the state at the last check
 
 
@@ -92,86 +93,93 @@ class RodRelaxation:
         stepper.set_time_step(1.0, FASTEST_DAMPING, LOOK_AHEAD)
         stepper.evaluate()
         self.keeps_arc_length = multipliers and softening != 1.0
-        self._has_multipliers = self.keeps_arc_length
+        worlds = stepper.worlds
+        self._has_multipliers = np.full(worlds, self.keeps_arc_length)
         self._stored_softening = 1.0 if multipliers else softening
-        state.steering.set(bow_moment=2.0 * float(BOW) if self.keeps_arc_length else 0.0)
+        stepper.steering.set(bow_moment=2.0 * float(BOW) if self.keeps_arc_length else 0.0)
         mesh = stepper.strip.whole
         spacing = float(mesh.natural_length[mesh.following >= 0].min())
         self._largest_move = SPEED_SHARE * spacing  # [m] a step
         if stepper.contact is not None:
             self._largest_move = min(self._largest_move, CONTACT_SPEED * rods.section.thickness)
-        state.steering.set(drive=0.0, step_limit=spacing)
+        stepper.steering.set(drive=0.0, step_limit=spacing)
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
         longest = float(mesh.wire_length.max())
         bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
         self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length)
-        self.renew_masses()
         self.vibration = vibration
-        self._has_last = False  # whether the state at the last check is known
+        # [world]
+        self._has_last = np.zeros(worlds, dtype=bool)  # whether the state at the last check is known
         self._last_slide = np.zeros((2, len(sliding)))  # [m] of the sliding clamps then, and [N] their forces
-        self._mean_energy: float | None = None  # [J] kinetic energy of the mean motion since the last check
-        self._rate: float = MAX_RATE
-        self._best_ratio: float = math.inf
-        self._ratio, self._has_risen = math.inf, False
-        self._stalled = 0  # checks without progress
-        self._is_too_soft = False  # for the multipliers to converge
-        wires = len(rods.wire_first)  # mean excess strain of each
-        self._taut = Stalled(wires, TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)
-        self._leading = Stalled(wires, LEADING_ERROR * AXIAL_ERROR, *LEADING_PROGRESS)
-        self._excess_leads = False  # of all criteria, at the last check
+        self._mean_energy = np.full(worlds, np.nan)  # [J] kinetic energy of the mean motion since the last check, where known
+        self._rate, self._best_ratio = np.full(worlds, MAX_RATE), np.full(worlds, np.inf)
+        self._ratio, self._has_risen = np.full(worlds, np.inf), np.zeros(worlds, dtype=bool)
+        self._stalled = np.zeros(worlds, dtype=int)  # checks without progress
+        self._is_too_soft = np.zeros(worlds, dtype=bool)  # for the multipliers to converge
+        wires = len(rods.wire_first) // worlds  # mean excess strain of each
+        self._taut = Stalled(worlds, wires, TAUT_ERROR * AXIAL_ERROR, *TAUT_PROGRESS)
+        self._leading = Stalled(worlds, wires, LEADING_ERROR * AXIAL_ERROR, *LEADING_PROGRESS)
+        self._excess_leads = np.zeros(worlds, dtype=bool)  # of all criteria, at the last check
+        self.renew_masses()
 
     def stored_stiffness(self, rods: Rods) -> np.ndarray:
         """[node] [N] axial stiffness that stretch is stored with, of the rods of a strip or of the mesh."""
         return rods.of_nodes("axial_stiffness") / self._stored_softening
 
-    def set_thermal_strain(self, thermal_strain: np.ndarray) -> None:
-        """Set the strain [node] of the natural lengths beyond the common length factor; the multipliers apply it."""
-        store(self.checks.arrays.thermal_strain, thermal_strain)
-        self._has_multipliers |= self.stepper.strip.ranks.any(bool(thermal_strain.any()))
+    def set_thermal_strain(self, thermal_strain: np.ndarray, world: int = 0) -> None:
+        """Set the strain [node] of the natural lengths of a world beyond its length factor; the multipliers apply it."""
+        store(self.stepper.part(self.checks.arrays.thermal_strain, world), thermal_strain)
+        self._has_multipliers[world] |= self.stepper.strip.ranks.any(bool(thermal_strain.any()))
 
     @property
     def thermal_strain(self) -> np.ndarray:
         """[node] strain of the natural lengths of the segments beyond the common length factor."""
         return fetch(self.checks.arrays.thermal_strain)
 
-    def renew_masses(self, *, loading: bool = False) -> None:
-        """Evaluate the state, and renew the fictitious masses for it; kinetic energy does not grow by it.
+    def renew_masses(self, rows: np.ndarray | None = None, *, loading: bool | np.ndarray = False) -> None:
+        """Evaluate the state of all worlds, or of `rows`, and renew the fictitious masses for it; kinetic energy does not grow.
 
         The speed is limited so that only contacts that the masses allow for can touch until the next convergence check. While
-        loading, wires may move at any speed.
+        loading [row], wires may move at any speed.
         """
-        stepper, state = self.stepper, self.stepper.state
-        move = self._largest_move
+        with self.stepper.only(rows) as own:
+            self._renew_masses(own, np.broadcast_to(loading, own.shape))
+
+    def _renew_masses(self, rows: np.ndarray, loading: np.ndarray) -> None:
+        stepper = self.stepper
+        move = np.full(len(rows), self._largest_move)
         if stepper.contact is not None:
-            if not loading:
-                speed = state.steering.speed_max
-                move = min(move, max(FASTER * speed, LEAST_SPEED * stepper.rods.section.thickness))
-            approach = min(APPROACH * CHECK_STEPS * move, EVALUATED * stepper.rods.section.thickness)
-            stepper.contact.list_near_pairs(CHECK_STEPS * move)
-            stepper.evaluate(approach)
-            stepper.contact.bound_stiffness()
+            thickness = stepper.rods.section.thickness
+            slow = np.maximum(FASTER * stepper.steering.speed_max[rows], LEAST_SPEED * thickness)
+            move = np.where(loading, move, np.minimum(move, slow))
+            approach = np.minimum(APPROACH * CHECK_STEPS * move, EVALUATED * thickness)
+            stepper.contact.list_near_pairs(CHECK_STEPS * move, rows)
+            stepper.evaluate(approach, rows=rows)
+            stepper.contact.bound_stiffness(rows)
         else:
-            stepper.evaluate()
-        state.steering.set(speed_limit=move)
-        before = self._twice_energy()
+            stepper.evaluate(rows=rows)
+        stepper.steering.set(rows, speed_limit=move)
+        before = self._twice_energy(rows)
         self._banded.find()
-        now = self._twice_energy()
-        if now > before:
-            slower = math.sqrt(before / now)
+        now = self._twice_energy(rows)
+        if np.any(now > before):
+            slower = np.ones(stepper.worlds)
+            slower[rows] = np.sqrt(np.divide(before, now, out=np.ones(len(rows)), where=now > before))
             self.checks.slow_motion(slower)
             if self.clamps is not None:
-                store(self.clamps.velocity, slower * fetch(self.clamps.velocity))
+                each = len(fetch(self.clamps.velocity)) // stepper.worlds
+                store(self.clamps.velocity, np.repeat(slower, each) * fetch(self.clamps.velocity))
 
-    def _twice_energy(self) -> float:
-        """[J] twice the kinetic energy of nodes and sections, with that of sliding clamps."""
+    def _twice_energy(self, rows: np.ndarray) -> np.ndarray:
+        """[row] [J] twice the kinetic energy of nodes and sections, with that of sliding clamps."""
         state = self.stepper.state
         if self.clamps is None or not len(self.clamps.sliding):
-            return self.checks.twice_energy(state.velocity, state.spin, "energy")
+            return self.checks.twice_energy(state.velocity, state.spin, "energy", rows)
         sliding, velocity = self.clamps.sliding_node, fetch(state.velocity).copy()
         store_at(state.velocity, (sliding, 1), fetch(self.clamps.velocity)[self.clamps.sliding][:, None])
-        energy = self.checks.twice_energy(state.velocity, state.spin, "energy")
+        energy = self.checks.twice_energy(state.velocity, state.spin, "energy", rows)
         store(state.velocity, velocity)
         return energy
 
@@ -197,7 +205,8 @@ class RodRelaxation:
     def strain(self) -> np.ndarray:
         """[node] strain of the chords of the segments, in the state last evaluated."""
         state, rods = self.stepper.state, self.stepper.rods
-        factor = state.steering.length_factor
+        factor = self.stepper.steering.length_factor
+        factor = factor[0] if len(factor) == 1 else np.repeat(factor, self.stepper.arrays.world_nodes)
         strain = fetch(state.length) / (rods.natural_length * factor) - 1.0
         return np.where(self.has_segment, strain, 0.0)
 
@@ -222,13 +231,14 @@ class RodRelaxation:
         """[free segment] [N m] unbalanced torques in the state last evaluated."""
         return fetch(self.stepper.state.torque)[self.free_sections]
 
-    def sums(self, *, of_mean: bool) -> StateSums:
-        """Sums of the state last evaluated, sliding clamps included.
+    def sums(self, rows: np.ndarray | None = None, *, of_mean: bool) -> StateSums:
+        """Sums of the state last evaluated, of all worlds or of `rows`, sliding clamps included.
 
         of_mean: with the mean unbalanced forces of the last CHECK_STEPS steps. A contact may appear with a force: in equilibrium
         it then comes and goes, and balances in the mean. The forces of sliding clamps are those of now.
         """
-        sums, yielding = self.checks.sums(of_mean=of_mean), self.stepper.yielding
+        rows = self.stepper.rows if rows is None else rows
+        sums, yielding = self.checks.sums(rows, of_mean=of_mean), self.stepper.yielding
         if of_mean:
             sums = replace(
                 sums,
@@ -236,66 +246,71 @@ class RodRelaxation:
                 unbalanced_max=sums.unbalanced_max / CHECK_STEPS,
             )
         if yielding.yields:
-            sums = replace(sums, energy=sums.energy + yielding.plastic_potential())
+            sums = replace(sums, energy=sums.energy + yielding.plastic_potential()[rows])
         if self.clamps is not None and len(self.clamps.sliding):
-            force = np.abs(self.clamps.force[:, 1])
+            force = np.abs(self.clamps.force[:, 1]).reshape(self.stepper.worlds, -1)[rows]
             sums = replace(
                 sums,
-                unbalanced_square=sums.unbalanced_square + float(force @ force),
-                unbalanced_max=max(sums.unbalanced_max, float(force.max())),
-                free_nodes=sums.free_nodes + len(force),
+                unbalanced_square=sums.unbalanced_square + np.array([float(own @ own) for own in force]),
+                unbalanced_max=np.maximum(sums.unbalanced_max, force.max(axis=1)),
+                free_nodes=sums.free_nodes + force.shape[1],
             )
         return sums
 
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: the remaining error of the softening."""
-        return self.sums(of_mean=False).excess_max
+        return float(self.sums(of_mean=False).excess_max.max())
 
-    def renew_damping(self) -> None:
+    def renew_damping(self, rows: np.ndarray | None = None) -> None:
         """Renew the damping by the motion since the last check, in the state last evaluated: Rayleigh's quotient."""
-        state, arrays, self._mean_energy = self.stepper.state, self.checks.arrays, None
-        if not self._has_last:
+        rows = self.stepper.rows if rows is None else rows
+        self._mean_energy[rows] = np.nan
+        rows = rows[self._has_last[rows]]
+        if not len(rows):
             return
-        work, self._has_last = self.checks.motion(), False
+        arrays, steering = self.checks.arrays, self.stepper.steering
+        work = self.checks.motion(rows)
+        self._has_last[rows] = False
         if self.clamps is not None and len(self.clamps.sliding):  # both nodes move, and carry the mass; the force counts once
             place, force = self._slide() - self._last_slide
-            work += float(place @ force)
+            work += np.array([float(p @ f) for p, f in zip(*self._by_world(place, force), strict=True)])[rows]
             store_at(arrays.last_place, (self.clamps.sliding_node, 1), place[:, None])
-        moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved")
-        self._mean_energy = 0.5 * moved / CHECK_STEPS**2
-        stiffness, inertia = np.float64(-work), np.float64(moved)
-        damping = renewed_damping(state.steering.damping, stiffness, inertia, LEAST_DAMPING)
-        state.steering.set(damping=float(damping))
+        moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved", rows)
+        self._mean_energy[rows] = 0.5 * moved / CHECK_STEPS**2
+        steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, LEAST_DAMPING))
+
+    def _by_world(self, *values: np.ndarray) -> list[np.ndarray]:
+        """(world, ...) of values one world after the other."""
+        return [value.reshape(self.stepper.worlds, -1) for value in values]
 
     def _slide(self) -> np.ndarray:
         """(2, sliding clamp) [m] places of the sliding clamps, and [N] their forces."""
         return np.zeros((2, 0)) if self.clamps is None else np.stack([self.clamps.place, self.clamps.force[:, 1]])
 
-    def kinetic_energy(self) -> float:
-        """[J] of the mean motion since the last check; of all motion after the state was moved from outside.
+    def kinetic_energy(self, rows: np.ndarray) -> np.ndarray:
+        """[row] [J] of the mean motion since the last check; of all motion after the state was moved from outside.
 
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
         diagonal masses, which overestimate smooth motion (SMOOTH).
         """
-        whole = 0.5 * self.stepper.state.steering.kinetic_twice
-        if self._mean_energy is not None and whole / self.vibration**2 <= self._mean_energy:
-            return self._mean_energy
-        whole = min(whole, 0.5 * SMOOTH**2 * self._twice_energy())
-        return whole if self._mean_energy is None else max(self._mean_energy, whole / self.vibration**2)
+        whole, mean = 0.5 * self.stepper.steering.kinetic_twice[rows], self._mean_energy[rows]
+        vibrates = ~(whole / self.vibration**2 <= mean)
+        if vibrates.any():
+            whole = np.where(vibrates, np.minimum(whole, 0.5 * SMOOTH**2 * self._twice_energy(rows)), whole)
+        by_all = np.where(np.isnan(mean), whole, np.fmax(mean, whole / self.vibration**2))
+        return np.where(vibrates, by_all, mean)
 
-    @property
-    def multiplier_rate(self) -> float:
-        """Share of its error that a multiplier takes up at a convergence check.
+    def multiplier_rate(self, rows: np.ndarray) -> np.ndarray:
+        """[row] share of its error that a multiplier takes up at a convergence check.
 
         A multiplier that takes up the share r a step of the error of a mode with damping c keeps the mode stable for r < c.
         Multipliers of contact and of tension together may still excite a slow mode: without progress the rate is lowered, and
         raised again with it.
         """
-        damping = self.stepper.state.steering.damping
-        return min(self._rate, RATE_TO_DAMPING * CHECK_STEPS * damping)
+        return np.minimum(self._rate[rows], RATE_TO_DAMPING * CHECK_STEPS * self.stepper.steering.damping[rows])
 
-    def watch_progress(self, ratio: float, excess: float) -> None:
-        """Lower the rate of the multipliers where the residual ratio makes no progress, raise it where it does.
+    def watch_progress(self, ratio: np.ndarray, excess: np.ndarray, rows: np.ndarray) -> None:
+        """Lower the rate of the multipliers where the residual ratio [row] makes no progress, raise it where it does.
 
         excess: the part of the ratio that errors of axial strains have.
 
@@ -303,100 +318,109 @@ class RodRelaxation:
         Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
         progress at the least rate, all wires are made stiffer.
         """
-        self._excess_leads = excess >= SOFT_SHARE * ratio
-        self._has_risen |= ratio > self._ratio
-        self._ratio = ratio
-        if ratio < PROGRESS * self._best_ratio:
-            self._best_ratio, self._stalled, self._has_risen = ratio, 0, False
-            self._rate = min(MAX_RATE, RAISED_RATE * self._rate)
-            return
-        self._stalled += 1
-        if self._rate > MIN_RATE and self._stalled >= RATE_PATIENCE:
-            if self._has_risen:
-                self._rate = max(MIN_RATE, LOWERED_RATE * self._rate)
-            self._stalled, self._has_risen = 0, False
-        elif self._stalled >= SOFT_PATIENCE:
-            self._is_too_soft = self._excess_leads
+        self._excess_leads[rows] = excess >= SOFT_SHARE * ratio
+        self._has_risen[rows] |= ratio > self._ratio[rows]
+        self._ratio[rows] = ratio
+        is_better = ratio < PROGRESS * self._best_ratio[rows]
+        better, others = rows[is_better], rows[~is_better]
+        self._best_ratio[better], self._stalled[better], self._has_risen[better] = ratio[is_better], 0, False
+        self._rate[better] = np.minimum(MAX_RATE, RAISED_RATE * self._rate[better])
+        self._stalled[others] += 1
+        is_due = (self._rate[others] > MIN_RATE) & (self._stalled[others] >= RATE_PATIENCE)
+        due, slowest = others[is_due], others[~is_due & (self._stalled[others] >= SOFT_PATIENCE)]
+        lowered = due[self._has_risen[due]]
+        self._rate[lowered] = np.maximum(MIN_RATE, LOWERED_RATE * self._rate[lowered])
+        self._stalled[due], self._has_risen[due] = 0, False
+        self._is_too_soft[slowest] = self._excess_leads[slowest]
 
-    def _reset_rate(self) -> None:
+    def _reset_rate(self, rows: np.ndarray) -> None:
         """Start with the full rate of the multipliers."""
-        self._rate, self._best_ratio, self._stalled, self._is_too_soft = MAX_RATE, math.inf, 0, False
-        self._ratio, self._has_risen = math.inf, False
-        self._taut.reset()
-        self._leading.reset()
+        self._rate[rows], self._best_ratio[rows], self._stalled[rows], self._is_too_soft[rows] = MAX_RATE, np.inf, 0, False
+        self._ratio[rows], self._has_risen[rows] = np.inf, False
+        self._taut.reset(rows)
+        self._leading.reset(rows)
 
-    def renew_multipliers(self, sums: StateSums | None = None, *, loading: bool = False) -> None:
+    def renew_multipliers(
+        self, sums: StateSums | None = None, rows: np.ndarray | None = None, *, loading: bool | np.ndarray = False
+    ) -> None:
         """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires.
 
         sums: of that state, where they are known.
         """
-        if self._has_multipliers:
-            sums = self.sums(of_mean=False) if sums is None else sums
-            stiffening = np.ones(len(sums.mean_excess)) if loading else self._stiffening(sums.mean_excess)
-            self.checks.renew_tension_offsets(self.multiplier_rate, stiffening)
+        rows = self.stepper.rows if rows is None else rows
+        has = self._has_multipliers[rows]
+        if not has.any():
+            return
+        sums = self.sums(rows, of_mean=False) if sums is None else sums
+        stiffening = np.ones((self.stepper.worlds, sums.mean_excess.shape[1]))
+        stiffens = has & ~np.broadcast_to(loading, rows.shape)
+        if stiffens.any():
+            stiffening[rows[stiffens]] = self._stiffening(sums.mean_excess[stiffens], rows[stiffens])
+        self.stepper.steering.set(rows, multiplier_rate=np.where(has, self.multiplier_rate(rows), 0.0))
+        self.checks.renew_tension_offsets(stiffening.ravel())
 
-    def _stiffening(self, mean_excess: np.ndarray) -> np.ndarray:
-        """[wire] factor of the softened axial stiffness where a wire is taut: its mean excess strain is imposed and makes no
+    def _stiffening(self, mean_excess: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """(row, wire) factor of the softened axial stiffness where a wire is taut: its mean excess strain is imposed and makes no
         progress."""
-        raised, leading = self._taut.after(np.abs(mean_excess)), self._leading.after(np.abs(mean_excess))
-        if self._excess_leads:
-            raised |= leading
-        if self._is_too_soft:
-            self._reset_rate()
-            return np.full(len(raised), SOFT_FACTOR)
-        return np.where(raised, TAUT_FACTOR, 1.0)
+        raised, leading = (stalled.after(np.abs(mean_excess), rows) for stalled in (self._taut, self._leading))
+        raised |= leading & self._excess_leads[rows][:, None]
+        too_soft = self._is_too_soft[rows]
+        self._reset_rate(rows[too_soft])
+        return np.where(too_soft[:, None], SOFT_FACTOR, np.where(raised, TAUT_FACTOR, 1.0))
 
-    def keep_motion(self) -> None:
+    def keep_motion(self, rows: np.ndarray | None = None) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
+        rows = self.stepper.rows if rows is None else rows
         self.checks.keep_motion()
-        self._has_last, self._last_slide = True, self._slide()
-        self.stepper.state.steering.set(kinetic_twice=self._twice_energy())
+        self._has_last[rows], self._last_slide = True, self._slide()
+        self.stepper.steering.set(rows, kinetic_twice=self._twice_energy(rows))
 
-    def stop_motion(self) -> None:
+    def stop_motion(self, rows: np.ndarray | None = None) -> None:
         """Stop all motion, after the state was moved from outside; multipliers start with their full rate."""
-        self._reset_rate()
-        state = self.stepper.state
-        state.steering.set(damping=FASTEST_DAMPING, speed_max=0.0)
-        store(state.velocity, 0)
-        store(state.spin, 0)
-        if self.clamps is not None:
-            self.clamps.stop()
-        self._has_last = False
+        rows, stepper = self.stepper.rows if rows is None else rows, self.stepper
+        self._reset_rate(rows)
+        stepper.steering.set(rows, damping=FASTEST_DAMPING, speed_max=0.0)
+        for world in rows.tolist():
+            store(stepper.part(stepper.state.velocity, world), 0)
+            store(stepper.part(stepper.state.spin, world), 0)
+            if self.clamps is not None:
+                self.clamps.stop(world)
+        self._has_last[rows] = False
 
-    def reset_damping_estimate(self) -> None:
+    def reset_damping_estimate(self, rows: np.ndarray | None = None) -> None:
         """Start the damping estimate anew, after the state was moved from outside; velocities are kept."""
-        self._has_last = False
+        self._has_last[self.stepper.rows if rows is None else rows] = False
 
-    def begin_anew(self) -> None:
+    def begin_anew(self, rows: np.ndarray | None = None) -> None:
         """The same, with the full rate of the multipliers, whose errors have grown by the move."""
-        self._reset_rate()
-        self.reset_damping_estimate()
+        self._reset_rate(self.stepper.rows if rows is None else rows)
+        self.reset_damping_estimate(rows)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint, in addition to the state of the rods."""
-        kept = {"thermal_strain": self.thermal_strain.copy(), "multipliers": np.array(self._has_multipliers)}
-        kept |= (
-            self._taut.state_dict("taut") | self._leading.state_dict("leading") | {"excess_leads": np.array(self._excess_leads)}
-        )
-        kept["multiplier_rate"] = np.array([self._rate, self._best_ratio, self._stalled, self._ratio, self._has_risen])
-        if self._has_last:
-            kept |= {name: fetch(getattr(self.checks.arrays, name)).copy() for name in LAST}
+    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
+        """Arrays of a world for a checkpoint, in addition to the state of the rods."""
+        part, arrays = self.stepper.part, self.checks.arrays
+        kept = {"thermal_strain": fetch(part(arrays.thermal_strain, world)).copy()}
+        kept |= {name: getattr(self, f"_{name}")[world].copy() for name in OF_WORLD}
+        for name in ("taut", "leading"):
+            stalled: Stalled = getattr(self, f"_{name}")
+            kept |= {f"{name}_best": stalled.best[world].copy(), f"{name}_checks": stalled.checks[world].copy()}
+        if self._has_last[world]:
+            kept |= {name: fetch(part(getattr(arrays, name), world)).copy() for name in LAST}
             kept["last_slide"] = self._last_slide
-        return kept if self.clamps is None else kept | {"clamp_velocity": fetch(self.clamps.velocity).copy()}
+        return kept if self.clamps is None else kept | {"clamp_velocity": fetch(part(self.clamps.velocity, world)).copy()}
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
-        store(self.checks.arrays.thermal_strain, kept["thermal_strain"])
-        self._has_multipliers = bool(kept["multipliers"])
-        self._rate, self._best_ratio, stalled, self._ratio, has_risen = kept["multiplier_rate"].tolist()
-        self._stalled, self._has_risen = int(stalled), bool(has_risen)
-        self._taut.load_state_dict("taut", kept)
-        self._leading.load_state_dict("leading", kept)
-        self._excess_leads = bool(kept["excess_leads"])
-        self._has_last = "last_place" in kept
-        if self._has_last:
+        part, arrays = self.stepper.part, self.checks.arrays
+        store(part(arrays.thermal_strain, world), kept["thermal_strain"])
+        for name in OF_WORLD:
+            getattr(self, f"_{name}")[world] = kept[name]
+        for name in ("taut", "leading"):
+            stalled: Stalled = getattr(self, f"_{name}")
+            stalled.best[world], stalled.checks[world] = kept[f"{name}_best"], kept[f"{name}_checks"]
+        if self._has_last[world]:
             self._last_slide = kept["last_slide"]
             for name in LAST:
-                store(getattr(self.checks.arrays, name), kept[name])
+                store(part(getattr(arrays, name), world), kept[name])
         if self.clamps is not None:
-            store(self.clamps.velocity, kept["clamp_velocity"])
+            store(part(self.clamps.velocity, world), kept["clamp_velocity"])

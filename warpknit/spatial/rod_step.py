@@ -5,7 +5,7 @@
     find_rod_forces bending, twist and stretch, and the sum of all forces
     move_rods       accelerations by the masses, which couple neighbours along the wire; update of nodes and sections
     clamps          motion of moving and sliding clamps, if any
-    update_control  control array of the next step
+    update_controls control array of the next step
 
 Many steps are captured once as a graph and replayed without Python in between. On the CPU several threads share the blocks,
 contacts and wires of a step; sums do not depend on their number.
@@ -14,7 +14,8 @@ contacts and wires of a step; sums do not depend on their number.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from itertools import chain
 from typing import Any, Protocol
@@ -27,7 +28,7 @@ from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
 from ..compute.team import Team
-from ..kernels.control import update_control
+from ..kernels.control import update_controls
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..mechanics.numerics import thread_count
 from .masses import Masses
@@ -72,10 +73,10 @@ class Contact(Protocol):
     def refresh(self, moved: float) -> None:
         """Renew the lists of pairs after nodes were moved by up to `moved` [m] from outside."""
 
-    def list_near_pairs(self, travel: float | None = None) -> None:
-        """List the pairs that may touch within a travel [m] from the state last evaluated."""
+    def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
+        """List the pairs that may touch within a travel [m] or [row] from the state last evaluated."""
 
-    def bound_stiffness(self) -> None:
+    def bound_stiffness(self, rows: np.ndarray) -> None:
         """Write bounds on the stiffness of the contacts that may touch, up to the gap of the last evaluation."""
 
 
@@ -86,8 +87,8 @@ class Clamps(Protocol):
     def need_forces(self) -> bool:
         """Whether they move by the forces on their nodes."""
 
-    def launches(self) -> Sequence[Launch]:
-        """Launches that move held nodes after the step."""
+    def launches(self, worlds: range) -> Sequence[Launch]:
+        """Launches that move held nodes of some worlds after the step."""
 
 
 class RodStepper:
@@ -100,54 +101,103 @@ class RodStepper:
         state: RodState | None = None,
         precision: Precision = DOUBLE,
         strip: RodStrip | None = None,
+        worlds: int = 1,
     ) -> None:
-        """state: of the rods, in this precision; default: at rest. strip: which of them are stepped here; default: all."""
+        """state: of the rods, in this precision; default: at rest. strip: which of them are stepped here; default: all.
+
+        worlds: of which the rods are (`rods.joined`). Each thread steps some of them; threads share a single one.
+        """
         self.rods = rods
         self.strip = strip or RodStrip.alone(rods)
         self.device = device
         self.precision = precision
         declare_overloads(precision)
-        self.arrays: RodArrays = upload_rods(rods, device, precision)
-        self.state: RodState = rest_state(rods, device, precision) if state is None else state
+        self.worlds, self.rows = worlds, np.arange(worlds)
+        self.arrays: RodArrays = upload_rods(rods, device, precision, worlds)
+        self.state: RodState = rest_state(rods, device, precision, worlds) if state is None else state
+        self.steering = Steering(self.state.control)  # [world]
         self.contact: Contact | None = None
         self.clamps: Clamps | None = None
-        self.team = Team(thread_count(rods.node_count // NODES_A_THREAD) if device == "cpu" else 1, device)
+        pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
+        self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
+        self.few = thread_count(rods.node_count // NODES_A_THREAD)  # threads that share the launches of a check
         self._no_contact = no_contact(rods, device, precision)
         self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
         block_wire, wires = fetch(self.arrays.block_wire), self.strip.wires
         self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
-        self.sums = WireSums(self.strip, rods, block_wire, self.blocks)
-        self.yielding = Yielding(rods, self.arrays, self.state, self.sums.of_nodes)
-        self._groups = wire_groups(rods, wires, block_wire, self.team.threads, on_cpu=device == "cpu")
+        self.sums = WireSums(self.strip, rods, block_wire, self.blocks, worlds)
+        self.yielding = Yielding(rods, self.arrays, self.state, self.sums, worlds)
+        on_cpu, threads = device == "cpu", self.team.threads
+        if worlds == 1:
+            self._groups = wire_groups(rods, wires, block_wire, threads, on_cpu=on_cpu)
+        else:
+            parts = [self.share_of(wires, part) for part in range(threads)]
+            self._groups = [wire_groups(rods, own, block_wire, 1, on_cpu=on_cpu)[0] for own in parts]
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
-        shares = [self.team.share_of(wires, part) for part in range(self.team.threads)]
+        few = min(self.few, self.team.threads)
+        shares = [wires[len(wires) * k // few : len(wires) * (k + 1) // few] for k in range(few)]
         self._factor = [replay(factor_launches(self.arrays, self.state, share), device) for share in shares if share]
         self.factor_masses()
         self._frames = frames_launch(self.arrays, self.state).record(device)
 
+    def share_of(self, items: range, part: int) -> range:
+        """The share of a thread in items of all worlds, as many in each: some of them, or those of some worlds."""
+        if self.worlds == 1:
+            return self.team.share_of(items, part)
+        own, each = self.team.share_of(range(self.worlds), part), len(items) // self.worlds
+        return items[own.start * each : own.stop * each]
+
+    def _wait(self) -> list[Launch]:
+        """What threads that share a world launch to wait for each other."""
+        return self.team.barrier() if self.worlds == 1 else []
+
+    @contextmanager
+    def only(self, rows: np.ndarray | None) -> Iterator[np.ndarray]:
+        """Leave out other worlds than `rows`, default all, of what is launched."""
+        rows = self.rows if rows is None else rows
+        if len(rows) == self.worlds:
+            yield rows
+            return
+        is_other = np.ones(self.worlds, dtype=bool)
+        is_other[rows] = False
+        others = np.flatnonzero(is_other)
+        kept = self.steering.status[others]
+        self.steering.set(others, status=Steering.WAITING)
+        try:
+            yield rows
+        finally:
+            self.steering.set(others, status=kept)
+
+    def part(self, array: wp.array, world: int) -> wp.array:
+        """The part of an array that belongs to a world."""
+        each = array.shape[0] // self.worlds
+        return array if self.worlds == 1 else array[world * each : (world + 1) * each]
+
     def _contact_launches(self, part: int, when: int = ALWAYS) -> tuple[list[Launch], TouchArrays]:
         """The launches of one thread's part of frames and contact, in order, and what the contact finds."""
-        arrays, state, wait = self.arrays, self.state, self.team.barrier()
+        arrays, state, wait = self.arrays, self.state, self._wait()
         touch, contact = self._no_contact, []
         if self.contact is not None:
             touch, contact = self.contact.touch, [*self.contact.launches(part, self.team.threads), *wait]
-        blocks = self.team.share_of(range(len(arrays.block_first)), part)
+        blocks = self.share_of(range(len(arrays.block_first)), part)
         return [frames_launch(arrays, state, blocks, when), *wait, *contact], touch
 
     def _evaluation_launches(self, part: int = 0) -> list[Launch]:
         """The launches of one thread's part of all forces, in order."""
         launches, touch = self._contact_launches(part)
-        blocks = self.team.share_of(self.blocks, part)
-        return [*launches, force_launch(self.rods, self.arrays, self.state, touch, blocks), *self.team.barrier()]
+        blocks = self.share_of(self.blocks, part)
+        return [*launches, force_launch(self.rods, self.arrays, self.state, touch, blocks), *self._wait()]
 
     def _step_launches(self, part: int = 0, *, is_first: bool = True, is_last: bool = True) -> list[Launch]:
-        """The launches of one thread's part of a step, in order; the first thread also moves clamps and control."""
+        """The launches of one thread's part of a step; of a shared world the first thread also moves clamps and control."""
         state, launches = self.state, self._motion_launches(part, is_first=is_first, is_last=is_last)
-        if part == 0:
-            launches += self.clamps.launches() if self.clamps is not None else ()
-            sums, rows = fewer_rows(state.partial)
-            launches += [*sums, bind(update_control, 1, control=state.control, wire_partial=rows, body_partial=state.no_bodies)]
-        return [*launches, *self.team.barrier()]
+        worlds = self.share_of(range(self.worlds), part) if self.worlds > 1 else range(part == 0)
+        if len(worlds):
+            launches += self.clamps.launches(worlds) if self.clamps is not None else ()
+            sums, rows = fewer_rows(state.partial) if self.worlds == 1 else ([], state.partial)
+            named = {"first_world": worlds.start, "world_rows": len(rows) // self.worlds, "wire_partial": rows}
+            launches += [*sums, bind(update_controls, len(worlds), control=state.control, **named)]
+        return [*launches, *self._wait()]
 
     def _motion_launches(self, part: int, *, is_first: bool, is_last: bool) -> list[Launch]:
         """The launches of one thread's part of a step up to the motion of its nodes.
@@ -166,7 +216,7 @@ class RodStepper:
             ]
             if in_cache and not is_last:
                 launches.append(frames_launch(self.arrays, state, group.blocks, AHEAD))
-        return [*launches, *self.team.barrier()]
+        return [*launches, *self._wait()]
 
     def step(self, count: int) -> None:
         """Take `count` steps, fewer where the state freezes (kernels/control.py)."""
@@ -175,17 +225,19 @@ class RodStepper:
                 self._replay(size, count // size)
             count %= size
 
-    def evaluate(self, gap: float | None = None, *, accepting: bool = False) -> None:
-        """Compute positions, frames and forces of the current state, without a step.
+    def evaluate(self, gap: Any = None, *, accepting: bool = False, rows: np.ndarray | None = None) -> None:
+        """Compute positions, frames and forces of the current state of all worlds, or of `rows`, without a step.
 
-        gap [m]: up to which closest points of wires are found; default: EVALUATED thicknesses; accepting: see `WireContact`.
+        gap [m] or [row]: up to which closest points of wires are found; default: EVALUATED thicknesses; accepting: see
+        `WireContact`.
         """
-        kept = self.state.steering.status
         gap = EVALUATED * self.rods.section.thickness if gap is None else gap
         status = Steering.ACCEPTING if accepting else Steering.EVALUATING
-        self.state.steering.set(status=float(status), evaluated_gap=gap)
-        self._replay(0, 1)
-        self.state.steering.set(status=kept)
+        with self.only(rows) as own:
+            kept = self.steering.status[own]
+            self.steering.set(own, status=status, evaluated_gap=gap)
+            self._replay(0, 1)
+            self.steering.set(own, status=kept)
 
     def sync(self) -> None:
         """Have the copies of wires of other ranks take over the state of those wires; a collective call."""
@@ -193,12 +245,13 @@ class RodStepper:
     def watch_border(self, reach: float) -> None:
         """Check that no other wires are within `reach` [m at rest] of own ones; a collective call."""
 
-    def update_frames(self) -> None:
+    def update_frames(self, rows: np.ndarray | None = None) -> None:
         """Compute positions and frames of the current state, without forces."""
-        kept = self.state.steering.status
-        self.state.steering.set(status=Steering.EVALUATING)
-        self._frames.launch()
-        self.state.steering.set(status=kept)
+        with self.only(rows) as own:
+            kept = self.steering.status[own]
+            self.steering.set(own, status=Steering.EVALUATING)
+            self._frames.launch()
+            self.steering.set(own, status=kept)
 
     @property
     def threads(self) -> int:
@@ -245,7 +298,7 @@ class RodStepper:
     def set_time_step(self, time_step: float, damping: float = 0.0, look_ahead: float = 0.0) -> None:
         """Set the step [s], mass-proportional damping [1/s] and look-ahead [steps] (kernels/control.py)."""
         half = 0.5 * damping * time_step
-        self.state.steering.set(
+        self.steering.set(
             time_step=time_step,
             damping=damping,
             look_ahead=look_ahead,
@@ -295,13 +348,10 @@ class RodStepper:
     def energy(self) -> float:
         """[J] energy of stretch, bending and twist in the state last evaluated."""
         rods, state = self.rods, self.state
-        factor = state.steering.length_factor
+        factor = state.steering.length_factor  # of a single world
         has_segment = rods.following >= 0
         natural = rods.natural_length * factor
         strain = fetch(state.length) / natural - 1.0
         stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
-        return (
-            self.sums.of_nodes(np.where(has_segment, stretch, 0.0))
-            + self.yielding.elastic_energy
-            + self.yielding.plastic_potential()
-        )
+        bent = self.yielding.elastic_energy + self.yielding.plastic_potential()
+        return float((self.sums.of_nodes(np.where(has_segment, stretch, 0.0)) + bent)[0])

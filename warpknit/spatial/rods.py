@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -286,6 +287,33 @@ def rods_of(
         natural_length=length,
         natural_arc=arc,
         director=even_directors(edge / length[:, None], first, count, rods.wire_closed),
+    )
+
+
+OF_WORLD = (
+    "wire_count", "wire_closed", "wire_period", "position", "director", "held", "natural_length", "natural_arc",
+    "natural_curvature", "natural_twist", "node_stiffness", "thicker",
+)  # fmt: skip
+
+
+def joined(worlds: Sequence[Rods]) -> Rods:
+    """The rods of several worlds, one behind the other: the same wires, of any shape and section."""
+    first = worlds[0]
+    if len(worlds) == 1:
+        return first
+
+    sections = [rods.sections or (rods.section,) * len(rods.wire_first) for rods in worlds]
+    is_same = all(rods.section == first.section and not rods.sections for rods in worlds)
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(rods, name) for rods in worlds]) for name in OF_WORLD if getattr(first, name) is not None
+    }
+    for name, step in (("wire_first", first.node_count), ("row", first.of_rows.node_count)):
+        arrays[name] = np.concatenate([getattr(rods, name) + k * step for k, rods in enumerate(worlds)]).astype(np.int32)
+    return replace(
+        first,
+        sections=() if is_same else tuple(section for each in sections for section in each),
+        forms=None if first.forms is None else joined([rods.of_rows for rods in worlds]),
+        **arrays,
     )
 
 

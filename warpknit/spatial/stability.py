@@ -8,8 +8,6 @@ loses energy, an unstable one gains kinetic energy until it has left. Then it is
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..compute.host import fetch, store
@@ -26,68 +24,77 @@ GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance ha
 
 
 class Stability:
-    """The test of one level after the other."""
+    """The test of one level after the other, of every world."""
 
-    def __init__(self, model: SpatialModel, relaxation: RodRelaxation, contact: WireContact, notes: list[str]) -> None:
-        """notes: for the user, to which what was not stable is added."""
-        self.model, self.relaxation, self.contact, self.notes = model, relaxation, contact, notes
-        self._checks = 0  # since the disturbance of this level
-        self._energy = self._least = math.inf  # [J] kinetic energy at the last of them, and the least so far
-        self._is_over = True
-        self.has_left = False  # whether a mesh has left an equilibrium that was not stable, in this level
+    def __init__(self, model: SpatialModel, relaxation: RodRelaxation, contact: WireContact) -> None:
+        self.model, self.relaxation, self.contact = model, relaxation, contact
+        worlds = relaxation.stepper.worlds
+        self._checks = np.zeros(worlds, dtype=int)  # [world] since the disturbance of this level
+        self._energy, self._least = np.full((2, worlds), np.inf)  # [J] kinetic energy at the last of them, and the least so far
+        self._is_over = np.ones(worlds, dtype=bool)
+        self.has_left = np.zeros(worlds, dtype=bool)  # whether a mesh has left an equilibrium that was not stable, in this level
 
-    def begin(self) -> None:
+    def begin(self, world: int = 0) -> None:
         """Test the next equilibrium that is found."""
-        self._checks, self._least, self._is_over, self.has_left = 0, math.inf, False, False
+        self._checks[world], self._least[world], self._is_over[world], self.has_left[world] = 0, np.inf, False, False
 
     @property
-    def is_running(self) -> bool:
-        """Whether the mesh moves as disturbed."""
-        return self._checks > 0 and not self._is_over
+    def is_running(self) -> np.ndarray:
+        """[world] whether the mesh moves as disturbed."""
+        return (self._checks > 0) & ~self._is_over
 
-    def after_check(self, ratio: float) -> float:
-        """The residual ratio of a convergence check, infinite while the mesh is tested; starts, continues and ends the test."""
-        if self._is_over or (self._checks == 0 and ratio >= 1.0):
+    def after_check(self, ratio: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """[row] the residual ratio of a check, infinite while a mesh is tested; starts, continues and ends tests."""
+        tests = ~(self._is_over[rows] | ((self._checks[rows] == 0) & (ratio >= 1.0)))
+        if not tests.any():
             return ratio
-        energy, before = self.relaxation.kinetic_energy(), self._energy
-        if self._checks == 0:
-            self._disturb()
-            energy = math.inf
-        elif self._checks >= MOST_CHECKS or (self._checks >= LEAST_CHECKS and energy < before):
-            self._is_over = True
-            self.relaxation.begin_anew()
-            self.relaxation.stepper.state.steering.set(damping=FASTEST_DAMPING)
-        self._energy, self._least, self._checks = energy, min(self._least, energy), self._checks + 1
-        if energy > GROWN * self._least and not self.has_left:
-            self.has_left = True
-            self._note()
+        ratio, rows = ratio.copy(), rows[tests]
+        ratio[tests] = np.inf
+        energy, before = self.relaxation.kinetic_energy(rows), self._energy[rows]
+        checks = self._checks[rows]
+        for world in rows[checks == 0].tolist():
+            self._disturb(world)
+        energy[checks == 0] = np.inf
+        is_over = (checks > 0) & ((checks >= MOST_CHECKS) | ((checks >= LEAST_CHECKS) & (energy < before)))
+        over = rows[is_over]
+        self._is_over[over] = True
+        self.relaxation.begin_anew(over)
+        self.relaxation.stepper.steering.set(over, damping=FASTEST_DAMPING)
+        self._energy[rows], self._least[rows] = energy, np.minimum(self._least[rows], energy)
+        self._checks[rows] += 1
+        self.has_left[rows] |= energy > GROWN * self._least[rows]
         self.hold_damping()
-        return math.inf
+        return ratio
 
     def hold_damping(self) -> None:
-        """Damp the mesh little while it is tested."""
-        if self.is_running:
-            self.relaxation.stepper.state.steering.set(damping=DAMPING)
+        """Damp meshes little while they are tested."""
+        running = np.flatnonzero(self.is_running)
+        if len(running):
+            self.relaxation.stepper.steering.set(running, damping=DAMPING)
 
-    def _note(self) -> None:
-        strains = strain_text(self.relaxation.stepper.state.gradient)
-        note = f"at strains of {strains} an equilibrium was not stable: the mesh left it for another"
-        if note not in self.notes:
-            self.notes.append(note)
+    def note(self, world: int = 0) -> str:
+        """That a mesh has left an equilibrium, for the user."""
+        strains = strain_text(self.relaxation.stepper.steering.gradient[world])
+        return f"at strains of {strains} an equilibrium was not stable: the mesh left it for another"
 
-    def _disturb(self) -> None:
-        strip, state = self.relaxation.stepper.strip, self.relaxation.stepper.state
+    def _disturb(self, world: int) -> None:
+        stepper = self.relaxation.stepper
+        strip, place, rows = stepper.strip, stepper.part(stepper.state.displacement, world), np.array([world])
+        nodes = strip.whole.node_count // stepper.worlds
         size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.whole.section.thickness
-        shift = size * np.random.default_rng(SEED).standard_normal((strip.whole.node_count, 3))[strip.nodes_of_mesh]
-        store(state.displacement, fetch(state.displacement) + np.where(self.relaxation.free[:, None], shift, 0.0))
-        self.contact.search()
-        self.relaxation.reset_damping_estimate()
+        shift = size * np.random.default_rng(SEED).standard_normal((nodes, 3))
+        here = strip.nodes_of_mesh if stepper.worlds == 1 else np.arange(nodes)
+        free = self.relaxation.free.reshape(stepper.worlds, -1)[world]
+        store(place, fetch(place) + np.where(free[:, None], shift[here], 0.0))
+        self.contact.search(rows)
+        self.relaxation.reset_damping_estimate(rows)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {"stability": np.array([self._checks, self._energy, self._least, self._is_over, self.has_left])}
+    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
+        """Arrays of a world for a checkpoint."""
+        kept = (self._checks, self._energy, self._least, self._is_over, self.has_left)
+        return {"stability": np.array([float(values[world]) for values in kept])}
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
-        checks, self._energy, self._least, is_over, has_left = kept["stability"].tolist()
-        self._checks, self._is_over, self.has_left = int(checks), bool(is_over), bool(has_left)
+        checks, self._energy[world], self._least[world], is_over, has_left = kept["stability"].tolist()
+        self._checks[world], self._is_over[world], self.has_left[world] = int(checks), bool(is_over), bool(has_left)

@@ -18,7 +18,7 @@ from ..compute.host import Mirror, fetch, is_in_place
 from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.steering import Steering
 from ..errors import ModelError
-from ..kernels.control import PARTIAL_COUNT, update_control
+from ..kernels.control import PARTIAL_COUNT, update_controls
 from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
 from .model import BORDER, SpatialModel
 from .rod_arrays import RodArrays, RodState
@@ -97,7 +97,7 @@ class StripRodStepper(RodStepper):
         self._collect_rows = ranks.table(self._row.host, self._received)
         self._is_of_wire = (np.arange(max(wires)) < np.array(wires)[:, None]).ravel()
         sums, rows = fewer_rows(self._rows.array)
-        control = bind(update_control, 1, control=self.state.control, wire_partial=rows, body_partial=self.state.no_bodies)
+        control = bind(update_controls, 1, control=self.state.control, wire_partial=rows, first_world=0, world_rows=len(rows))
         self._control = replay([*sums, control], device)
         self._collect = replay(self._border.collect, device)
         self._distribute = replay(self._border.distribute, device)
@@ -108,9 +108,9 @@ class StripRodStepper(RodStepper):
         self._border.exchange()
         self._distribute()
 
-    def update_frames(self) -> None:
+    def update_frames(self, rows: np.ndarray | None = None) -> None:
         self.sync()
-        super().update_frames()
+        super().update_frames(rows)
 
     def _replay(self, steps: int, times: int) -> None:
         self.sync()
@@ -118,7 +118,7 @@ class StripRodStepper(RodStepper):
             super()._replay(steps, times)
             return
         if self._move_clamps is None:
-            self._move_clamps = replay([] if self.clamps is None else [*self.clamps.launches()], self.device)
+            self._move_clamps = replay([] if self.clamps is None else [*self.clamps.launches(range(1))], self.device)
         for _ in range(times):
             for k in range(steps):
                 self._share_step(is_first=k == 0, is_last=k == steps - 1)

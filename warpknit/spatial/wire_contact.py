@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -11,6 +12,7 @@ import warp as wp
 from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
+from ..compute.steering import Steering
 from ..errors import OutOfResources
 from ..kernels.wire_closest import (
     NOT_NEAR,
@@ -25,7 +27,7 @@ from ..kernels.wire_contact_by_batch import QUAD, QUADS_A_BLOCK, find_followed_c
 from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
-from ..kernels.wire_near import find_near_starts, list_near_pairs
+from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
 from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
 from .pair_list import SLIP_ARRAYS, PairList
@@ -42,6 +44,10 @@ TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each: about as many as run at once
+# what of a pair goes over where its world is not searched
+CARRIED = (
+    "start", "first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found", "is_near", "place"
+)  # fmt: skip
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
@@ -74,8 +80,8 @@ class WireContact:
         """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom; cells: default: those of the rods."""
         self.stepper = stepper
         self.friction = friction
-        self.dissipated = 0.0  # [J] by friction in a relaxation, over all ranks
-        rods, device = stepper.rods, stepper.device
+        rods, device, worlds = stepper.rods, stepper.device, stepper.worlds
+        self.dissipated = np.zeros(worlds)  # [world] [J] by friction in a relaxation, over all ranks
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
         cells = cells or search_cells(rods, curve)
@@ -83,16 +89,18 @@ class WireContact:
         self._wires = WireArrays.of(rods, curve, device)
         self._search = PairSearch(stepper, self._wires, cells)
         self._checks = ContactChecks(stepper, self._wires, curve, has_friction=friction > 0.0)
-        # [m] of each thread, CACHE_LINE numbers apart, since the last `pop_max_penetration`
-        self.max_penetration = wp.zeros(CACHE_LINE * stepper.threads, dtype=wp.float64, device=device)
-        self._travel = NEXT_TRAVEL * rods.section.thickness  # [m] until the near pairs are listed again
-        self._search_travel = -1.0  # [m] until the next search
+        # [m] of each world, or each thread of a single one, CACHE_LINE numbers apart, since the last `pop_max_penetration`
+        self.max_penetration = wp.zeros((max(stepper.threads, worlds), CACHE_LINE), dtype=wp.float64, device=device)
+        self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
+        self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
         self.touch = self._new_touch(LEAST_CAPACITY)
         self._list = self._new_list(LEAST_CAPACITY, 0)
-        self._other = self._new_list(LEAST_CAPACITY, 1) if friction else self._list  # the list before, for its elastic slips
+        # the list before, for its elastic slips and for worlds that are not searched
+        self._has_two_lists = friction > 0.0 or worlds > 1
+        self._other = self._new_list(LEAST_CAPACITY, 1) if self._has_two_lists else self._list
         now = (getattr(stepper.state, field.name.removeprefix("before_")) for field in fields(_Before))
         self._before = _Before(*(wp.clone(array) if friction else array for array in now))
-        stepper.state.steering.set(contact_stiffness=stiffness)
+        stepper.steering.set(contact_stiffness=stiffness)
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
 
@@ -111,12 +119,12 @@ class WireContact:
         of the pairs that do not sleep, of those to search and of those whose forces are left to find."""
         pairs, touch = self._list, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
-        named = pairs.named("first", "second", "shift", "found", "place") | {"part": part, "parts": parts}
+        named = pairs.named("first", "second", "shift", "found", "place") | self._share(part, parts)
         travels = pairs.named("wake_travel", "renewal_travel")
         forces = pairs.named("arc_separation") | {
             "min_arc_separation": wp.float64(MIN_ARC_SEPARATION),
             "friction": wp.float64(self.friction),
-            "max_penetration": self.max_penetration[part * CACHE_LINE : part * CACHE_LINE + 1],
+            "max_penetration": self.max_penetration,
         }
         own = pairs.named("start") | {"pair_count_of": pairs.count, "stick_share": wp.float64(STICK_SHARE)}
         own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
@@ -134,8 +142,15 @@ class WireContact:
         return [
             *first,
             bind(find_closest_places, threads, *sources, threads=threads, **named, **travels, **lists),
-            bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own),
+            bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own, **lists),
         ]
+
+    def _share(self, part: int, parts: int) -> dict[str, int]:
+        """What a thread does: a part of the pairs of a single world, or all of those of its worlds."""
+        nodes = range(self.stepper.rods.node_count)
+        if self.stepper.worlds > 1:
+            nodes, part, parts = self.stepper.share_of(nodes, part), 0, 1
+        return {"first_node": nodes.start, "end_node": nodes.stop, "part": part, "parts": parts}
 
     def _new_list(self, capacity: int, number: int) -> PairList:
         stepper = self.stepper
@@ -147,64 +162,77 @@ class WireContact:
             stepper.rods.node_count, capacity, stepper.device, stepper.precision, with_friction=self.friction > 0.0
         )
 
-    def search(self) -> None:
-        """Search all pairs, and start a new travel budget. Raises `OutOfResources`."""
-        stepper, state, device = self.stepper, self.stepper.state, self.stepper.device
-        stepper.update_frames()
-        self._search.place()
+    def search(self, rows: np.ndarray | None = None) -> None:
+        """Search all pairs of all worlds, or of `rows`, and start a new travel budget. Raises `OutOfResources`."""
+        with self.stepper.only(rows) as own:
+            self._search_pairs(own)
+            self.list_near_pairs(rows=own)
+
+    def _search_pairs(self, own: np.ndarray) -> None:
+        stepper, state = self.stepper, self.stepper.state
+        stepper.update_frames(own)
+        self._search.place(own)
         before, pairs = self._list, self._other
-        total = self._search.count(pairs)
+        total = self._search.count(pairs, before)
         if total > pairs.capacity:
             larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
             wp.copy(larger.start, pairs.start)
             wp.copy(larger.count, pairs.count)
             pairs = larger
         store(pairs.total, total)
-        self._search.fill(pairs)
+        self._search.fill(pairs, before)
+        store(pairs.found, int(NOT_NEAR))
+        store(pairs.renewal_travel, 0.0)  # nothing is known of these pairs yet
+        if len(own) < stepper.worlds:
+            old = {f"old_{name}": getattr(before, name) for name in CARRIED}
+            new = pairs.named(*CARRIED[1:]) | {"start": pairs.start, "count": pairs.count, "searched": self._search.searched}
+            nodes, arrays = stepper.rods.node_count, stepper.arrays
+            pairs.replayed(f"carry {before.number} {before.capacity}", lambda: bind(carry_pairs, nodes, arrays, **new, **old))
         if self.friction > 0.0:
-            bind(
-                transfer_elastic_slip, pairs.capacity, step=int(state.steering.step),
+            pairs.replayed(f"slip {before.number} {before.capacity}", lambda: bind(
+                transfer_elastic_slip, pairs.capacity, stepper.arrays, control=state.control,
                 old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
                 old_step=before.slip_step, old_place=before.slip_place, old_elastic_slip=before.elastic_slip,
                 pair_count=pairs.total, slip_step=pairs.slip_step, slip_place=pairs.slip_place,
                 elastic_slip=pairs.elastic_slip, **pairs.named("first", "second", "shift"),
-            ).run(device)  # fmt: skip
-        store(pairs.found, int(NOT_NEAR))
-        store(pairs.renewal_travel, 0.0)  # nothing is known of these pairs yet
+            ))  # fmt: skip
         pairs.order(total)
-        self._list, self._other = pairs, before if self.friction > 0.0 else pairs
+        self._list, self._other = pairs, before if self._has_two_lists else pairs
         self.searches += 1
-        self._search_travel = self._approach / float(CLOSING_RATE)
-        store(state.block_travel, 0.0)
-        reach = self._search.reach(pairs, total) / float(CLOSING_RATE)
-        state.steering.set(travel=0.0, step_travel=0.0, pair_reach=reach)
-        self.list_near_pairs()
+        self._search_travel[own] = self._approach / float(CLOSING_RATE)
+        if state.block_travel.shape[0] > 1:
+            fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
+        reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
+        stepper.steering.set(own, travel=0.0, step_travel=0.0, pair_reach=reach)
 
-    def list_near_pairs(self, travel: float | None = None) -> None:
-        """List the pairs that may touch within a travel [m] from the present positions; default: the last one given.
+    def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
+        """List the pairs that may touch within a travel [m] or [row] from the present positions; default: the last one given.
 
         The travel is at most NEXT_TRAVEL thicknesses. It leaves out the look-ahead of the steps, less than a quarter of a step's
         motion, and the rotation of the rest shape with its sections: what they bring together touches a step later.
         """
-        stepper, state = self.stepper, self.stepper.state
+        stepper = self.stepper
         stepper.sync()
-        if travel is not None:
-            self._travel = min(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
-        self._mark_near(float(CLOSING_RATE) * self._travel)
-        self._take_near_pairs()
-        reached = state.steering.travel + self._travel
-        state.steering.set(travel_limit=min(reached, self._search_travel), status=0.0)
+        with stepper.only(rows) as own:
+            if travel is not None:
+                self._travel[own] = np.minimum(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
+            self._mark_near(float(CLOSING_RATE) * self._travel[own], own)
+            self._take_near_pairs()
+            reached = stepper.steering.travel[own] + self._travel[own]
+            limit = np.minimum(reached, self._search_travel[own])
+            stepper.steering.set(own, travel_limit=limit, status=Steering.RUNNING)
 
-    def _mark_near(self, gap: float) -> None:
+    def _mark_near(self, gap: Any, own: np.ndarray) -> None:
         """Mark the pairs that are within a gap [m] at the present positions, without what pushes them apart."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
-        state.steering.set(near_gap=gap)
+        stepper.steering.set(own, near_gap=gap)
         if not pairs.mark:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
-            named = pairs.named("first", "second", "shift", "wake_travel", "found", "is_near")
-            counts = {"pair_count": pairs.total, "parts": stepper.threads, "threads": threads}
+            named = pairs.named("start", "first", "second", "shift", "wake_travel", "found", "is_near")
+            counts = {"pair_count": pairs.total, "threads": threads}
             for part in range(stepper.threads):
-                mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, part=part, **counts, **named)
+                share = self._share(part, stepper.threads)
+                mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, **share, **counts, **named)
                 pairs.mark.append(mark.replay(stepper.device))
         stepper.team.together(pairs.mark)
 
@@ -225,44 +253,69 @@ class WireContact:
         pairs.list_near[1]()
         store(self.touch.touch_count, count)
 
-    def refresh(self, moved: float = 0.0) -> None:
+    def refresh(self, moved: float = 0.0, rows: np.ndarray | None = None) -> None:
         """Search again, or list near pairs again, whichever the travel has used up; moved [m]: travel by no step."""
-        travel = self.stepper.state.steering.travel + moved
-        self.stepper.state.steering.set(travel=travel)
-        if travel > self._search_travel:
-            self.search()
-        else:
-            self.stepper.update_frames()
-            self.list_near_pairs()
+        with self.stepper.only(rows) as own:
+            travel = self.stepper.steering.travel[own] + moved
+            self.stepper.steering.set(own, travel=travel)
+            far = travel > self._search_travel[own]
+            if far.any():
+                self.search(own[far])
+            if not far.all():
+                self.stepper.update_frames(own[~far])
+                self.list_near_pairs(rows=own[~far])
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint: the pair list with its elastic slips."""
-        kept = self._list.state_dict()
-        kept["pairs_near"] = self._near_pairs()
+    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
+        """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
+        kept = self._list.state_dict(self._pairs_of(world), self._nodes_of(world))
+        near = self._near_pairs()
+        begin, end = self._pairs_of(world)
+        kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
-            kept |= {name: fetch(array).copy() for name, array in vars(self._before).items()}
-        numbers = [self.searches, fetch(self.max_penetration).max(), self._travel, self._search_travel, self.dissipated]
+            kept |= {name: fetch(self.stepper.part(array, world)).copy() for name, array in vars(self._before).items()}
+        numbers = [
+            self.searches,
+            self._penetration()[world],
+            self._travel[world],
+            self._search_travel[world],
+            self.dissipated[world],
+        ]
         return kept | {"contact": np.array(numbers)}
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
-        total = len(kept["pairs_first"])
-        pairs = self._new_list(max(self._capacity(total, PAIR_BYTES), 1), self._list.number + 2)
-        pairs.load_state_dict(kept)
+        begin, end = self._pairs_of(world)
+        near = self._near_pairs()
+        change = len(kept["pairs_first"]) - (end - begin)
+        near = np.concatenate([near[near < begin], kept["pairs_near"] + begin, near[near >= end] + change])
+        pairs = self._new_list(max(self._capacity(self.pair_count + change, PAIR_BYTES), 1), self._list.number + 2)
+        pairs.load_state_dict(kept, self._list, (begin, end), self._nodes_of(world))
         self._list = pairs
-        if self.friction == 0.0:
+        if not self._has_two_lists:
             self._other = pairs
-        else:
+        if self.friction > 0.0:
             for name, array in vars(self._before).items():
-                store(array, kept[name])
-        searches, penetration, self._travel, self._search_travel, self.dissipated = kept["contact"].tolist()
+                store(self.stepper.part(array, world), kept[name])
+        searches, penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
         self.searches = int(searches)
-        store(self.max_penetration, penetration)
-        self._take_near_pairs(kept["pairs_near"])
+        store(self.stepper.part(self.max_penetration, world), penetration)
+        self._take_near_pairs(near)
 
-    def bound_stiffness(self) -> None:
+    def _nodes_of(self, world: int) -> slice:
+        """The nodes of a world."""
+        each = self.stepper.arrays.world_nodes
+        return slice(world * each, (world + 1) * each)
+
+    def _pairs_of(self, world: int) -> tuple[int, int]:
+        """First pair of a world, and the one behind its last."""
+        if self.stepper.worlds == 1:
+            return 0, self.pair_count
+        start, nodes = fetch(self._list.start), self._nodes_of(world)
+        return int(start[nodes.start]), int(start[nodes.stop]) if nodes.stop < len(start) else self.pair_count
+
+    def bound_stiffness(self, rows: np.ndarray) -> None:
         """Write bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
-        self.checks.bound_stiffness()
+        self.checks.bound_stiffness(rows)
 
     @property
     def checks(self) -> ContactChecks:
@@ -281,61 +334,71 @@ class WireContact:
             )
         return capacity
 
-    def advance_history(self) -> None:
-        """Accept the equilibrium: scale elastic slip back at the Coulomb limit, and begin the next increment.
+    def advance_history(self, world: int = 0) -> None:
+        """Accept the equilibrium of a world: scale elastic slip back at the Coulomb limit, and begin the next increment.
 
         Friction dissipates the work of its forces, as they are now, on the slip beyond that limit. The evaluation counts as a
         step, as the slips pass from one half of their arrays to the other.
         """
         if self.friction == 0.0:
             return
-        touch, state = self.touch, self.stepper.state
+        stepper, touch, rows = self.stepper, self.touch, np.array([world])
         store(touch.touch_slip_work, 0.0)
-        self.stepper.evaluate(0.0, accepting=True)
+        stepper.evaluate(0.0, accepting=True, rows=rows)
         near = self._near_pairs()
         work = fetch(touch.touch_slip_work)[: PLACES * len(near)].reshape(-1, PLACES).sum(axis=1)
-        of_node = np.bincount(fetch(self._list.first)[near], work, self.stepper.rods.node_count)
-        self.dissipated += self.stepper.sums.of_nodes(of_node)
+        of_node = np.bincount(fetch(self._list.first)[near], work, stepper.rods.node_count)
+        self.dissipated[world] += stepper.sums.of_nodes(of_node, rows)[0]
         for name, array in vars(self._before).items():
-            store(array, fetch(getattr(state, name.removeprefix("before_"))))
-        state.steering.step += 1.0
+            store(stepper.part(array, world), fetch(stepper.part(getattr(stepper.state, name.removeprefix("before_")), world)))
+        stepper.steering.set(rows, step=stepper.steering.step[rows] + 1.0)
 
-    def pop_max_penetration(self) -> float:
-        """[m] largest penetration of the mesh since the last call; resets it."""
-        max_penetration = fetch(self.max_penetration).max(keepdims=True)
-        store(self.max_penetration, 0)
-        return float(self.stepper.strip.ranks.largest(max_penetration)[0])
+    def _penetration(self) -> np.ndarray:
+        """[world] [m] largest penetration of those here."""
+        return fetch(self.max_penetration).reshape(self.stepper.worlds, -1).max(axis=1)
+
+    def pop_max_penetration(self, rows: np.ndarray | None = None) -> np.ndarray:
+        """[row] [m] largest penetration of the mesh since the last call; resets it."""
+        rows = self.stepper.rows if rows is None else rows
+        max_penetration = self._penetration()[rows]
+        for row in rows.tolist():
+            store(self.stepper.part(self.max_penetration, row), 0)
+        return np.asarray(self.stepper.strip.ranks.largest(max_penetration))
 
     def _near_pairs(self) -> np.ndarray:
         """Numbers of the pairs that the steps look at."""
         return fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
 
-    def find_contacts(self, distance: float) -> Contacts:
-        """All contacts of the state last evaluated with a gap below `distance` [m], at most 2 MAX_OFFSET thicknesses.
+    def find_contacts(self, distance: float, world: int = 0) -> Contacts:
+        """All contacts of a world, in the state last evaluated, with a gap below `distance` [m], up to 2 MAX_OFFSET thicknesses.
 
         Some pairs at a time, so that a large mesh needs no more memory than for its steps.
         """
-        stepped = self._near_pairs()
-        self._mark_near(distance)
-        near = np.flatnonzero(fetch(self._list.is_near)[: self.pair_count])
-        found, size = [], max(self.touch.capacity, LEAST_READ)
-        times = int(self.stepper.strip.ranks.largest(np.array([math.ceil(len(near) / size), 1])).max())
-        for begin in range(0, times * size, size):
-            self._take_near_pairs(near[begin : begin + size])
-            self.stepper.evaluate(distance)
-            found.append(self.read_contacts(distance))
-        self._take_near_pairs(stepped)
-        self.stepper.evaluate()
+        stepped, rows, (begin, end) = self._near_pairs(), np.array([world]), self._pairs_of(world)
+        with self.stepper.only(rows):
+            self._mark_near(distance, rows)
+            near = begin + np.flatnonzero(fetch(self._list.is_near)[begin:end])
+            found, size = [], max(self.touch.capacity, LEAST_READ)
+            times = int(self.stepper.strip.ranks.largest(np.array([math.ceil(len(near) / size), 1])).max())
+            for first in range(0, times * size, size):
+                self._take_near_pairs(near[first : first + size])
+                self.stepper.evaluate(distance, rows=rows)
+                found.append(self.read_contacts(distance, world))
+            self._take_near_pairs(stepped)
+            self.stepper.evaluate(rows=rows)
         return Contacts.joined(found)
 
-    def read_contacts(self, distance: float | None = None) -> Contacts:
-        """Contacts of the state last evaluated: those with a force, or those found with a gap below `distance` [m].
+    def read_contacts(self, distance: float | None = None, world: int = 0) -> Contacts:
+        """Contacts of a world, in the state last evaluated: those with a force, or those with a gap below `distance` [m].
 
         Of a strip those whose first segments are its own.
         """
+        stepper = self.stepper
         pairs, touch, near = self._list, self.touch, self._near_pairs()
-        found, own = fetch(pairs.found)[near][:, None], self.stepper.strip.nodes
-        is_own = (fetch(pairs.first)[near] >= own.start) & (fetch(pairs.first)[near] < own.stop)
+        nodes = stepper.strip.own if stepper.worlds == 1 else self._nodes_of(world)
+        before = nodes.start if stepper.worlds > 1 else 0
+        found = fetch(pairs.found)[near][:, None]
+        is_own = (fetch(pairs.first)[near] >= nodes.start) & (fetch(pairs.first)[near] < nodes.stop)
         is_there = is_own[:, None] & (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
         force, overlap = (fetch(x)[: PLACES * len(near)] for x in (touch.touch_normal_force, touch.touch_overlap))
         kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
@@ -345,4 +408,4 @@ class WireContact:
         place = fetch(pairs.place)[PLACES * pair + which % PLACES]
         normal = fetch(touch.touch_normal)[which]
         friction = fetch(touch.touch_friction)[which] if self.friction > 0.0 else np.zeros_like(normal)
-        return Contacts(first, second, place, shift, force[which], friction, normal, overlap[which])
+        return Contacts(first - before, second - before, place, shift, force[which], friction, normal, overlap[which])

@@ -9,33 +9,36 @@ from .strip import RodStrip
 
 
 class WireSums:
-    """Adds up rows [block, ...] of the own blocks of a strip over all ranks: collective calls."""
+    """Adds up rows [block, ...] of the own blocks of a strip over all ranks, world by world: collective calls."""
 
-    def __init__(self, strip: RodStrip, rods: Rods, block_wire: np.ndarray, blocks: range) -> None:
+    def __init__(self, strip: RodStrip, rods: Rods, block_wire: np.ndarray, blocks: range, worlds: int = 1) -> None:
         """block_wire: wire of each block of nodes; blocks: those of the own wires."""
-        self._ranks, self._wires, self._blocks = strip.ranks, strip.wires, blocks
+        self._ranks, self._wires, self._worlds = strip.ranks, strip.wires, worlds
+        self._own, self._own_wires = slice(blocks.start, blocks.stop), slice(strip.wires.start, strip.wires.stop)
         self._begin = np.searchsorted(block_wire[self._own], np.arange(strip.wires.start, strip.wires.stop))
         self._count, self._first_node = len(rods.wire_first), rods.wire_first
-
-    @property
-    def _own(self) -> slice:
-        return slice(self._blocks.start, self._blocks.stop)
 
     def of_wires(self, rows: np.ndarray) -> np.ndarray:
         """[wire, ...] sums of the own wires; of the others zero."""
         sums = np.zeros((self._count, *rows.shape[1:]))
-        sums[self._wires.start : self._wires.stop] = np.add.reduceat(rows[self._own], self._begin)
+        sums[self._own_wires] = np.add.reduceat(rows[self._own], self._begin)
         return sums
 
-    def total(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) sum of rows (block, n) over the mesh."""
-        return self._ranks.exact_sum(self.of_wires(rows)[self._wires.start : self._wires.stop])
+    def _of_worlds(self, of_wires: np.ndarray, worlds: np.ndarray | None) -> np.ndarray:
+        """(world, n) exact sums of values (own wire, n), of all worlds or of some."""
+        by_world = of_wires.reshape(self._worlds, -1, of_wires.shape[1])
+        which = by_world if worlds is None else by_world[worlds]
+        return np.array([self._ranks.exact_sum(values) for values in which])
 
-    def of_nodes(self, values: np.ndarray) -> float:
-        """The sum of values [node] over the mesh."""
-        own = slice(self._wires.start, self._wires.stop)
-        return float(self._ranks.exact_sum(np.add.reduceat(values, self._first_node)[own, None])[0])
+    def total(self, rows: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
+        """(world, n) sums of rows (block, n), of all worlds or of some."""
+        return self._of_worlds(self.of_wires(rows)[self._own_wires], worlds)
 
-    def largest(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) the largest of each column (block, n) over the mesh."""
-        return self._ranks.largest(rows[self._own].max(axis=0))
+    def of_nodes(self, values: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
+        """[world] sums of values [node], of all worlds or of some."""
+        return self._of_worlds(np.add.reduceat(values, self._first_node)[self._own_wires, None], worlds)[:, 0]
+
+    def largest(self, rows: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
+        """(world, n) the largest of each column (block, n), of all worlds or of some."""
+        own = rows[self._own].reshape(self._worlds, -1, rows.shape[1]).max(axis=1)
+        return self._ranks.largest(own if worlds is None else own[worlds])

@@ -5,13 +5,13 @@ Backward Euler of the flow rule of kernels/rod_forces.py. Twist and tension stay
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ..compute.host import fetch, store
+from ..compute.steering import Steering
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
+from .wire_sums import WireSums
 
 
 class Yielding:
@@ -20,19 +20,20 @@ class Yielding:
     Arrays run over the nodes; turns [rad] are along the section directors, and 0 at the ends of wires.
     """
 
-    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState, sum_up: Callable[[np.ndarray], float]) -> None:
-        """sum_up: values [node] over the mesh, a collective call (`WireSums.of_nodes`)."""
-        self.rods, self.arrays, self.state, self._sum_up = rods, arrays, state, sum_up
+    def __init__(self, rods: Rods, arrays: RodArrays, state: RodState, sums: WireSums, worlds: int = 1) -> None:
+        self.rods, self.arrays, self.state, self._sums = rods, arrays, state, sums
         self._inside = (rods.following >= 0) & (rods.previous >= 0)
         section = rods.section
         self._kept = section.hardening
         self.yields = section.yields
-        self.dissipated = 0.0  # [J] over all ranks
+        self._steering = Steering(state.control)
+        self.dissipated = np.zeros(worlds)  # [world] [J] over all ranks
 
     @property
     def length(self) -> np.ndarray:
         """[node] [m] natural length of a node at the current temperature."""
-        return self.rods.node_length * self.state.steering.length_factor
+        factor = self._steering.length_factor
+        return self.rods.node_length * (factor[0] if len(factor) == 1 else np.repeat(factor, self.arrays.world_nodes))
 
     @property
     def plastic(self) -> np.ndarray:
@@ -61,14 +62,14 @@ class Yielding:
         return self._trial() - (1.0 - self._kept) * self._beyond()[0] if self.yields else self._trial()
 
     @property
-    def hardened_energy(self) -> float:
-        """[J] stored by hardening: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
-        return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else 0.0
+    def hardened_energy(self) -> np.ndarray:
+        """[world] [J] stored by hardening: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
+        return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else np.zeros(len(self.dissipated))
 
-    def plastic_potential(self) -> float:
-        """[J] incremental potential of bending and twist, whose gradient are the moments, beyond the elastic energy."""
+    def plastic_potential(self) -> np.ndarray:
+        """[world] [J] incremental potential of bending and twist, whose gradient are the moments, beyond the elastic energy."""
         if not self.yields:
-            return 0.0
+            return np.zeros(len(self.dissipated))
         over, size = self._beyond()
         passed = np.linalg.norm(over, axis=1)
         limit = size - passed
@@ -77,29 +78,30 @@ class Yielding:
         return self._energy(bent - 0.5 * np.sum(self.elastic**2, axis=1))
 
     @property
-    def elastic_energy(self) -> float:
-        """[J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
-        return self._sum_up(fetch(self.state.bend_energy))
+    def elastic_energy(self) -> np.ndarray:
+        """[world] [J] of elastic turns and twists and of the slopes of moments along the segments (kernels/rod_forces.py)."""
+        return self._sums.of_nodes(fetch(self.state.bend_energy))
 
-    def _energy(self, square: np.ndarray) -> float:
-        """EI/l times squares of turns [rad^2] over the mesh, summed."""
+    def _energy(self, square: np.ndarray) -> np.ndarray:
+        """[world] EI/l times squares of turns [rad^2] over the mesh, summed."""
         bending = self.rods.of_nodes("bending_stiffness")
         stiffness = np.divide(bending, self.length, out=np.zeros(len(square)), where=self._inside)
-        return self._sum_up(stiffness * square)
+        return self._sums.of_nodes(stiffness * square)
 
-    def advance(self) -> None:
-        """Accept the equilibrium as a step of the load history: update the plastic turns."""
+    def advance(self, world: int = 0) -> None:
+        """Accept the equilibrium of a world as a step of its load history: update the plastic turns."""
         if not self.yields:
             return
         change = (1.0 - self._kept) * self._beyond()[0]
         moment = self.rods.of_nodes("bending_stiffness") * self.rods.of_nodes("yield_curvature")
-        self.dissipated += self._sum_up(moment * np.linalg.norm(change, axis=1))
-        store(self.state.plastic_turn, self.plastic + change)
+        self.dissipated[world] += self._sums.of_nodes(moment * np.linalg.norm(change, axis=1))[world]
+        nodes = slice(world * self.arrays.world_nodes, (world + 1) * self.arrays.world_nodes)
+        store(self.state.plastic_turn[nodes], (self.plastic + change)[nodes])
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint, in addition to the state of the rods."""
-        return {"yield_dissipated": np.array(self.dissipated)}
+    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
+        """Arrays of a world for a checkpoint, in addition to the state of the rods."""
+        return {"yield_dissipated": np.array(self.dissipated[world])}
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
-        self.dissipated = float(kept["yield_dissipated"])
+        self.dissipated[world] = float(kept["yield_dissipated"])

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import Diverged
 from ..scene import Stage
 from ..solve.equilibrium import Equilibrium
-from ..solve.model import replicas_of
+from ..solve.model import worlds_of
 from ..solve.relax import Relaxation, Unsolved
 from .outcome import Outcome
 
@@ -29,14 +29,13 @@ class Batch:
         levels: Sequence[int] | None = None,
         *,
         watch: Callable[[Batch], None] | None = None,
-        threads: int | None = None,
     ) -> None:
         """`stages`: the load of each mesh, by strain or tension; `levels` of each, default `output.frames`.
 
-        `watch` is called at every convergence check, and may raise to stop. `threads`: default WARPKNIT_THREADS, or one a core.
+        `watch` is called at every convergence check, and may raise to stop.
         """
         self.model, self.stages = model, tuple(stages)
-        self.group = replicas_of(model, len(self.stages), threads)
+        self.group = worlds_of([model] * len(self.stages))
         self.members: list[Relaxation] = []
         self.equilibrium = Equilibrium(self.group, self.members)
         for row, mechanics in enumerate(self.group.members):
@@ -54,7 +53,9 @@ class Batch:
     @property
     def done(self) -> float:
         """Completed share of all load levels."""
-        return min(1.0, sum(member.progress.level for member in self.members) / max(1, sum(self._count)))
+        return sum(max(0, member.progress.level - 1) for member in self.members) / max(
+            1, sum(self._count)
+        )  # the first is unloaded
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium of every mesh under its load."""
@@ -69,26 +70,26 @@ class Batch:
                 yield outcome
         while active:
             check = self.equilibrium.advance(np.array(active))
-            for row, error in check.failed.items():
-                yield self._outcome(row, None, error)
             unfinished = [row for row in active if row not in check.failed and row not in check.converged]
-            for row in check.converged:
-                if (outcome := self._next_level(row)) is None:
+            for row in [*check.failed, *check.converged]:
+                if (outcome := self._next_level(row, check.failed.get(row))) is None:
                     unfinished.append(row)
                 else:
                     yield outcome
             active = sorted(unfinished)
             self._watch(self)
 
-    def _next_level(self, row: int) -> Outcome | None:
-        """Apply the next load; return the outcome after the full load."""
-        member = self.members[row]
+    def _next_level(self, row: int, error: Diverged | None = None) -> Outcome | None:
+        """Apply the next load, or a smaller one after an error; return the outcome after the full load, or of a failure."""
+        member, levels = self.members[row], self._levels[row]
         try:
-            for step in self._levels[row]:
+            step = next(levels, None) if error is None else levels.throw(error)
+            while step is not None:
                 if isinstance(step, Unsolved):
                     return None
-        except Diverged as error:  # no strain carries the tension
-            return self._outcome(row, None, error)
+                step = next(levels, None)
+        except Diverged as failure:  # also where no strain carries the tension
+            return self._outcome(row, None, failure)
         return self._outcome(row, member.record(self.stages[row], 1.0, steady=True).observables, None)
 
     def _outcome(self, row: int, observables: Any, error: Diverged | None) -> Outcome:

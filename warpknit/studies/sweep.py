@@ -19,7 +19,6 @@ from ..base.text import celsius, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
-from ..mechanics.numerics import thread_count
 from ..mesh.layout import smaller_scene
 from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
@@ -45,7 +44,7 @@ from .contact_map import (
     unconverged_warning,
     write_map,
 )
-from .states import States, mesh_of, states_of
+from .states import States, mesh_of, side_by_side, states_of
 
 _log = logging.getLogger(__name__)
 
@@ -106,9 +105,9 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
 
 
 def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
-    """Refuse a sweep that exceeds the memory: all loads of a seed at once with replicas, else one a core."""
-    loads, nodes = len(sweep.pairs), mesh.node_count
-    together = loads if mesh.has_replicas else thread_count(loads)
+    """Refuse a sweep that exceeds the memory."""
+    nodes = mesh.node_count
+    together = side_by_side(len(sweep.pairs), nodes)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
         room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
@@ -178,26 +177,29 @@ class _Mapper:
 
     def _run_seed(self, seed: int, done: list[MapRow]) -> None:
         """Solve the missing cells of one mesh; append rows to `done`."""
-        of_pair = self._missing(done)
-        if not of_pair:
-            return
-        missing = list(of_pair)
-        self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=seed + 1, of=len(self.maps))
-        stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in missing]
-        steps_before = self.steps
+        missing = list(self._missing(done).items())
+        if missing:
+            self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=seed + 1, of=len(self.maps))
+        together, finished = side_by_side(max(1, len(missing)), self.nodes), 0
+        for begin in range(0, len(missing), together):
+            pairs, levels = zip(*missing[begin : begin + together], strict=True)
+            stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in pairs]
+            steps_before, share = self.steps, len(pairs) / len(missing)
 
-        def watch(states: States) -> None:
-            self._interrupts.check()
-            self.steps = steps_before + states.steps
-            rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
-            self.display.update(done=states.done, load_factor=states.done, node_steps_per_s=rate)
-            if time.perf_counter() - self._saved > SAVE_INTERVAL:
-                self._save()
+            def watch(states: States, steps_before: int = steps_before, share: float = share, finished: int = finished) -> None:
+                self._interrupts.check()
+                self.steps = steps_before + states.steps
+                rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
+                found = finished / len(missing) + share * states.done
+                self.display.update(done=found, load_factor=found, node_steps_per_s=rate)
+                if time.perf_counter() - self._saved > SAVE_INTERVAL:
+                    self._save()
 
-        for outcome in states_of(self.meshes[seed], stages, list(of_pair.values()), watch).run():
-            message = "" if outcome.error is None else str(outcome.error)
-            pair, by_tension = missing[outcome.index], self.sweep.by_tension
-            done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))
+            for outcome in states_of(self.meshes[seed], stages, levels, watch).run():
+                message = "" if outcome.error is None else str(outcome.error)
+                pair, by_tension = pairs[outcome.index], self.sweep.by_tension
+                done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))
+            finished += len(pairs)
 
     # --- files ---
 
