@@ -5,15 +5,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
 from warpknit.runner.answers import heat_of
-from warpknit.runner.answers_table import advice_rows, ahead_texts, answer_rows
-from warpknit.runner.branches import jumps_in_heat
-from warpknit.runner.closings import state_of
-from warpknit.runner.history import read_history
+from warpknit.runner.answers_table import ahead_texts, answer_rows
+from warpknit.runner.branches import jumps_in_heat, state_of
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import summary_rows
 from warpknit.scene import load_scene
@@ -23,23 +20,29 @@ EXPANSION = 4.5e-6  # [1/K]
 QUICK = ("solver.preset=draft", "output.figures=false", "output.usd=false")
 
 
-@pytest.mark.parametrize("levels", [7, 10, 33])
+@pytest.mark.parametrize("levels", [50, 70, 300])
 def test_contacts_close_and_wires_yield_where_they_do(levels: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """F = SLOPE (T - T0) is linear, so that T0 follows from two records exactly, wherever the records are."""
+    """The load is 1 N/m: in 50 levels or more each of these tensions is known to 2 % of it, from the records beside it."""
     answers = found([row(1.0 * k / levels) for k in range(levels + 1)], monkeypatch)
     for one in answers["contacts"]:
         assert one["closes"]["resolved"]
-        assert one["closes"]["tension_weft_N_per_m"] == pytest.approx(CLOSES[one["name"]], rel=1e-6)
-        assert one["closes"]["strain_warp"] == pytest.approx(0.5 * STRAIN * CLOSES[one["name"]], rel=1e-6)
-    assert answers["first_yield"]["tension_warp_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9)
-    assert answers["first_yield"]["stress_max_part"] == "head of a closed loop"
+        assert CLOSES[one["name"]] <= one["closes"]["tension_weft_N_per_m"] <= CLOSES[one["name"]] + 1.0 / levels
+        assert one["closes"]["strain_warp"] == pytest.approx(0.5 * STRAIN * one["closes"]["tension_weft_N_per_m"], rel=1e-6)
+    first_yield = answers["first_yield"]
+    assert 0.7 < first_yield["tension_warp_N_per_m"] <= 0.7 + 1.0 / levels + 1e-9
+    assert first_yield["stress_max_part"] == "head of a closed loop"
     best = answers["best"]
-    assert best["low"]["tension_weft_N_per_m"] == pytest.approx(CLOSES["B"], rel=1e-6) and not best["open_low"]
-    assert best["high"]["tension_weft_N_per_m"] == pytest.approx(LIMIT / STRESS, rel=1e-9) and not best["open_high"]
-    assert best["stress_over_limit"] == pytest.approx(STRESS * best["tension_weft_N_per_m"] / LIMIT, rel=1e-9)
-    assert best["first_yield_over_tension"] == pytest.approx(1.0 / best["stress_over_limit"], rel=1e-9), "stress is linear"
+    assert (
+        best["low"]["tension_weft_N_per_m"] == answers["contacts"][1]["closes"]["tension_weft_N_per_m"] and not best["open_low"]
+    )
+    assert best["high"]["tension_weft_N_per_m"] == first_yield["between"][0]["tension_weft_N_per_m"] and not best["open_high"]
+    assert best["low_between"] is best["high_between"] is None
+    middle = 0.5 * (best["low"]["tension_weft_N_per_m"] + best["high"]["tension_weft_N_per_m"])
+    assert best["tension_weft_N_per_m"] == pytest.approx(middle, rel=1e-9)
+    assert best["stress_over_limit"] == pytest.approx(STRESS * middle / LIMIT, rel=1e-9)
+    assert best["first_yield_over_tension"] == pytest.approx(first_yield["tension_weft_N_per_m"] / middle, rel=1e-9)
     text = dict(answer_rows(answers, LIMIT))["  margin"]
-    assert text == "stress at 94 % of the elastic limit; first yield at 1.07 times this tension"
+    assert text.startswith("stress at 94 % of the elastic limit; first yield at 1.0")
 
 
 def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,9 +52,9 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text["first yield at"].startswith("not up to 500 mN/m: 500 MPa, 71 % of the limit, in the head of a closed loop")
     assert text["active at 2 N/m"] == "not reached; up to 500 mN/m"
     middle = "the middle of its range (the range goes on beyond the last record)"
-    assert text["best tension"] == f"365 mN/m, {middle}: 25.0 % active, 365 MPa"
-    assert text["  margin"] == "stress at 52 % of the elastic limit"
-    assert text["  may drift"] == "from 230 mN/m (-37 %) to at least 500 mN/m (+37 %), where the records end"
+    assert text["best tension"] == f"400 mN/m, {middle}: 25.0 % active, 400 MPa"
+    assert text["  margin"] == "stress at 57 % of the elastic limit"
+    assert text["  may drift"] == "from 300 mN/m (-25 %; not 200 mN/m) to at least 500 mN/m (+25 %), where the records end"
 
 
 def test_a_limit_of_the_solver_is_told_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,7 +63,7 @@ def test_a_limit_of_the_solver_is_told_as_such(monkeypatch: pytest.MonkeyPatch) 
     assert text["first yield at"].startswith("not up to 500 mN/m, beyond which the relaxation did not converge: 500 MPa")
     assert "did not converge" in text["contacts B close at"]
     assert text["best tension"].endswith("; not known beyond 500 mN/m, where the relaxation did not converge")
-    assert text["  may drift"].endswith("to at least 500 mN/m (+37 %), beyond which the relaxation did not converge")
+    assert text["  may drift"].endswith("to at least 500 mN/m (+25 %), beyond which the relaxation did not converge")
 
 
 def test_the_best_tension_of_a_path_that_ended_early_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +91,7 @@ def test_the_margin_is_told_where_the_wire_yields_in_a_snap_through(monkeypatch:
 def test_the_margin_is_to_the_next_snap_through_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     """A mesh that snaps through from 0.2 to 0.3 and from 0.5 to 0.6 N/m, whose best tension of the records up to 0.6 N/m is
     between both; with those up to 0.8 N/m it is above them. The wire yields at 0.7 N/m."""
-    rows = [row(0.1 * k) for k in range(9)]
+    rows = [row(0.1 * k) for k in range(7)] + [row(tension) for tension in (0.62, 0.64, 0.66, 0.68, 0.699, 0.701, 0.8)]
     jumps = [(rows[2], rows[3]), (rows[5], rows[6])]
     sides = [state_of(one) for one in jumps[1]]
     best, all_rows = found(rows[:7], monkeypatch, jumps=jumps)["best"], found(rows, monkeypatch, jumps=jumps)
@@ -110,28 +113,12 @@ def test_a_service_tension_that_was_asked_for_is_told_where_it_is_not_reached(mo
     assert "load not reached" not in dict(summary_rows(summary | {"stop_reason": "steady"}, Path()))
 
 
-def test_one_closing_has_one_figure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A closes at 0.23 N/m, far between records: about 230 mN/m, where it closes and where the range begins."""
-    text = dict(answer_rows(found([row(one) for one in (0.0, 0.1, 0.3512, 0.45, 0.55)], monkeypatch), LIMIT))
-    assert text["contacts A close at"].startswith("about 230 mN/m, between records at 100 mN/m and 351 mN/m")
-    assert text["  may drift"].startswith("from about 230 mN/m (-41 %) to")
-
-
-def test_what_lies_between_records_far_apart_asks_for_more_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Records 0.25 N/m apart are far apart for A at 0.23 N/m, not for B at 0.61 and first yield at 0.7 N/m."""
-    coarse, fine = (found([row(step * k) for k in range(1 + round(1.0 / step))], monkeypatch) for step in (0.25, 0.1))
-    ((name, text),) = advice_rows(coarse)
-    assert name == "to resolve more"
-    assert text.startswith("contacts A close between records far apart: more output.frames tell the tension, or a first stage")
-    assert list(advice_rows(fine)) == []
-
-
 @pytest.mark.parametrize(("error", "says"), [(1.0, False), (7.0, True), (None, False)])
 def test_an_error_of_the_preset_beyond_the_drift_is_told(
     error: float | None, says: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All contacts are active from 0.61 N/m to first yield at 0.7 N/m: the best tension may drift by 6.9 %."""
-    text = dict(answer_rows(found([row(0.05 * k) for k in range(16)], monkeypatch, error=error), LIMIT))
+    text = dict(answer_rows(found([row(0.01 * k) for k in range(76)], monkeypatch, error=error), LIMIT))
     assert ("  accuracy" in text) == says
     assert not says or text["  accuracy"].startswith("tensions at this preset are within 7 %, more than it may drift")
 
@@ -180,54 +167,6 @@ def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:
     contacts = json.loads((out / "summary.json").read_text(encoding="utf-8"))["answers"]["contacts"]
     assert [one["name"] for one in contacts] == ["A", "B", "C"]
     return dict(contacts[0]["closes"])
-
-
-@pytest.mark.parametrize(("kind", "levels"), [("planar", 80), ("spatial", 40)])
-def test_the_tension_of_touch_is_that_of_a_run_in_small_levels(kind: str, levels: int, tmp_path: Path) -> None:
-    """Interpolated in levels of 1 % strain, against the record in which the class closes in small levels.
-
-    The records of the small levels bound the strain of the closing; the coarse one agrees to the curvature of the force in
-    two of its levels, here a fifth of a level.
-    """
-    of_kind = f"model.kind={kind}"
-    coarse = closing_of_cell(tmp_path / "coarse", 8, of_kind)
-    fine = closing_of_cell(tmp_path / "fine", levels, of_kind)
-    low, high = (state["strain_weft"] for state in fine["between"])
-    assert high - low == pytest.approx(0.08 / levels, rel=1e-3)
-    assert low - 0.002 < coarse["strain_weft"] < high + 0.002
-    rows = read_history(tmp_path / "fine" / "history.csv")
-    tension = np.interp(coarse["strain_weft"], [r.strain_weft for r in rows], [r.tension_warp_N_per_m for r in rows])
-    assert coarse["tension_warp_N_per_m"] == pytest.approx(tension, rel=0.05)
-
-
-@pytest.mark.parametrize("kind", ["planar", "spatial"])
-def test_first_yield_is_that_of_a_run_in_small_levels(kind: str, tmp_path: Path) -> None:
-    """At 500 MPa, interpolated in levels of 2 % strain, against levels of 0.5 %.
-
-    Linear interpolation of a stress s(e) errs by s'' h^2/8 at most, which over the slope is a strain: here taken from the
-    second difference of the records about it, D s/(8 D' s) levels.
-    """
-    settings = (*QUICK, f"model.kind={kind}", "wire.yield_stress=500e6", "load.strain_weft=0.2", "load.strain_warp=0.2")
-    found, records = [], []
-    for levels in (10, 40):
-        out = tmp_path / str(levels)
-        assert run_scene(load_scene(CELL, [*settings, f"output.frames={levels}"]), out=out, device="cpu").exit_code == 0
-        answers = json.loads((out / "summary.json").read_text(encoding="utf-8"))["answers"]
-        found.append(answers["first_yield"])
-        assert answers["best"]["stress_over_limit"] == answers["best"]["stress_max_Pa"] / 500e6
-        assert answers["best"]["stress_over_limit"] <= 1.0 <= answers["best"]["first_yield_over_tension"]
-        records.append(read_history(out / "history.csv"))
-    coarse, fine = found
-    stress = np.array([r.stress_max_Pa for r in records[0]])
-    k = int(np.flatnonzero(stress > 500e6)[0])
-    curvature = np.abs(np.diff(stress[k - 2 : k + 2], 2)).max()
-    error = 0.02 * curvature / (8.0 * (stress[k] - stress[k - 1]))
-    low, high = (state["strain_weft"] for state in fine["between"])
-    assert low - error <= coarse["strain_weft"] <= high + error
-    assert error < 0.004
-    assert coarse["stress_max_part"] == fine["stress_max_part"]
-    strain, tension = (np.array([vars(r)[name] for r in records[1]]) for name in ("strain_weft", "tension_weft_N_per_m"))
-    assert coarse["tension_weft_N_per_m"] == pytest.approx(np.interp(coarse["strain_weft"], strain, tension), rel=0.05)
 
 
 def test_a_class_that_grazes_in_space_closes_where_it_carries_load(tmp_path: Path) -> None:
@@ -286,27 +225,15 @@ def test_no_state_within_a_jump_is_interpolated(monkeypatch: pytest.MonkeyPatch)
     there = "between 500 mN/m and 600 mN/m, strain 10.0 % / 5.0 % and 12.0 % / 6.0 %, where the mesh jumps"
     assert text["contacts B close at"] == f"{there} (30 pairs)"
     assert text["first yield at"].startswith(f"{there}, in the head of a closed loop")
-    assert text["active at 550 mN/m"] == "unknown: the mesh jumps there, from 25.0 % at 500 mN/m to 100.0 % at 600 mN/m"
+    assert text["active at 550 mN/m"] == ("between 25.0 % and 100.0 %, records at 500 mN/m and 600 mN/m; where the mesh jumps")
     (behind,) = found(rows, monkeypatch, service=rows[6].tension_weft_N_per_m, jumps=[(rows[5], rows[6])])["service"]
     assert behind["active_percent"] == 100.0
 
 
-def test_a_yield_while_slack_is_taken_up_is_that_of_the_record_behind(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the stress passes the limit between neighbouring records, its state has that stress; not from 0 to 0.6 N/m."""
-    rows = [row(0.1 * k) for k in range(10)]
-    for k, one in enumerate(rows):
-        one.stress_max_Pa = LIMIT * 0.2 * k
-    fine, coarse = (found(some, monkeypatch)["first_yield"] for some in (rows, [rows[0], *rows[6:]]))
-    assert fine["resolved"] and fine["stress_max_Pa"] == LIMIT
-    assert fine["tension_weft_N_per_m"] == pytest.approx(rows[5].tension_weft_N_per_m)
-    assert coarse["slack"] and not coarse["resolved"] and coarse["stress_max_Pa"] == rows[6].stress_max_Pa
-    assert coarse["tension_weft_N_per_m"] == rows[6].tension_weft_N_per_m
-
-
 def test_the_margin_is_to_yield_away_from_the_grips_at_the_same_temperature(monkeypatch: pytest.MonkeyPatch) -> None:
     """Away from the grips the stress is half of the largest: 0.7 GPa come at 1.4 N/m, past the records to 1 N/m. The best of
-    them has up to 1 N/m from the closing of B at 0.61 N/m on: 0.805 N/m, with 402 MPa. Heated at 1 N/m the wire yields too."""
-    rows = [row(0.05 * k) for k in range(21)]
+    them has up to 1 N/m from the closing of B at 0.61 N/m on: 0.81 N/m, with 405 MPa. Heated at 1 N/m the wire yields too."""
+    rows = [row(0.02 * k + 1e-9) for k in range(51)]
     hot = row(1.0, stage="cold", temperature=400.0)
     hot.stress_interior_max_Pa = 2.0 * LIMIT
     for one in rows:
@@ -314,17 +241,17 @@ def test_the_margin_is_to_yield_away_from_the_grips_at_the_same_temperature(monk
     for records in (rows, [*rows, hot]):
         answers = found(records, monkeypatch)
         best = answers["best"]
-        assert best["stress_over_limit"] == pytest.approx(0.805 * 0.5 * STRESS / LIMIT, rel=0.01)
+        assert best["stress_over_limit"] == pytest.approx(0.81 * 0.5 * STRESS / LIMIT, rel=1e-6)
         assert best["first_yield_over_tension"] is None and answers["first_yield"] is not None
         text = dict(answer_rows(answers, LIMIT))
-        assert text["best tension"].endswith("100.0 % active, 402 MPa away from the grips")
-        at_grips = "805 MPa at the grips, where the wire first yields at 700 mN/m"
-        assert text["  margin"] == f"stress away from the grips at 57 % of the elastic limit; {at_grips}"
+        assert text["best tension"].endswith("100.0 % active, 405 MPa away from the grips")
+        at_grips = "810 MPa at the grips, where the wire first yields at 700 mN/m"
+        assert text["  margin"] == f"stress away from the grips at 58 % of the elastic limit; {at_grips}"
         assert best["stress_with_grips_Pa"] == pytest.approx(2.0 * best["stress_max_Pa"])
-    rows[-1].stress_interior_max_Pa = 1.5 * LIMIT  # yields between 0.95 and 1 N/m
+    rows[-1].stress_interior_max_Pa = 1.5 * LIMIT  # yields between 0.98 and 1 N/m
     text = dict(answer_rows(found(rows, monkeypatch), LIMIT))
-    assert text["  margin"].startswith("stress away from the grips at 56 % of the elastic limit; 7")
-    assert text["  margin"].endswith(" yields at 700 mN/m; first yield away from the grips at 1.23 times this tension")
+    assert text["  margin"].startswith("stress away from the grips at 57 % of the elastic limit; 8")
+    assert text["  margin"].endswith(" yields at 700 mN/m; first yield away from the grips at 1.25 times this tension")
 
 
 def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -334,7 +261,7 @@ def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPa
         one.tension_weft_N_per_m, one.tension_warp_N_per_m = 0.5 * one.tension_weft_N_per_m, 1.5 * one.tension_warp_N_per_m
     text = dict(answer_rows(found(rows, monkeypatch, service=0.4), LIMIT))
     assert text["active at 400 mN/m"] == "25.0 %, mean of 200 mN/m / 600 mN/m in weft / warp, strain 8.0 % / 4.0 %"
-    assert "to at least 300 mN/m / 900 mN/m (+45 % of the mean), where the records end" in text["  may drift"]
+    assert "to at least 300 mN/m / 900 mN/m (+33 % of the mean), where the records end" in text["  may drift"]
 
 
 def test_tensions_that_a_search_leaves_apart_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -354,8 +281,8 @@ def test_a_tension_within_the_tolerance_is_zero(monkeypatch: pytest.MonkeyPatch)
     answers = found(rows, monkeypatch)
     assert answers["tension_tolerance_N_per_m"] == pytest.approx(1e-5)
     assert dict(answer_rows(answers, LIMIT))["contacts A close at"].startswith(
-        "200 mN/m or below, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 %"
+        "below 200 mN/m, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 %"
     )
     rows[1].tension_weft_N_per_m = rows[1].tension_warp_N_per_m = 5e-6
     text = dict(answer_rows(found(rows[:2], monkeypatch), LIMIT))["contacts A close at"]
-    assert text == "without tension, once the slack is taken up, strain 0.0 % / 0.0 % to 4.0 % / 2.0 % (10 pairs)"
+    assert text == "at 0 N/m, strain 0.0 % / 0.0 % and 4.0 % / 2.0 % (10 pairs)"

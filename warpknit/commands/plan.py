@@ -145,8 +145,8 @@ def _map_time(scene: Scene, outline: Outline) -> float | None:
         return None
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
     run = measure_run(sample_model(farthest)[0], outline.nodes, farthest)
-    levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.frames))
-    return scene.sweep.seeds * levels / scene.output.frames * run.seconds
+    levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
+    return scene.sweep.seeds * levels / scene.output.levels * run.seconds
 
 
 def outline_of(scene: Scene, device: str | None = None) -> Outline:

@@ -13,9 +13,8 @@ from scipy.constants import inch
 from ..base.files import write_aside, write_table
 from ..base.text import celsius, engineering, exact, percent
 from ..runner.answers_table import ahead_texts
-from ..runner.branches import Jump
+from ..runner.branches import Answer, Jump, state_of
 from ..runner.cautions import preset_cautions
-from ..runner.closings import Answer, state_of
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene

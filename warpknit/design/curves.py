@@ -43,7 +43,7 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
 
     `watch` is called with the share of them that is found.
     """
-    levels = math.ceil(model.scene.output.frames / POINTS)  # of the way from one point to the next
+    levels = math.ceil(model.scene.output.levels / POINTS)  # of the way from one point to the next
     points = []
     for number, (name, along_weft, along_warp) in enumerate(LOADS):
         end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp

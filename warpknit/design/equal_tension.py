@@ -13,8 +13,7 @@ from itertools import takewhile
 from ..base.text import engineering
 from ..errors import Diverged
 from ..runner.answers import SERVICE_TENSIONS
-from ..runner.branches import Jump, tensions_text
-from ..runner.closings import Answer
+from ..runner.branches import Answer, Jump, tensions_text
 from ..runner.history import Row, mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
@@ -81,7 +80,7 @@ def load_equally(model: Mesh, largest: EqualTension, watch: Callable[[float], No
                 under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends))
             ):
                 rows.append(row_of(record))
-                if record.load_factor < 1.0 and _has_passed(scene.wire.yield_stress, rows):
+                if record.load_factor < 1.0 and rows[-1].stress_max_Pa > scene.wire.yield_stress:
                     return EqualTensionPath(rows, states, at, YIELDED)
         except Diverged as error:
             missed += 1
@@ -90,7 +89,7 @@ def load_equally(model: Mesh, largest: EqualTension, watch: Callable[[float], No
             del rows[before:]
         else:
             states[high], at[high] = path.state, rows[-1]
-            if _has_passed(scene.wire.yield_stress, rows):
+            if rows[-1].stress_max_Pa > scene.wire.yield_stress:
                 return EqualTensionPath(rows, states, at, YIELDED)
             low, missed = high, 0
     return EqualTensionPath(rows, states, at)
@@ -112,7 +111,7 @@ def with_state_at(
     try:
         for record in way.load(under_tension(scene, tension), levels_between(scene, low, tension), watch):
             rows.append(row_of(record))
-            if _has_passed(scene.wire.tensile_strength, rows):
+            if rows[-1].stress_max_Pa > scene.wire.tensile_strength:
                 ended = BROKEN
                 break
         else:
@@ -164,15 +163,12 @@ def _ends(wanted: Sequence[float], largest: float) -> list[float]:
     return sorted(fixed | {one for one in steps if all(max(one / other, other / one) > APART for other in fixed)})
 
 
-def levels_between(scene: Scene, low: float, high: float) -> int:
-    """Levels from one tension [N/m] to the next."""
+def levels_between(scene: Scene, low: float, high: float) -> int | str:
+    """Levels from one tension [N/m] to the next, as `output.frames`."""
+    if isinstance(scene.output.frames, str):
+        return scene.output.frames
     doubling = max(LEAST_LEVELS, scene.output.frames // 2)
     return doubling if low == 0.0 else max(1, math.ceil(doubling * math.log2(high / low)))
-
-
-def _has_passed(stress: float, rows: Sequence[Row]) -> bool:
-    """Whether two records are beyond a stress [Pa]: they give the place of a closing (answers.py) just below it too."""
-    return len(rows) > 1 and bool(rows[-2].stress_max_Pa > stress)
 
 
 def service_points(

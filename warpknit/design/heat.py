@@ -10,8 +10,7 @@ import numpy as np
 from ..base.text import celsius, exact
 from ..errors import Diverged
 from ..runner.answers import heat_of
-from ..runner.branches import Jump, jumps_of
-from ..runner.closings import Answer
+from ..runner.branches import Answer, Jump, jumps_of
 from ..runner.history import Row, row_of
 from ..scene import Scene, Stage
 from .equal_tension import EqualTensionPath, levels_between
@@ -80,7 +79,8 @@ def heat(
             for count, temperature in enumerate(temperatures):
                 stage = replace(load, name=f"{celsius(temperature)}, {name}", temperature=temperature)
                 stages.append(stage)
-                levels = max(LEAST_LEVELS, scene.output.frames // 2)
+                frames = scene.output.frames
+                levels = frames if isinstance(frames, str) else max(LEAST_LEVELS, frames // 2)
                 for record in way.load(stage, levels, part_of(ahead, count, len(temperatures))):
                     rows.append(row_of(record))
         except Diverged:

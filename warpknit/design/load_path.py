@@ -39,7 +39,7 @@ class LoadPath:
         """The models of two paths may differ in their solver's tolerance."""
         self.model, self.state = model, state
 
-    def load(self, stage: Stage, levels: int, watch: Callable[[float], None] = lambda _: None) -> Iterator[Record]:
+    def load(self, stage: Stage, levels: int | str, watch: Callable[[float], None] = lambda _: None) -> Iterator[Record]:
         """Records of a stage from the state of the path, which then is its end; the first begins with the mesh as knitted.
 
         `watch` is called with the load factor at every convergence check. Raises `Diverged`; `state` is that before the stage.
@@ -49,7 +49,7 @@ class LoadPath:
         simulation = Simulation(
             model,
             progress=Progress() if self.state.kept else None,
-            watch=lambda progress: watch((progress.level + progress.level_share) / (levels + 1)),
+            watch=lambda progress: watch(progress.load_factor),
         )
         if self.state.kept:
             simulation.drive.restore(self.state.kept)

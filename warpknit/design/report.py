@@ -264,7 +264,7 @@ def _card(
 def _way_of_map(way: LoadPath, cell: MapRow, watch: Callable[[float], None]) -> Iterator[Record]:
     """Records on the way to a load of the map, in the levels of the map. Raises `Diverged`."""
     scene = way.model.scene
-    levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.output.frames), strict=True))
+    levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.output.levels), strict=True))
     return way.load(scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load], watch)
 
 

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-STRAIN_JUMP = 0.06  # strain between two recorded equilibria under given tensions
 UNBALANCED = 0.05  # energy without work, over the stored energy
 STORED_FLOOR = 1e-5  # of EI/W a loop: below it the stored energy counts as zero
 STEEPER = 3.0  # change of a value over its changes on both sides

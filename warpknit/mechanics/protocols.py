@@ -173,6 +173,10 @@ class Mechanics(Protocol):
     def begin_test(self, *, is_certain: bool) -> None:
         """Test whether the next equilibrium is stable, where the model does, if the load has changed enough or `is_certain`."""
 
+    @property
+    def has_left(self) -> bool:
+        """Whether the mesh has left an equilibrium of this level that was not stable."""
+
     def check(self, checks: int, *, loading: bool) -> Check:
         """Check convergence, and update damping and multipliers.
 

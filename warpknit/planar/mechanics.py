@@ -196,6 +196,8 @@ class PlanarMechanics:
     def begin_test(self, *, is_certain: bool) -> None:
         """Nothing: of the plane no unstable equilibrium is known."""
 
+    has_left = False
+
     def check(self, checks: int, *, loading: bool) -> Check:
         control, diagnostics = self.state.steering.read(), self.diagnostics
         if loading:

@@ -1,16 +1,21 @@
 """Answers to a designer's questions from the rows of a run: at which tension contacts close and the wire yields, what heat does,
 which tension is best and how far it may drift.
 
-Closings are found in closings.py, the best tension in best_tension.py. Tensions are known to a tolerance: smaller ones are zero.
+Answers are read off the records. What happens between two of them has the state of the second one, and both as its bounds. With
+`output.frames = "auto"` the two are within `output.load_tolerance` of the load. A class of contact closes where half of its pairs
+carry more than the threshold. The closing is the one that lasts up to the largest tension of a stage, of the records below first
+yield if there is one among them: wires in space may graze each other, and part again, long before they carry load there.
+
+The best tension is found in best_tension.py. Tensions are known to a tolerance: smaller ones are zero.
 
 Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
 
     contacts                          classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
                                       they stay open
-    contacts[].closes                 the state where half of the pairs carry more than the threshold, its `stage`, the records
-                                      `between`
-    contacts[].closes.resolved        false where the forces give no place between two records: the state is
-                                      halfway, or the record behind where the mesh jumps or takes up slack
+    contacts[].closes                 the first record in which half of the pairs carry more than the threshold, its `stage`, and
+                                      the records `between`
+    contacts[].closes.resolved        false where the records `between` are farther apart than `output.load_tolerance`, where the
+                                      mesh jumps between them, or where it takes up slack
     contacts[].closes.jump            true where the mesh jumps to another equilibrium between them
     contacts[].closes.slack           true where the mesh strains freely for most of the way between them
     contacts[].closes.as_knitted      true where the class is closed in the first record
@@ -26,15 +31,14 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
                                       first reaches it, and one more for each later stage that passes it, as on unloading; `why`
                                       there is none, or what limits it
     service[].stage                   the stage of this state; null without one
-    service[].resolved                false where a class closes, or on unloading opens, at an unknown tension between the same
-                                      two records, so that the share is unknown
+    service[].resolved                false where the share is not the same in the records on both sides
     service[].between                 then these two records, each with `active_percent`; null otherwise
     service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
                                       each with `active_percent`, in place of a state; null without one
-    first_yield                       the state where the largest stress `stress_max_Pa` reaches the yield stress, the records
-                                      `between`, and the place in the second of them; null if not
-    first_yield.resolved              false where the mesh jumps, or takes up slack, between them: the state and its stress are
-                                      those of the record behind
+    first_yield                       the first record whose largest stress `stress_max_Pa` is above the yield stress, the records
+                                      `between`, and the place of the stress; null if there is none
+    first_yield.resolved              false where the records `between` are farther apart than `output.load_tolerance`, where the
+                                      mesh jumps between them, or where it takes up slack
     first_yield.jump                  true where the mesh jumps to another equilibrium between them
     first_yield.slack                 true where the mesh strains freely for most of the way between them
     first_yield.as_knitted            true where the stress of the first record is above the yield stress
@@ -66,8 +70,8 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
     best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
                                       the load; that of `best` where the range is a single record
     best.high                         the upper end
-    best.low_between                  the records on both sides of the lower end, where contacts close or open between them at an
-                                      unknown tension; null where it is known, or the records end there
+    best.low_between                  the records on both sides of the lower end where they are farther apart than
+                                      `output.load_tolerance`; null where they are not, or the records end there
     best.low_jump                     true where the mesh jumps to another equilibrium between them
     best.high_between                 the same of the upper end
     best.high_jump                    the same of the upper end
@@ -80,21 +84,23 @@ Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 from .. import measure
 from ..measure import MeshModel
-from ..measure.contact_classes import classes_of
+from ..measure.contact_classes import ContactClass, classes_of
 from ..mesh.tight_loops import tension_error
 from ..scene import Stage
 from ..solve.tension import TOLERANCE
-from .best_tension import best_tension, margin
-from .branches import Jump, is_heated
-from .closings import STATE, Answer, closed_ranges, closing, is_jump, service_shares, state_between, state_of, takes_up_slack
+from .best_tension import DRIFT, best_tension, margin, row_between
+from .branches import STATE, Answer, Jump, Rows, is_heated, state_of
 from .history import Row, mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
+COMPRESSED = "compressed in weft or warp where the mean tension is this"
+SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
 ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the residual tolerance of this (solve/tension.py)
@@ -103,38 +109,28 @@ ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the resi
 def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> Answer | None:
     """The section `answers` of summary.json, in SI units; None of two hooked wires, which have no tension.
 
-    jumps: neighbouring rows of different branches of equilibria (branches.py); no state is interpolated between them.
+    jumps: neighbouring rows of different branches of equilibria (branches.py).
     """
     if not rows or model.scene.hook is not None:
         return None
-    classes = classes_of(model)
-    threshold = measure.active_threshold(model)
-    first_yield = _first_yield(model, rows, jumps)
-    top = max(rows, key=mean_tension)
-    given = model.scene.output.service_tension
+    run, scene, classes = Rows(rows, jumps, model.scene.output.load_tolerance), model.scene, classes_of(model)
+    threshold, limit = measure.active_threshold(model), scene.wire.yield_stress
+    given, asked = scene.output.service_tension, _asked_tension(scene.stages)
     wanted = SERVICE_TENSIONS if given is None else (given,)
-    error = max(TOLERANCE, model.scene.solver.residual_tolerance)
-    asked = _asked_tension(model.scene.stages)
-    limit = model.scene.wire.yield_stress
-    inner, inner_jumps = _away_from_grips(rows, jumps)
-    inner_yield = _first_yield(model, inner, inner_jumps)
-    if inner_yield is not None:
-        inner_yield = {name: value for name, value in inner_yield.items() if name not in PEAK}
-    yields = _yielding_record(inner, limit)
-    known = inner if yields is None else inner[: yields + 1]  # what is loaded further does not change the best tension
-    closings, until = (
-        {one.name: closing(rows, one.name, threshold, measure.least_force(model), jumps, end, yields) for one in classes}
-        for end in (None, len(known))
-    )
-    best = best_tension(known, limit, classes, until, inner_jumps)
-    service = [one for tension in wanted for one in service_shares(tension, rows, classes, closings, jumps, error)]
+    error = max(TOLERANCE, scene.solver.residual_tolerance)
+    inner = "stress_interior_max_Pa" if "stress_interior_max_Pa" in vars(rows[0]) else "stress_max_Pa"
+    inner_yield = first_yield(run, limit, inner)
+    yields = _yielding_row(rows, limit, inner)
+    known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
+    best = best_tension(Rows(known, jumps, run.tolerance), limit, inner)
+    service = [_service_share(run, tension, around, classes) for tension in wanted for around in _passages(rows, tension, error)]
     return {
         "contacts": [
             {
                 "name": one.name,
                 "pairs": one.pairs,
                 "active_percent": vars(rows[-1])[f"active_{one.name}_percent"],
-                "closes": closings[one.name],
+                "closes": closing(run, one.name, threshold, yields),
                 "closed": closed_ranges(rows, one.name, threshold),
             }
             for one in classes
@@ -142,28 +138,113 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         "service": [
             one for one in service if given is not None or one["state"] or one["jump"] or one["tension_N_per_m"] <= (asked or 0.0)
         ],
-        "first_yield": first_yield,
-        "first_yield_interior": inner_yield,
+        "first_yield": first_yield(run, limit, "stress_max_Pa"),
+        "first_yield_interior": inner_yield and {name: value for name, value in inner_yield.items() if name not in PEAK},
         "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
-        "largest_tension": state_of(top),
+        "largest_tension": state_of(max(rows, key=mean_tension)),
         "asked_tension_N_per_m": asked,
-        "tension_tolerance_N_per_m": ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model),
-        "tension_error_percent": tension_error(model.scene),
-        "heat": heat_of(rows, model.scene.stages, jumps),
-        "best": None if best is None else best | margin(best, limit, inner_yield),
+        "tension_tolerance_N_per_m": ZERO_TENSION * scene.solver.residual_tolerance * measure.tension_scale(model),
+        "tension_error_percent": tension_error(scene),
+        "heat": heat_of(rows, scene.stages, jumps),
+        "best": best and best | margin(best, limit, inner_yield),
     }
 
 
-def _away_from_grips(rows: Sequence[Row], jumps: Sequence[Jump]) -> tuple[Sequence[Row], Sequence[Jump]]:
-    """The rows, and the pairs of them between which the mesh jumps, with the largest stress away from the grips.
+# --- closings
 
-    `stress_with_grips_Pa`: that at the grips as well.
+
+def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -> Answer | None:
+    """The first record in which a class of contact is closed; None if it stays open.
+
+    threshold [N]: of an active pair. yields: the first row above the elastic limit.
     """
-    inner = {}
-    for row in rows:
-        away = vars(row).get("stress_interior_max_Pa", row.stress_max_Pa)
-        inner[id(row)] = Row(**vars(row) | {"stress_max_Pa": away, "stress_with_grips_Pa": row.stress_max_Pa})
-    return [inner[id(row)] for row in rows], [(inner[id(one)], inner[id(other)]) for one, other in jumps]
+    rows = run.rows
+    closed = [vars(row)[f"force_{name}_N"] > threshold for row in rows]
+    k = _closing_row(rows, closed, yields)
+    if k is None:
+        return None
+    touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
+    opens = next((row for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None)
+    return run.first(k) | {
+        "closed_percent": vars(rows[k])[f"active_{name}_percent"],
+        "first_touch": None if touch is None else state_of(touch),
+        "opens": None if opens is None else state_of(opens) | {"stage": opens.stage},
+    }
+
+
+def _closing_row(rows: Sequence[Row], closed: Sequence[bool], yields: int | None) -> int | None:
+    """The record from which a class stays closed up to the largest tension of a stage, first of those before the one that
+    `yields`; else the first in which it is closed."""
+    for known in (rows[:yields], rows):
+        begin = 0
+        for part in stages_of(known):
+            top = begin + max(range(len(part)), key=lambda k: mean_tension(part[k]))
+            if closed[top]:
+                return max((k + 1 for k in range(top) if not closed[k]), default=0)
+            begin += len(part) - 1
+    return next((k for k, one in enumerate(closed) if one), None)
+
+
+def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Answer]:
+    """The ranges of records in which a class is closed: the first state and the last one of each, with their stages.
+
+    threshold [N]: of an active pair. `closed_percent`: largest share of its pairs in the range; `lasts`: to the last record.
+    """
+    ranges: list[Answer] = []
+    end = 0
+    for is_closed, group in groupby(rows, lambda row: bool(vars(row)[f"force_{name}_N"] > threshold)):
+        part = list(group)
+        end += len(part)
+        if is_closed:
+            ends = {side: state_of(row) | {"stage": row.stage} for side, row in (("from", part[0]), ("to", part[-1]))}
+            share = max(vars(row)[f"active_{name}_percent"] for row in part)
+            ranges.append(ends | {"closed_percent": share, "lasts": end == len(rows)})
+    return ranges
+
+
+# --- service tensions
+
+
+def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | None]:
+    """The neighbouring rows between which the mean tension passes `tension` [N/m], first in each stage but for changes of
+    temperature behind the first passage; a row that has it, within the `error` of a search, stands twice. One None without any.
+    """
+    slack = error * tension
+    passages: list[Jump | None] = [(rows[0], rows[0])] if mean_tension(rows[0]) >= tension - slack else []
+    for part in stages_of(rows):
+        offsets = [mean_tension(row) - tension for row in part]
+        if abs(offsets[0]) <= slack or (passages and is_heated(part)):
+            continue  # the first row is the end of the stage before
+        side = math.copysign(1.0, offsets[0])
+        k = next((k for k, one in enumerate(offsets) if side * one <= slack), None)
+        if k is not None:
+            passages.append((part[k], part[k]) if abs(offsets[k]) <= slack else (part[k - 1], part[k]))
+    return passages or [None]
+
+
+def _service_share(run: Rows, tension: float, around: Jump | None, classes: Sequence[ContactClass]) -> Answer:
+    """The share between two rows, or in one that is given twice; None: the mesh does not reach the tension.
+
+    `resolved`: whether both rows have the same share. Within a jump there is no state.
+    """
+    point: Answer = {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": True, "stage": None}
+    point |= {"jump": None, "between": None}
+    if around is None:
+        return point
+    before, after = around
+    ends = [state_of(row) | {"active_percent": row.active_percent} for row in around]
+    point["stage"] = after.stage
+    if run.is_jump(before, after) and tension != mean_tension(after):
+        return point | {"resolved": False, "jump": ends}
+    there = after
+    if before is not after:
+        there = row_between(before, after, (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before)))
+    if min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
+        return point | {"why": COMPRESSED}
+    if tension != mean_tension(after) and abs(after.active_percent - before.active_percent) > DRIFT:
+        return point | {"state": state_of(there), "resolved": False, "between": ends}
+    pairs = max(1, sum(one.pairs for one in classes))
+    return point | {"state": state_of(there), "active_percent": 100.0 * round(0.01 * pairs * there.active_percent) / pairs}
 
 
 def _asked_tension(stages: Sequence[Stage]) -> float | None:
@@ -172,44 +253,39 @@ def _asked_tension(stages: Sequence[Stage]) -> float | None:
     return max((0.5 * ((weft or 0.0) + (warp or 0.0)) for weft, warp in both), default=None)
 
 
+# --- yield
+
+
+def _yielding_row(rows: Sequence[Row], limit: float, stress: str) -> int | None:
+    """The first row with a `stress` above the elastic limit [Pa]."""
+    return next((k for k, row in enumerate(rows) if vars(row)[stress] > limit), None)
+
+
+def first_yield(run: Rows, limit: float, stress: str) -> Answer | None:
+    """The first record whose `stress`, a column, is above the elastic limit [Pa], and the place; None if there is none."""
+    k = _yielding_row(run.rows, limit, stress)
+    return None if k is None else run.first(k) | _peak(run.rows[k]) | {"stress_max_Pa": vars(run.rows[k])[stress]}
+
+
 def _peak(row: Row) -> Answer:
     """Where the stress is largest, and how large."""
     return {"stress_max_Pa": row.stress_max_Pa} | {name: vars(row).get(name) for name in PEAK}
 
 
-def _yielding_record(rows: Sequence[Row], limit: float) -> int | None:
-    """The first record with a stress above the elastic limit [Pa]."""
-    return next((k for k, row in enumerate(rows) if row.stress_max_Pa > limit), None)
-
-
-def _first_yield(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump]) -> Answer | None:
-    """The state in which the largest stress first reaches the elastic limit, and the place; None if it does not."""
-    limit = model.scene.wire.yield_stress
-    k = _yielding_record(rows, limit)
-    if k is None:
-        return None
-    before, after = rows[max(k - 1, 0)], rows[k]
-    found = {
-        "stage": after.stage, "as_knitted": k == 0, "jump": is_jump(before, after, jumps),
-        "slack": k > 0 and takes_up_slack(before, after), "between": [state_of(before), state_of(after)],
-    }  # fmt: skip
-    found |= _peak(after) | {"resolved": not found["jump"] and not found["slack"]}
-    if k == 0 or not found["resolved"]:
-        return state_of(after) | found
-    share = (limit - before.stress_max_Pa) / (after.stress_max_Pa - before.stress_max_Pa)
-    return state_between(before, after, share) | found | {"stress_max_Pa": limit}
+# --- heat
 
 
 def heat_of(rows: Sequence[Row], stages: Sequence[Stage], jumps: Sequence[Jump]) -> list[Answer]:
     """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end."""
     by_tension = {stage.name: stage.by_tension for stage in stages}
-    return [_heated(part, by_tension[part[-1].stage], jumps) for part in stages_of(rows) if is_heated(part)]
+    run = Rows(rows, jumps)
+    return [_heated(run, part, by_tension[part[-1].stage]) for part in stages_of(rows) if is_heated(part)]
 
 
-def _heated(part: Sequence[Row], by_tension: Sequence[bool], jumps: Sequence[Jump]) -> Answer:
+def _heated(run: Rows, part: Sequence[Row], by_tension: Sequence[bool]) -> Answer:
     """The answer of one stage, from the record before it on."""
     peak = max(part, key=lambda row: row.stress_max_Pa)
-    jump = next((both for both in pairwise(part) if is_jump(*both, jumps)), None)
+    jump = next((both for both in pairwise(part) if run.is_jump(*both)), None)
     return {
         "stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension],
         **{name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED},

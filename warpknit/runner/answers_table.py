@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -16,8 +15,6 @@ LEAST_CHANGE = 1e-7  # of a strain
 LEAST_STRESS = 1e-9  # of the elastic limit: less is round-off
 SAME = 1e-9  # of a tension: round-off of a state found twice
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
-RANGES_TOLD = 4
-WIDE = 0.5  # of a tension: distance of two records that is given with the tension between them
 
 
 def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: bool = False) -> Iterator[tuple[str, str]]:
@@ -33,30 +30,29 @@ def answer_rows(answers: Mapping[str, Any], yield_stress: float, *, gave_up: boo
         name = f"contacts {one['name']}" if len(answers["contacts"]) > 1 else "contacts"
         yield f"{name} close at", f"{_closing(one, reached)} ({_pairs(one)})"
     for point in answers["service"]:
-        there = point["state"]
-        why = point.get("why", "")
-        if there is None:
-            text = why or f"not reached; {reached}"
-        elif point.get("between"):
-            text = f"not resolved: {_shares(point['between'])}; more output.frames tell"
-        else:
-            text = f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}" + (f", {why}" if why else "")
-        if point.get("jump"):
-            sides = (f"{percent(0.01 * one['active_percent'])} at {_tension(one)}" for one in point["jump"])
-            text = f"unknown: the mesh jumps there, from {' to '.join(sides)}"
         several = sum(one["tension_N_per_m"] == point["tension_N_per_m"] for one in answers["service"]) > 1
-        heading = f"active at {exact(point['tension_N_per_m'], 'N/m')}"
-        yield heading, text + (f", in stage '{point['stage']}'" if several else "")
+        stage = f", in stage '{point['stage']}'" if several else ""
+        yield f"active at {exact(point['tension_N_per_m'], 'N/m')}", _service(point, reached) + stage
     yield "first yield at", _yield(answers, yield_stress, reached)
-    inner = answers["first_yield_interior"]
     if away := _inside(answers):
-        yield (
-            f" {away}",
-            f"not {reached}" if inner is None else _found(inner) if inner["resolved"] else _records(inner),
-        )
+        inner = answers["first_yield_interior"]
+        yield f" {away}", f"not {reached}" if inner is None else _where(inner)
     for stage in answers["heat"]:
         yield from _heat(stage)
     yield from _best(answers, gave_up)
+
+
+def _service(point: Mapping[str, Any], reached: str) -> str:
+    """The share of active contacts at a service tension; those of the records on both sides where they differ."""
+    there, why = point["state"], point.get("why", "")
+    if sides := point.get("jump") or point.get("between"):
+        low, high = sides
+        where = "where the mesh jumps" if point.get("jump") else "output.frames = 'auto' or more narrow it"
+        share = between(*(percent(0.01 * one["active_percent"]) for one in (low, high)))
+        return f"{share}, records at {both(_tension(low), _tension(high))}; {where}"
+    if there is None:
+        return why or f"not reached; {reached}"
+    return f"{percent(0.01 * point['active_percent'])}, {_pair_of(there)}" + (f", {why}" if why else "")
 
 
 def _inside(answers: Mapping[str, Any]) -> str:
@@ -64,27 +60,6 @@ def _inside(answers: Mapping[str, Any]) -> str:
     first_yield, inner = answers["first_yield"], answers["first_yield_interior"]
     differs = first_yield is not None and (inner is None or _mean(inner) > _mean(first_yield))
     return " away from the grips" if differs else ""
-
-
-def advice_rows(answers: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What a closing or a first yield between records far apart asks for; nothing where there is none."""
-    closes = [(one["name"], one["closes"]) for one in answers["contacts"] if one["closes"] is not None]
-    coarse = [name for name, one in closes if not one["jump"] and _is_far_apart(one)]
-    names = " and ".join(part for part in (", ".join(coarse[:-1]), *coarse[-1:]) if part)
-    of_names = f" {names}" if len(answers["contacts"]) > 1 else ""
-    found = [f"contacts{of_names} close"] if coarse else []
-    first_yield = answers["first_yield"]
-    if first_yield is not None and not first_yield["jump"] and _is_far_apart(first_yield):
-        found.append("the wire first yields")
-    if found:
-        what = f"{', and '.join(found)} between records far apart"
-        yield "to resolve more", f"{what}: more output.frames tell the tension, or a first stage to a smaller load"
-
-
-def _is_far_apart(one: Mapping[str, Any]) -> bool:
-    """Whether the records on both sides of a state are far apart for its tension."""
-    low, high = one["between"]
-    return _mean(high) - _mean(low) > WIDE * _mean(one)
 
 
 def unreached_text(answers: Mapping[str, Any]) -> str:
@@ -140,41 +115,14 @@ def _closing(one: Mapping[str, Any], reached: str) -> str:
     if closes is None:
         some = f", {percent(0.01 * one['active_percent'])} active" if one["active_percent"] else ""
         return f"not closed {reached}{some}"
-    found = "closed as knitted" if closes["as_knitted"] else _found(closes) if closes["resolved"] else _records(closes)
-    return f"{found}{_opened(one)}"
-
-
-def _opened(one: Mapping[str, Any]) -> str:
-    """That a class of contact opens again: where, or the ranges in which it is closed; empty where it stays closed."""
-    closes, ranges = one["closes"], one["closed"]
-    if len(ranges) > 1:
-        several = len({part[side]["stage"] for part in ranges for side in ("from", "to")}) > 1
-        shown = [_range(part, closes, several=several) for part in ranges[:RANGES_TOLD]]
-        return f", closed {', and '.join(shown)}" + (", ..." if len(ranges) > RANGES_TOLD else "")
+    found = "closed as knitted" if closes["as_knitted"] else _where(closes)
     if (opens := closes["opens"]) is None:
-        return ""
+        return found
     heated = opens["temperature_K"] != closes["between"][1]["temperature_K"]
     stage = f" in stage '{opens['stage']}'" if opens["stage"] != closes["stage"] else ""
-    return f", open again at {_tension(opens)}" + (f" and {celsius(opens['temperature_K'])}" if heated else "") + stage
-
-
-def _range(part: Mapping[str, Any], closes: Mapping[str, Any], *, several: bool) -> str:
-    """A range in which a class is closed, from its closing on where that is known, with the stages where there are several."""
-    first, last = part["from"], part["to"]
-    heated = first["temperature_K"] != last["temperature_K"]
-
-    def end(state: State, shown: str, stage: bool) -> str:
-        at = f" and {celsius(state['temperature_K'])}" if heated else ""
-        return f"{shown}{at}" + (f" in stage '{state['stage']}'" if stage else "")
-
-    here = closes["between"][1]
-    begins_there = closes["resolved"] and all(first[name] == value for name, value in here.items())
-    begin = end(first, _known_tension(closes) if begins_there else _tension(first), several)
-    if part["lasts"]:
-        return f"from {begin}"
-    if all(first[name] == last[name] for name in first):
-        return f"at {begin}"
-    return f"from {begin} to {end(last, _tension(last), first['stage'] != last['stage'])}"
+    again = f", in all closed {len(one['closed'])} times" if len(one["closed"]) > 1 else ""
+    at = f" and {celsius(opens['temperature_K'])}" if heated else ""
+    return f"{found}, open again at {_tension(opens)}{at}{stage}{again}"
 
 
 def _pairs(one: Mapping[str, Any]) -> str:
@@ -186,53 +134,23 @@ def _pairs(one: Mapping[str, Any]) -> str:
     return f"{there} of {pairs}" if there == last else f"{there} of {pairs} there, {last} at the end"
 
 
+def _where(one: Mapping[str, Any]) -> str:
+    """The record in which something has happened; both records where they are far apart, or the mesh jumps between them."""
+    low, high = one["between"]
+    if one["resolved"]:
+        return f"{_tension(one)}, {_strain(one)}"
+    if one["slack"] and not one["jump"]:
+        return f"below {_tension(high)}, once the slack is taken up, {_strain(low)} to {_strain(high).removeprefix('strain ')}"
+    tensions, strain = _both(low, high), both(_strain(low), _strain(high)).replace("and strain ", "and ")
+    return f"{'between' if ' and ' in tensions else 'at'} {tensions}, {strain}{', where the mesh jumps' if one['jump'] else ''}"
+
+
 def _both(low: State, high: State) -> str:
     """The tensions of two records; their temperatures where these differ and the tensions do not."""
     shown = [_tension(one) for one in (low, high)]
     if shown[0] == shown[1] and low["temperature_K"] != high["temperature_K"]:
         return f"{celsius(low['temperature_K'])} and {celsius(high['temperature_K'])} at {shown[0]}"
     return both(*shown)
-
-
-def _records(one: Mapping[str, Any]) -> str:
-    """The records on both sides of what happens at an unknown tension."""
-    low, high = one["between"]
-    jump = ", where the mesh jumps" if one["jump"] else ""
-    unloaded = _mean(low) == _mean(high) == 0.0
-    if (one.get("slack") or unloaded) and not jump:
-        strains = f"{_strain(low)} to {_strain(high).removeprefix('strain ')}"
-        return f"{'without tension' if unloaded else f'{_tension(high)} or below'}, once the slack is taken up, {strains}"
-    tensions, strain = _both(low, high), both(_strain(low), _strain(high)).replace("and strain ", "and ")
-    return f"{'between' if ' and ' in tensions else 'at'} {tensions}, {strain}{jump}"
-
-
-def _shares(records: Sequence[State]) -> str:
-    """Shares of active contacts of two records, and their tensions."""
-    low, high = (percent(0.01 * one["active_percent"]) for one in records)
-    share = low if low == high else between(low, high)
-    return f"{share}, of the records at {both(*map(_tension, records))}"
-
-
-def _found(one: Mapping[str, Any]) -> str:
-    """A state between two records, and the records where they are far apart."""
-    low, high = one["between"]
-    between = f", between records at {_both(low, high)}" if _is_far_apart(one) else ""
-    return f"{_known_tension(one)}{between}, {_strain(one)}"
-
-
-def _known_tension(one: Mapping[str, Any]) -> str:
-    """The tension of a state between two records, with two digits where they are far apart."""
-    return f"about {_tension(one, _digits(one))}" if _is_far_apart(one) else _tension(one)
-
-
-def _digits(one: Mapping[str, Any]) -> int:
-    """Two digits of the tensions of a state, or three where two would leave the records on both sides, which have three."""
-    for side in ("weft", "warp"):
-        low, here, high = (state[f"tension_{side}_N_per_m"] for state in (one["between"][0], one, one["between"][1]))
-        ends = sorted(float(f"{end:.3g}") for end in (low, high))
-        if not ends[0] <= float(f"{here:.2g}") <= ends[1]:
-            return 3
-    return 2
 
 
 def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
@@ -243,11 +161,7 @@ def _yield(answers: Mapping[str, Any], limit: float, reached: str) -> str:
             return f"not {reached}: without stress"
         stress = engineering(peak["stress_max_Pa"], "Pa")
         return f"not {reached}: {stress}, {percent(peak['stress_max_Pa'] / limit, 0)} of the limit, {_place(peak)}"
-    if found["as_knitted"]:
-        return f"as knitted, {_place(found)}"
-    if not found["resolved"]:
-        return f"{_records(found)}, {_place(found)}"
-    return f"{_found(found)}, {_place(found)}"
+    return f"{'as knitted' if found['as_knitted'] else _where(found)}, {_place(found)}"
 
 
 def _place(peak: Mapping[str, Any]) -> str:
@@ -306,27 +220,32 @@ def _best(answers: Mapping[str, Any], gave_up: bool) -> Iterator[tuple[str, str]
     share = f"stress{away} at {percent(best['stress_over_limit'], 0)} of the elastic limit"
     ahead = ahead_texts(best, answers["first_yield_interior"], best["next_jump"], _inside(answers))
     yield "  margin", "; ".join((share, *([_at_grips(answers)] if away else []), *ahead))
-    if low == high and not best["grows"]:
-        yield "  may drift", "unknown: a single record has this share; more output.frames tell"
-        return
-    if best["grows"]:
-        more = "beyond it the relaxation did not converge" if gave_up else "a larger load would tell"
-        yield "  may drift", f"unknown: only the last record has this share; {more}"
+    if low == high:
+        more = "beyond it the relaxation did not converge" if gave_up else "a larger load extends it"
+        yield "  may drift", f"unknown: a single record has this share{f'; {more}' if best['grows'] else ''}"
         return
     of_mean = " of the mean" if " / " in _tension(best) else ""
-    known = [one["closes"] for one in answers["contacts"]] + [answers["first_yield_interior"]]
-    lowest, highest = (_end(best, name, of_mean, [one for one in known if one is not None]) for name in ("low", "high"))
+    lowest, highest = (
+        f"{_tension(end)} ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{of_mean}"
+        + (f"; {_sides(best, name)}" if best[f"{name}_between"] else "") + ")"
+        for name, end in (("low", low), ("high", high))
+    )  # fmt: skip
     if best["open_low"]:
         lowest = f"at most {lowest}, where the records begin,"
     if best["open_high"]:
         highest = f"at least {highest}, {'beyond which the relaxation did not converge' if gave_up else 'where the records end'}"
     snaps = "; ".join(between(*map(_tension, jump)) for jump in best["jumps"])
-    inside = f"; the mesh jumps {snaps}" if snaps else ""
-    yield "  may drift", f"from {lowest} to {highest.removesuffix(',')}{inside}"
+    yield "  may drift", f"from {lowest} to {highest}{f'; the mesh jumps {snaps}' if snaps else ''}"
     error = answers["tension_error_percent"]
     nearest = min(abs(_mean(one) / _mean(best) - 1.0) for one in (low, high))
     if error is not None and nearest < 0.01 * error:
-        yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: a finer solver.preset tells"
+        yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: use a finer solver.preset"
+
+
+def _sides(best: Mapping[str, Any], name: str) -> str:
+    """The record beyond an end of the range of the best tension, which is not in it."""
+    tensions = [_tension(one) for one in best[f"{name}_between"]]
+    return f"not {tensions[0] if name == 'low' else tensions[1]}{', where the mesh jumps' if best[f'{name}_jump'] else ''}"
 
 
 def ahead_texts(
@@ -365,24 +284,4 @@ def _at_grips(answers: Mapping[str, Any]) -> str:
     first_yield = answers["first_yield"]
     if first_yield is None or not _inside(answers):
         return stress
-    where = f"{stress}, where the wire"
-    if first_yield["as_knitted"]:
-        return f"{where} yields as knitted"
-    if not first_yield["resolved"]:
-        return f"{where} first yields between records at {_both(*first_yield['between'])}"
-    return f"{where} first yields at {_known_tension(first_yield)}"
-
-
-def _end(best: Mapping[str, Any], name: str, of_mean: str, known: Sequence[Mapping[str, Any]]) -> str:
-    """An end of the range of the best tension, and the records on both sides where it is not known.
-
-    known: closings and first yield, one of which it may be.
-    """
-    end = best[name]
-    same = next((one for one in known if one["resolved"] and math.isclose(_mean(one), _mean(end), rel_tol=SAME)), None)
-    shown = _tension(end) if same is None else _known_tension(same)
-    text = f"{shown} ({percent(_mean(end) / _mean(best) - 1.0, 0, signed=True)}{of_mean})"
-    if (sides := best.get(f"{name}_between")) is None:
-        return text
-    jump = ", where the mesh jumps" if best.get(f"{name}_jump") else ""
-    return f"about {text}, between records at {both(*map(_tension, sides))}{jump},"
+    return f"{stress}, where the wire first yields {'as knitted' if first_yield['as_knitted'] else 'at ' + _tension(first_yield)}"

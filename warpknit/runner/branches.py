@@ -1,9 +1,11 @@
-"""Changes of a run from one branch of equilibria to another, by the rules of measure/jumps.py."""
+"""The rows of a run, and its changes from one branch of equilibria to another, by the rules of measure/jumps.py."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,49 @@ from .history import Row, mean_tension, stages_of, work_terms
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
 HEAT_JUMP = 20.0  # strain of a mesh over that of free wire, beyond which another equilibrium was found
 HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
+STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
+SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over that of the next, as slack is taken up
 Jump = tuple[Row, Row]  # neighbouring states of different branches
+Answer = dict[str, Any]
+
+
+def state_of(row: Row) -> Answer:
+    """Strains, tensions and temperature of a row."""
+    return {name: vars(row)[name] for name in STATE}
+
+
+def takes_up_slack(before: Row, after: Row) -> bool:
+    """Whether the mesh strains freely for most of the way from one row to the next."""
+    step = max(abs(vars(after)[name] - vars(before)[name]) for name in ("strain_weft", "strain_warp"))
+    return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a run in their order, of which answers are read off."""
+
+    rows: Sequence[Row]
+    jumps: Sequence[Jump] = ()
+    tolerance: float = 0.02  # share of the load of a stage: two rows so near give the place of what happens between them
+
+    def is_jump(self, before: Row, after: Row) -> bool:
+        """Whether the mesh jumps between two neighbouring rows."""
+        return any(one is before and other is after for one, other in self.jumps)
+
+    def is_near(self, before: Row, after: Row) -> bool:
+        """Whether two rows give the place of what happens between them."""
+        begin = before.load_factor if before.stage == after.stage else 0.0
+        is_narrow = after.load_factor - begin <= self.tolerance * (1.0 + 1e-9)
+        return is_narrow and not self.is_jump(before, after) and not takes_up_slack(before, after)
+
+    def first(self, k: int) -> Answer:
+        """What happens between row k and the one before: the state of row k, and how well its place is known."""
+        before, after = self.rows[max(k - 1, 0)], self.rows[k]
+        return state_of(after) | {
+            "stage": after.stage, "as_knitted": k == 0, "resolved": k == 0 or self.is_near(before, after),
+            "between": [state_of(before), state_of(after)], "jump": self.is_jump(before, after),
+            "slack": k > 0 and takes_up_slack(before, after),
+        }  # fmt: skip
 
 
 def jumps_of(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:

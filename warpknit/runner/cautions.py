@@ -186,17 +186,17 @@ def _largest_change(scene: Scene) -> float:
 
 
 def _about_increments(scene: Scene) -> Iterator[str]:
-    largest = _largest_change(scene)
-    if largest > FOLLOWED_INCREMENT * scene.output.frames * (1.0 + 1e-6) and is_tight(scene):
+    largest, frames = _largest_change(scene), scene.output.frames
+    if not isinstance(frames, str) and largest > FOLLOWED_INCREMENT * frames * (1.0 + 1e-6) and is_tight(scene):
         yield (
-            f"increments of {percent(largest / scene.output.frames)} strain are large for a tight knit, which may end in another"
-            f" equilibrium than on its path: set output.frames = {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more"
+            f"load increments of {percent(largest / frames)} strain may skip to another equilibrium of a tight knit:"
+            f" set output.frames = 'auto', or {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more"
         )
 
 
 def _about_friction(scene: Scene) -> Iterator[str]:
     largest = _largest_change(scene)
-    if largest > CONVERGED_INCREMENT * scene.output.frames * (1.0 + 1e-6):
+    if largest > CONVERGED_INCREMENT * scene.output.levels * (1.0 + 1e-6):
         frames = math.ceil(largest / CONVERGED_INCREMENT - 1e-6)
         yield (
             f"with a friction of {scene.contact.friction:g} the tension depends on the load increment, by up to about 5 %"

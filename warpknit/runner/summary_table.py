@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..base.text import alike, celsius, duration, engineering, is_at_grips, percent, short_percent
-from .answers_table import LEAST_SHARE, LEAST_STRESS, advice_rows, answer_rows, unreached_text
+from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_rows, unreached_text
 from .strength import assumed_note
 from .warnings_of import CARRIED, fragment_share
 
@@ -83,7 +83,6 @@ def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[
     if (answers := value("answers")) is not None:
         ends_at_top = diverged and value("mesh", "tension_warp_N_per_m") == answers["largest_tension"]["tension_warp_N_per_m"]
         yield from answer_rows(answers, value("wire", "yield_stress_Pa"), gave_up=ends_at_top)
-        yield from advice_rows(answers)
     if (error := value("quality", "estimated_error")) is not None:
         yield "estimated error", short_percent(error)
     if (steps := value("solver", "steps")) is not None:

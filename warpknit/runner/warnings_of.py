@@ -11,16 +11,14 @@ import numpy as np
 
 from ..base.text import alike, celsius, engineering, is_at_grips, percent, short_percent
 from ..measure import MeshModel
-from ..measure.jumps import STRAIN_JUMP, UNBALANCED
+from ..measure.jumps import UNBALANCED
 from ..mechanics.protocols import TOO_THICK
-from .branches import jumps_of, tensions_text
+from .branches import jumps_of, takes_up_slack, tensions_text
 from .cautions import cautions
-from .closings import SLACK_STRAIN, is_jump, takes_up_slack
 from .history import Row, missing_work
 from .strength import limit_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
-MOST = 0.5  # of the work that is not stored: two levels between which so much is missing are named
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
 PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direction that is held counts as compressed
@@ -46,8 +44,8 @@ def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[s
         *_out_of_range(stages),
         *_contacts_as_knitted(model, rows),
         *_lost_contact([row for row in rows if row.is_hook]),
-        *_jumped(model, rows),
-        *_snapped(model, rows, stages),
+        *_changed_branch(model, rows),
+        *_unbalanced(model, rows, stages),
     ]
 
 
@@ -223,38 +221,6 @@ def _lost_contact(rows: Sequence[Row]) -> Iterator[str]:
     yield f"{where}, at a contact force of {engineering(force[largest], 'N')}: the contact slid off its target"
 
 
-def _jumped(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
-    """Slack that is taken up, and jumps to other equilibria."""
-    if model.scene.solver.drive != "relax":
-        return
-    yield from _strained_far(model, rows)
-    yield from _changed_branch(model, rows)
-
-
-def _strained_far(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
-    """The first two neighbouring levels under given tensions between which the mesh takes up slack, and the first two others
-    that are far apart in strain without a jump that `_changed_branch` tells."""
-    jumps, told = jumps_of(model, rows), set()
-    for a, b in pairwise(rows):
-        change = np.abs([b.strain_weft - a.strain_weft, b.strain_warp - a.strain_warp])
-        step = float(np.max(change * _driven_by_tension(model, b.stage)))
-        is_slack = takes_up_slack(a, b)
-        if step <= (SLACK_STRAIN if is_slack else STRAIN_JUMP) or is_slack in told or is_jump(a, b, jumps):
-            continue
-        told.add(is_slack)
-        if is_slack:
-            text = f"the mesh takes up slack between {_between(a, b)}"
-            if b.stress_max_Pa > model.scene.wire.yield_stress:
-                yield f"{text} and passes the elastic limit, by {percent(step)} in all: a stage to a smaller load tells the slack"
-            else:
-                yield f"{text}: it strains freely by {percent(step)}"
-        else:
-            yield (
-                f"the mesh strains by {percent(step)} between {_between(a, b)}: several equilibria may exist there, and the"
-                " result may depend on the load history; more output.frames tell"
-            )
-
-
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
     """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
     if found := jumps_of(model, rows):
@@ -277,34 +243,19 @@ def _between(a: Row, b: Row) -> str:
     return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of the load of stage {b.stage!r}"
 
 
-def _snapped(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
-    """Work that is not stored, and the neighbouring levels, or the jumps, between which most of it is missing.
-
-    Two levels do not tell the work while slack is taken up between them, which `_strained_far` tells.
-    """
-    followed = model.scene.output.frames >= LEVELS_FOLLOWED or model.scene.solver.drive == "ramp"
-    of_all = stages[-1]["quality"]["energy_balance_of_stored"] if stages and followed else 0.0
-    if abs(of_all) <= UNBALANCED:
+def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
+    """Work that is not stored, and the neighbouring records between which most of it is missing; slack does not count."""
+    balance = stages[-1]["quality"]["energy_balance_of_stored"] if stages else 0.0
+    if abs(balance) <= UNBALANCED or model.scene.output.levels < LEVELS_FOLLOWED:
         return
-    missing = [missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
-    known = [0.0 if takes_up_slack(*both) else one for one, both in zip(missing, pairwise(rows), strict=True)]
-    lost = of_all * np.array(known) / missing_work(rows[-1], model)  # of the largest stored energy
-    balance, k = lost.sum(), int(np.argmax(np.sign(lost.sum()) * lost))
-    if abs(balance) <= UNBALANCED:
-        return
-    jumps = jumps_of(model, rows)
-    jumped = np.array([is_jump(*both, jumps) for both in pairwise(rows)])
-    where = "a larger output.frames tells more"
-    if (at_jumps := lost[jumped].sum()) / balance >= MOST:
-        k = int(np.argmax(np.where(jumped, np.sign(balance) * lost, -np.inf)))
-        largest = f"{percent(lost[k], 0)} between {_between(rows[k], rows[k + 1])}"
-        where = f"by {largest}, where the mesh jumps"
-        if jumped.sum() > 1:
-            where = f"by {percent(at_jumps, 0)} in {jumped.sum()} jumps of the mesh, the largest by {largest}"
-    elif lost[k] / balance >= MOST:
-        there = f"by {percent(lost[k], 0)} between {_between(rows[k], rows[k + 1])}"
-        where = f"{there}, where the mesh snapped through, or output.frames is too small"
-    yield f"work and stored energy differ by {percent(balance, 0)} of the largest stored energy: {where}"
+    missing = [0.0 if takes_up_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
+    share = np.array(missing) / max(row.stored for row in rows)
+    if abs(share.sum()) > UNBALANCED:
+        k = int(np.argmax(np.sign(share.sum()) * share))
+        yield (
+            f"work and stored energy differ by {percent(share.sum(), 0)} of the largest stored energy, by {percent(share[k], 0)}"
+            f" between {_between(rows[k], rows[k + 1])}: the mesh snapped through there, or output.frames is too small"
+        )
 
 
 def _driven_by_tension(model: MeshModel, name: str) -> np.ndarray:

@@ -15,7 +15,8 @@ from warpknit.scene.presets import DEFAULT_PRESET
 from warpknit.scene.units import shown
 from warpknit.scene.values import TREATMENTS, exclusive, refused
 
-AUTO = "auto"  # model.kind, resolved by capabilities.py
+AUTO = "auto"  # model.kind, resolved by capabilities.py; output.frames (solve/relax.py)
+DEFAULT_LEVELS = 20
 GIVEN, DEFAULT = "chosen in the scene", "the default"  # reasons for the kind of model
 
 # Keys of [contact] that only some treatments have.
@@ -158,7 +159,14 @@ class Solver(Table):
 class Output(Table):
     """[output]: recorded levels and written files."""
 
-    frames: values.FrameCount = key("Recorded load levels per stage; each is converged when relaxing.", 20)
+    frames: values.FrameCount = key(
+        "Recorded load levels per stage; each is converged when relaxing. `auto`: few, and more where something happens: a class"
+        " of contact closes, the wire first yields, the mesh snaps through, slack ends. Maps and ramps have 20 levels then.",
+        AUTO,
+    )
+    load_tolerance: values.Tolerance = key(
+        "With `frames = 'auto'`: share of the load of a stage to which these events are found.", 0.02
+    )
     usd: values.Flag = key("Write scene.usda while running.", True)
     usd_full_every: values.FrameInterval = key(
         "Interval of frames with all nodes; the first frame and the ends of stages always have them. In between, the level `full`"
@@ -177,6 +185,11 @@ class Output(Table):
     checkpoint_interval: values.Time = key(
         "Wall time between checkpoints; longer where one takes more than a tenth of it and over a second.", 60.0
     )
+
+    @property
+    def levels(self) -> int:
+        """Equal load levels of a stage where none are added: of a ramp, a map, a large mesh."""
+        return DEFAULT_LEVELS if isinstance(self.frames, str) else self.frames
 
 
 SIDES = ("weft", "warp")

@@ -129,6 +129,18 @@ class Integer(ValueCheck):
         return value
 
 
+@dataclass(frozen=True)
+class Frames(Integer):
+    """A number of load levels, or the word for automatic ones."""
+
+    @property
+    def allowed(self) -> str:  # type: ignore[override]
+        return f"'auto' or a whole number from {self.least} to {self.most}"
+
+    def __call__(self, value: Any) -> int | str:  # type: ignore[override]
+        return value if isinstance(value, str) and value == "auto" else super().__call__(value)
+
+
 def both(pair: ValueCheck, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
     """The two values of a pair, each checked by itself; errors are reported for the pair."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
@@ -310,7 +322,7 @@ Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**
 WireRepeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10_000)))]
 NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
 StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
-FrameCount = Annotated[int, BeforeValidator(Integer(1, 100_000))]
+FrameCount = Annotated[int | str, BeforeValidator(Frames(1, 100_000))]
 FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
 TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
 PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]

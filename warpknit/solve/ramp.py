@@ -49,7 +49,7 @@ class Ramp(Drive):
 
     def stage(self, stage: Stage) -> Iterator[Record]:
         self.loading_time = self.model.loading_time
-        frames = self.scene.output.frames
+        frames = self.scene.output.levels
         progress = self.progress
         unloaded = progress.stage_index == 0
         if progress.level == 0 and unloaded:

@@ -6,18 +6,24 @@ extrapolation of the last two levels. Directions driven by tension are found by 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from ..base.text import engineering, percent
 from ..errors import Diverged, NoProgress, StepLimitExceeded
-from ..measure import tension_scale
+from ..measure import energy_scale, tension_scale
+from ..measure.events import Level, happens, level_of
 from ..measure.strain import clamp_rotation, rotation, stretch
+from ..mechanics.numerics import FOLLOWED_INCREMENT
 from ..mechanics.protocols import Mechanics
+from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint
+from ..mesh.tight_loops import is_tight
 from ..scene import Stage
 from .drive import Drive, under
 from .equilibrium import Equilibrium
@@ -31,6 +37,8 @@ MAX_SLOW_CUTS = 2  # the same where it fails after many steps without progress
 APPROXIMATE = 10.0  # criteria over their tolerances: with smaller ones the tension of an equilibrium is known approximately
 NEAR, CLOSER = 3.0, 0.5  # errors of such a tension from the wanted one, at which the equilibrium is solved closer, and how far
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
+FEWEST_LEVELS = 4  # of a stage whose levels are found automatically
+MOST_REFINED = 50_000  # nodes of a mesh of which some equilibria are kept: between larger ones no level is added
 
 
 @dataclass(frozen=True)
@@ -47,6 +55,27 @@ class WantedTension:
         return rotation(clamp_rotation(gradient)).T @ there
 
 
+@dataclass(frozen=True)
+class Target:
+    """A load level, as a share of the load of the stage, with its equilibrium once it is found."""
+
+    share: Fraction
+    kept: dict[str, np.ndarray] = field(default_factory=dict)  # to return to
+    has_left: bool = False  # the mesh has left an equilibrium there that was not stable
+    level: Level | None = None  # of the first rank
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint."""
+        arrays = {"target": np.array([self.share.numerator, self.share.denominator, self.has_left])}
+        arrays |= {f"kept_{name}": value for name, value in self.kept.items()}
+        return arrays | ({} if self.level is None else {f"level_{name}": value for name, value in vars(self.level).items()})
+
+    @classmethod
+    def from_arrays(cls, kept: dict[str, np.ndarray]) -> Target:
+        level, (share, of, has_left) = under("level_", kept), kept["target"].tolist()
+        return cls(Fraction(share, of), under("kept_", kept), bool(has_left), Level.from_arrays(level) if level else None)
+
+
 class Unsolved:
     """Marker that the levels of a relaxation yield where an equilibrium has to be found."""
 
@@ -55,10 +84,10 @@ UNSOLVED = Unsolved()
 
 
 class Relaxation(Drive):
-    """`output.frames` equilibria a stage; the first stage starts with the unloaded state.
+    """Equilibria of the load levels of `output.frames`; the first stage starts with the unloaded state.
 
     `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
-    (studies/batch.py) share it.
+    (studies/batch.py) share it. `refined_levels` adds levels where something happens (measure/events.py).
     """
 
     rate_key = "output.frames"
@@ -81,6 +110,10 @@ class Relaxation(Drive):
         self._last_gradient: np.ndarray | None = None  # of the previous level
         self._wanted: WantedTension | None = None  # of this level
         self._before: dict[str, np.ndarray] = {}  # the last equilibrium, to return to where an increment fails
+        is_small = equilibrium is None and self.model.global_model.node_count <= MOST_REFINED
+        self._is_refined = is_small and isinstance(self.scene.output.frames, str)
+        self._lower: Target | None = None  # the last recorded level of this stage
+        self._targets: list[Target] = []  # the next ones of this stage, the nearest one last
 
     @property
     def dissipated(self) -> float:
@@ -89,10 +122,21 @@ class Relaxation(Drive):
     def state_dict(self) -> dict[str, np.ndarray]:
         kept = super().state_dict() | self.equilibrium.convergence.state_dict(self.row)
         kept |= {f"equilibrium_{name}": value for name, value in self._before.items()}
-        return kept | {"last_gradient": np.zeros(0) if self._last_gradient is None else self._last_gradient}
+        kept["last_gradient"] = np.zeros(0) if self._last_gradient is None else self._last_gradient
+        known = [*self._targets, *([] if self._lower is None else [self._lower])]
+        kept |= {f"target{k}_{name}": value for k, target in enumerate(known) for name, value in target.arrays().items()}
+        return kept | {"targets": np.array([len(self._targets), len(known)])}
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Host copies of the state, the solver variables and the progress, without other levels."""
+        return {name: value for name, value in super().snapshot().items() if not name.startswith("target")}
 
     def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
         super().load_state_dict(kept)
+        if "targets" in kept:
+            ahead, count = kept["targets"].tolist()
+            known = [Target.from_arrays(under(f"target{k}_", kept)) for k in range(count)]
+            self._targets, self._lower = known[:ahead], known[-1] if count > ahead else None
         self.equilibrium.convergence.load_state_dict(kept, self.row)
         self._last_gradient = kept["last_gradient"].copy() if len(kept["last_gradient"]) else None
         self._before = under("equilibrium_", kept)
@@ -100,7 +144,7 @@ class Relaxation(Drive):
     # --- levels
 
     def stage(self, stage: Stage) -> Iterator[Record]:
-        levels = self.levels(stage)
+        levels = self.refined_levels(stage) if self._is_refined else self.levels(stage)
         step = next(levels, None)
         while step is not None:
             if isinstance(step, Unsolved):
@@ -114,41 +158,124 @@ class Relaxation(Drive):
             step = next(levels, None)
 
     def levels(self, stage: Stage, levels: int | None = None) -> Generator[float | Unsolved, None, None]:
-        """Load factors of the levels of a stage, each as the mesh is in equilibrium there; UNSOLVED wherever it is to be brought
-        to equilibrium first. levels: their number, default `output.frames`.
+        """Load factors of equal levels of a stage, each as the mesh is in equilibrium there; UNSOLVED wherever it is to be
+        brought to equilibrium first. levels: their number, default `output.frames`.
 
         Where that fails, `Diverged` is thrown in: the increment is halved from the last equilibrium on, MAX_CUTS times at most.
         """
         progress = self.progress
-        levels = levels or self.scene.output.frames
+        width = Fraction(1, levels or self.scene.output.levels)
+        unloaded = progress.stage_index == 0
+        while (share := (progress.level + (not unloaded)) * width) <= 1:
+            yield from self._increment(stage, share, width)
+            progress.level += 1
+            yield float(share)
+
+    def refined_levels(self, stage: Stage) -> Generator[float | Unsolved, None, None]:
+        """The same of few levels, with more where something happens between two of them, until they are near enough.
+
+        Where something happens, the mesh returns to the lower level and goes half of the way. The upper one is kept, and recorded
+        when all levels before it are.
+        """
+        progress, targets = self.progress, self._targets
+        unloaded = progress.stage_index == 0
+        if not targets:
+            count = self._fewest_levels(stage)
+            targets += [Target(Fraction(k, count)) for k in range(count, 0, -1)]
+            self._lower = None if unloaded else self._solved(Fraction(0))
+            if unloaded and any(stage.by_tension):  # slack is taken up by little tension, and once
+                targets.append(Target(Fraction(1, math.ceil(1.0 / self.scene.output.load_tolerance))))
+            if unloaded:
+                targets.append(Target(Fraction(0)))
+        while targets:
+            lower, upper, is_here = self._lower, targets[-1], False
+            width = upper.share - (upper.share if lower is None else lower.share)
+            is_wide = width > self.scene.output.load_tolerance
+            if not upper.kept:
+                try:
+                    yield from self._increment(stage, upper.share, width, may_cut=not is_wide)
+                except Diverged as error:
+                    if lower is None or not is_wide or isinstance(error, StepLimitExceeded):
+                        raise
+                    self._return_to(lower)
+                    targets.append(Target(upper.share - width / 2))
+                    continue
+                upper, is_here = self._solved(upper.share), True
+                targets[-1] = upper
+            if lower is not None and is_wide and self._has_event(lower, upper):
+                self._return_to(lower)
+                targets.append(Target(upper.share - width / 2))
+                continue
+            if not is_here:
+                self._return_to(upper)
+            self._lower = targets.pop()
+            if upper.has_left:  # what was found beyond may be of another branch
+                targets[:] = [Target(target.share) for target in targets]
+            progress.level += 1
+            yield float(upper.share)
+
+    def _fewest_levels(self, stage: Stage) -> int:
+        """Levels of a stage in which nothing happens: increments of a tight knit stay on its path."""
+        follows = self.scene.depends_on_path or self.model.cloth is None or smaller_scene(self.scene) is not None
+        if follows or self.scene.model.kind != "spatial" or not is_tight(self.scene):
+            return FEWEST_LEVELS
+        strain = float(np.abs(self.target(stage, 1.0).gradient - self.state.gradient).max())
+        return max(FEWEST_LEVELS, math.ceil(strain / FOLLOWED_INCREMENT - 1e-6))
+
+    def _solved(self, share: Fraction) -> Target:
+        """The present equilibrium as a level."""
+        dissipated, observed, level = self.dissipated if self.edge_work is None else math.nan, self.mechanics.observe(), None
+        if self.model.ranks.is_first:
+            level = level_of(observed, float(share), dissipated)
+        return Target(share, self.snapshot(), self.mechanics.has_left, level)
+
+    def _has_event(self, lower: Target, upper: Target) -> bool:
+        """Whether something happens between two levels."""
+        scale = energy_scale(self.model.global_model)
+
+        def is_found() -> bool:
+            return lower.level is not None and upper.level is not None and happens(lower.level, upper.level, scale)
+
+        return upper.has_left or bool(self.model.ranks.from_first(is_found))
+
+    def _return_to(self, target: Target) -> None:
+        """Return to the equilibrium of a level; steps, records and notes stay."""
+        progress, notes = self.progress, list(self.mechanics.notes)
+        counted = progress.steps, progress.records, progress.level
+        self.restore(target.kept)
+        progress.steps, progress.records, progress.level = counted
+        self.mechanics.notes += [note for note in notes if note not in self.mechanics.notes]
+
+    def _increment(self, stage: Stage, share: Fraction, width: Fraction, *, may_cut: bool = True) -> Iterator[Unsolved]:
+        """Go to a share of the load of a stage, from `width` before it.
+
+        may_cut: halve the increment where it fails, else raise `Diverged`.
+        """
+        progress, factor = self.progress, float(share)
         unloaded = progress.stage_index == 0
         driven = np.array(stage.by_tension)
         tension_start = np.zeros(2) if unloaded else np.array(progress.start.tension)  # as knitted it is scatter about zero
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
-        while progress.level < levels + unloaded:
-            factor = (progress.level + (not unloaded)) / levels
-            whole = self._parts_of_level(stage, factor, levels)
-            while progress.part < (parts := whole << progress.cuts):
-                self._keep(may_cut=factor > 0.0 or whole > 1)
-                there = max(0.0, factor - (parts - progress.part - 1) / (parts * levels))
-                progress.load_factor = there
-                if factor == 0.0:
-                    self.release(progress.part / parts, (progress.part + 1) / parts)
-                wanted = None
-                if driven.any() and there > 0.0:
-                    wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
-                try:
-                    yield from self.reach(self.target(stage, there), wanted)
-                except Diverged as error:
-                    self._cut(error)
-                    continue
-                self.mechanics.advance_history()
-                progress.part += 1
-            if progress.cuts:
-                self.mechanics.notes.append(f"{self._level_text()} was reached in {parts} increments, as larger ones failed")
-            progress.part, progress.cuts, self._before = 0, 0, {}
-            progress.level += 1
-            yield factor
+        whole = self._parts_of_level(stage, factor, float(width))
+        while progress.part < (parts := whole << progress.cuts):
+            self._keep(may_cut=may_cut and (factor > 0.0 or whole > 1))
+            there = max(0.0, factor - float(width * Fraction(parts - progress.part - 1, parts)))
+            progress.load_factor = there
+            if factor == 0.0:
+                self.release(progress.part / parts, (progress.part + 1) / parts)
+            wanted = None
+            if driven.any() and there > 0.0:
+                wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
+            try:
+                yield from self.reach(self.target(stage, there), wanted)
+            except Diverged as error:
+                self._cut(error)
+                continue
+            self.mechanics.advance_history()
+            progress.part += 1
+        if progress.cuts:
+            self.mechanics.notes.append(f"{self._level_text()} was reached in {parts} increments, as larger ones failed")
+        progress.part, progress.cuts, self._before = 0, 0, {}
 
     def _keep(self, *, may_cut: bool) -> None:
         """Keep the present equilibrium, unless the mesh is large; a resumed level has what was kept as it began."""
@@ -167,13 +294,13 @@ class Relaxation(Drive):
         self.restore(self._before)
         progress.steps, progress.cuts, progress.part = steps, progress.cuts + 1, 2 * progress.part
 
-    def _parts_of_level(self, stage: Stage, factor: float, levels: int) -> int:
+    def _parts_of_level(self, stage: Stage, factor: float, width: float) -> int:
         """Number of increments to a level; of the unloaded mesh, those of its natural curvature."""
         if factor <= 0.0:
             return self.mechanics.release_parts
         if not self.scene.depends_on_path:
             return 1
-        return history_steps(self.target(stage, factor - 1.0 / levels), self.target(stage, factor), self.rim)
+        return history_steps(self.target(stage, factor - width), self.target(stage, factor), self.rim)
 
     def release(self, begin: float, end: float) -> None:
         """Apply `wire.set_fraction` from one share of it to another."""

@@ -93,7 +93,8 @@ class Simulation:
             simulation.set_force(np.where(node[:, 2:] > 0.0, [0.0, 0.0, 1e-6], 0.0))
             for record in simulation.run(): ...
 
-        Between two records it may be set anew, for a force that follows the mesh. Its work is in no energy balance.
+        Between two records it may be set anew, for a force that follows the mesh, where `output.frames` is a number. Its work is
+        in no energy balance.
         Raises ModelError: for the planar model, for another shape, and for a resultant on a tile that nothing holds.
         """
         set_dead_load = getattr(self.mechanics, "set_dead_load", None)
@@ -170,7 +171,7 @@ class Simulation:
         self.drive.load_state_dict(kept)
 
     def run(self) -> Iterator[Record]:
-        """Records of all stages from `progress` on: the unloaded mesh, then `output.frames` states a stage.
+        """Records of all stages from `progress` on: the unloaded mesh, then the load levels of `output.frames` of each stage.
 
         Raises:
             Diverged: a level does not converge, wires pass through each other, or values are not finite.

@@ -403,9 +403,14 @@ class SpatialMechanics:
         self.contact.pop_max_penetration(self.rows)
 
     def begin_test(self, *, is_certain: bool) -> None:
+        self.stability.has_left[self.world] = False
         if self._is_tested and (is_certain or self._untested >= LOAD_STRAINS[0]):
             self.stability.begin(self.world)
             self._untested = 0.0
+
+    @property
+    def has_left(self) -> bool:
+        return bool(self.stability.has_left[self.world])
 
     def move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> float:
         """Move given stations while the load is applied, free ones once the mesh itself is close to convergence; returns the

@@ -40,7 +40,7 @@ class Batch:
         self.equilibrium = Equilibrium(self.group, self.members)
         for row, mechanics in enumerate(self.group.members):
             self.members.append(Relaxation(mechanics, equilibrium=self.equilibrium, row=row))
-        self._count = list(levels or [model.scene.output.frames] * len(self.stages))
+        self._count = list(levels or [model.scene.output.levels] * len(self.stages))
         of_each = zip(self.members, self.stages, self._count, strict=True)
         self._levels = [member.levels(stage, count) for member, stage, count in of_each]
         self._watch = watch or (lambda _batch: None)

@@ -21,7 +21,7 @@ from ..measure import Observables, energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics.protocols import Model
-from ..runner.closings import DRIFT
+from ..runner.best_tension import DRIFT
 
 STEADY = "steady"
 SIDES = ("weft", "warp")

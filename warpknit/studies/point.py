@@ -141,7 +141,7 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
         "axial_softening": solver.axial_softening,
         "residual_tolerance": solver.residual_tolerance,
         "multipliers": solver.multipliers,
-        "levels": scene.output.frames,
+        "levels": scene.output.levels,
         "target_time_step_s": solver.target_time_step,
     }
 

@@ -172,7 +172,7 @@ class _Mapper:
     def _missing(self, done: list[MapRow]) -> dict[Pair, int]:
         """Load levels of each pair that is not among the rows of a mesh."""
         finished = {row.load for row in done}
-        levels = levels_of_pairs(self.pairs, self.scene.output.frames)
+        levels = levels_of_pairs(self.pairs, self.scene.output.levels)
         return {pair: count for pair, count in zip(self.pairs, levels, strict=True) if pair not in finished}
 
     def _run_seed(self, seed: int, done: list[MapRow]) -> None:
@@ -247,7 +247,7 @@ class _Mapper:
             "stop_reason": reason,
             "warnings": warnings,
             "path": f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
-            f" {self.scene.output.frames} levels to the largest {self.sweep.quantity.removesuffix('s')}",
+            f" {self.scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             "loads": self.sweep.quantity,
             "cells": {"wanted": len(self.pairs), "done": len(rows), "steady": sum(row.stop_reason == STEADY for row in rows)},
             "seeds": self.sweep.seeds,
