@@ -52,10 +52,8 @@ class Batch:
 
     @property
     def done(self) -> float:
-        """Completed share of all load levels."""
-        return sum(max(0, member.progress.level - 1) for member in self.members) / max(
-            1, sum(self._count)
-        )  # the first is unloaded
+        """Completed share of all load levels; the first one of each mesh is unloaded."""
+        return sum(max(0, member.progress.level - 1) for member in self.members) / max(1, sum(self._count))
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium of every mesh under its load."""
