@@ -63,7 +63,7 @@ def observed(mechanics: SpatialMechanics) -> tuple[np.ndarray, float]:
 def test_one_repeat_in_equilibrium_is_the_equilibrium_of_a_tile(monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeats of a tile are alike, so the change of one repeat, added to each, balances at once: after the first check the
     residual is below the tolerance. Undisturbed, the level takes the checks that the drift criterion waits for."""
-    monkeypatch.setattr("warpknit.spatial.stability.Stability.begin", lambda self: None)
+    monkeypatch.setattr("warpknit.spatial.stability.Stability.begin", lambda self, world: None)
     changes = ("knit.repeats=[3, 2]", "load.strain_weft=0.1", "load.strain_warp=0.1")
     mechanics, drive, steps = solved(*changes)
     assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None

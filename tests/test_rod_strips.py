@@ -231,7 +231,7 @@ def test_strips_are_one_membrane() -> None:
         drive.mechanics.search()
         drive.mechanics.set_load(LoadPoint(np.diag([1.03, 1.03]), model.scene.wire.reference_temperature), 75)
         advance(drive.mechanics, 75)
-        drive.mechanics.check(3, loading=False)
+        drive.mechanics.group.check(np.array([0]), np.array([3]), np.array([False]))
         drive.membrane.warm_up(drive._response)
         force = drive.membrane.imbalance().copy()
         drive.membrane.move(Correction(1e-6 * np.random.default_rng(3).normal(size=force.shape), np.zeros((0, 2))))

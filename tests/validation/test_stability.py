@@ -73,7 +73,7 @@ def test_a_tight_knit_leaves_an_equilibrium_that_is_not_stable(monkeypatch: pyte
     """What it ends in has less energy and is stable: disturbed three hundred times as much it carries the same tension."""
     scene = load_scene(TIGHT, ["output.frames=3", "output.usd=false"])
     with monkeypatch.context() as without:
-        without.setattr("warpknit.spatial.stability.Stability.begin", lambda self: None)
+        without.setattr("warpknit.spatial.stability.Stability.begin", lambda self, world: None)
         *_, symmetric = Simulation(build_model(scene)).run()
     simulation = Simulation(build_model(scene))
     *_, found = simulation.run()

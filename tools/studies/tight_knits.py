@@ -144,8 +144,9 @@ def _criteria(simulation: Simulation) -> dict[str, float]:
     mechanics = simulation.mechanics
     mechanics.stepper.evaluate()
     contacts = mechanics.contact.checks.sums()
-    balance = mechanics.residual.measure(mechanics.relaxation.sums(of_mean=False), contacts)
-    return {"balance": balance, "overlap": contacts.overlap_max / mechanics.model.rods.section.thickness}
+    sums = mechanics.relaxation.sums(of_mean=False)
+    balance = float(mechanics.group.residual.measure(sums, contacts, mechanics.rows)[0])
+    return {"balance": balance, "overlap": float(contacts.overlap_max[0]) / mechanics.model.rods.section.thickness}
 
 
 def _state(record: Record) -> dict[str, float]:

@@ -85,16 +85,16 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
             stepper.evaluate()
             rest.renew_damping()
             sums, contacts = rest.sums(of_mean=True), contact.checks.sums()
-            ratio = np.inf
-            if contacts.pushing:
+            ratio = np.array([np.inf])
+            if contacts.pushing[0]:
                 rms = np.sqrt(sums.unbalanced_square / sums.free_nodes)
-                balance = max(rms, sums.unbalanced_max / LOCAL) / contacts.mean_push
-                ratio = max(balance / TOLERANCE, sums.excess_ratio, multipliers.error_ratio(contacts))
-            rest.watch_progress(ratio, sums.excess_ratio)
-            if ratio < 1.0 and check > 8:
+                balance = np.maximum(rms, sums.unbalanced_max / LOCAL) / contacts.mean_push
+                ratio = np.max([balance / TOLERANCE, sums.excess_ratio, multipliers.error_ratio(contacts)], axis=0)
+            rest.watch_progress(ratio, sums.excess_ratio, stepper.rows)
+            if ratio[0] < 1.0 and check > 8:
                 break
             rest.renew_multipliers(sums)
-            multipliers.renew(contacts, rest.multiplier_rate, loading=False)
+            multipliers.renew(contacts, rest.multiplier_rate(stepper.rows), stepper.rows, loading=np.array([False]))
             rest.renew_masses()
             rest.keep_motion()
         stepper.evaluate()
@@ -105,5 +105,5 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
         yield TrefoilRow(
             nodes, arc / d, 0.5 * float(np.sum(bend**2 * rods.node_length)) * length / (8.0 * np.pi**2),
             float(force.sum()) / unit, float(rest.tension().mean()) / unit, float(bend.max()) * d, len(force),
-            float(touching.overlap.max(initial=0.0)) / d, float(ratio), steps, time.perf_counter() - begin,
+            float(touching.overlap.max(initial=0.0)) / d, float(ratio[0]), steps, time.perf_counter() - begin,
         )  # fmt: skip

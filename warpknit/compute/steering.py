@@ -23,17 +23,25 @@ class Entry:
     def __init__(self, first: Any, *shape: int) -> None:
         self.first, self.shape = int(first), shape
         self.count = int(np.prod(shape, dtype=int))
+        self.where: Any = slice(self.first, self.first + self.count) if shape else self.first
 
     def __get__(self, steering: Steering | None, owner: type | None = None) -> Any:
         if steering is None:
             return self
         values = steering.values
         if not self.shape:
-            return float(values[self.first]) if values.ndim == 1 else values[:, self.first].copy()
-        return values[..., self.first : self.first + self.count].reshape(*values.shape[:-1], *self.shape).copy()
+            return float(values[self.where]) if values.ndim == 1 else values[:, self.where].copy()
+        return values[..., self.where].reshape(*values.shape[:-1], *self.shape).copy()
 
     def __set__(self, steering: Steering, value: Any) -> None:
         steering.write({self: value})
+
+    def flat(self, value: Any) -> Any:
+        """A value with the entries along one axis."""
+        if not self.shape:
+            return value
+        given = np.asarray(value)
+        return given.reshape(*given.shape[: given.ndim - len(self.shape)], self.count)
 
 
 class Steering:
@@ -98,11 +106,16 @@ class Steering:
     def __init__(self, array: wp.array | np.ndarray, world: int | None = None) -> None:
         """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host; world: the one of them that is meant."""
         self.array, self.world = array, world
+        in_place = array if isinstance(array, np.ndarray) else fetch(array) if is_in_place(array.device) else None
+        self._view = in_place if in_place is None or world is None else in_place[world]  # None: on a GPU
 
     @property
     def values(self) -> np.ndarray:
         """The array on the host: a view on the CPU, a copy from a GPU."""
-        values = self.array if isinstance(self.array, np.ndarray) else fetch(self.array)
+        if self._view is not None:
+            return self._view
+        assert not isinstance(self.array, np.ndarray)
+        values = fetch(self.array)
         return values if self.world is None else values[self.world]
 
     def read(self) -> Steering:
@@ -111,27 +124,25 @@ class Steering:
 
     def write(self, values: dict[Entry, Any], rows: np.ndarray | None = None) -> None:
         """Set entries of one world, of all, or of `rows`; values broadcast to (row, ...)."""
-        array, host = self.array, self.values
-        if not isinstance(array, np.ndarray) and host.ndim == 1 and not is_in_place(array.device):
+        host = self.values
+        array: Any = self.array
+        if self._view is None and host.ndim == 1:
             flat, begin = array.flatten(), (self.world or 0) * c.CONTROL_COUNT
             for entry, value in values.items():  # without waiting for the device
                 for k, number in enumerate(np.broadcast_to(value, entry.shape).ravel().tolist(), begin + entry.first):
                     flat[k : k + 1].fill_(number)
             return
-        own = slice(None) if rows is None or host.ndim == 1 else rows
         for entry, value in values.items():
-            columns: Any = entry.first
-            if entry.shape:
-                columns = slice(entry.first, entry.first + entry.count)
-                given = np.asarray(value)
-                value = given.reshape(*given.shape[: given.ndim - len(entry.shape)], entry.count)
-            host[columns if host.ndim == 1 else (own, columns)] = value
-        if not isinstance(array, np.ndarray) and not is_in_place(array.device):
+            if host.ndim == 1:
+                host[entry.where] = entry.flat(value)
+            else:
+                host[slice(None) if rows is None else rows, entry.where] = entry.flat(value)
+        if self._view is None:
             store_at(array, ..., host)
 
     def set(self, rows: np.ndarray | None = None, **values: Any) -> None:
         """Set entries by name; see `write`."""
-        self.write({vars(Steering)[name]: value for name, value in values.items()}, rows)
+        self.write({ENTRIES[name]: value for name, value in values.items()}, rows)
 
     def begin_ramp(self, load: Sequence[float], steps: int, *, evenly: bool) -> None:
         """Have the load go from where it is to `load` (gradient and length factor) over so many steps; at once with none."""
@@ -145,3 +156,6 @@ class Steering:
         """Whether a load is being applied, of one world or of each."""
         now = self.read()
         return now.ramp_step < now.ramp_steps
+
+
+ENTRIES = {name: entry for name, entry in vars(Steering).items() if isinstance(entry, Entry)}

@@ -75,9 +75,10 @@ class ContactChecks:
         """Launch a kernel for the own nodes, on the lists in use."""
         self._launch(kernel, "first_node", self._stepper.strip.nodes, *sources, **named)
 
-    def sums(self, rows: np.ndarray) -> ContactSums:
-        """Sums over the contacts with a force in the state last evaluated, of worlds."""
+    def sums(self, rows: np.ndarray | None = None) -> ContactSums:
+        """Sums over the contacts with a force in the state last evaluated, of all worlds or of `rows`."""
         sums = self._stepper.sums
+        rows = self._stepper.rows if rows is None else rows
 
         def total() -> np.ndarray:
             self._of_blocks(k.sum_contacts, contact_partial=self._partial)
