@@ -124,14 +124,14 @@ class Steering:
 
     def write(self, values: dict[Entry, Any], rows: np.ndarray | None = None) -> None:
         """Set entries of one world, of all, or of `rows`; values broadcast to (row, ...)."""
-        host = self.values
         array: Any = self.array
-        if self._view is None and host.ndim == 1:
+        if self._view is None and (self.world is not None or array.shape[0] == 1 or array.ndim == 1):
             flat, begin = array.flatten(), (self.world or 0) * c.CONTROL_COUNT
-            for entry, value in values.items():  # without waiting for the device
-                for k, number in enumerate(np.broadcast_to(value, entry.shape).ravel().tolist(), begin + entry.first):
+            for entry, value in values.items():  # of a single world, without waiting for the device
+                for k, number in enumerate(np.broadcast_to(value, (1, *entry.shape)).ravel().tolist(), begin + entry.first):
                     flat[k : k + 1].fill_(number)
             return
+        host = self.values
         for entry, value in values.items():
             if host.ndim == 1:
                 host[entry.where] = entry.flat(value)

@@ -58,14 +58,15 @@ class Team:
             return []
         return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._state)]
 
-    def share(self, count: int, part: int) -> tuple[int, int]:
-        """Begin and number of the share of a part in `count` items."""
-        begin, end = count * part // self.threads, count * (part + 1) // self.threads
+    def share(self, count: int, part: int, parts: int | None = None) -> tuple[int, int]:
+        """Begin and number of the share of a part in `count` items; parts: see `share_of`."""
+        parts = parts or self.threads
+        begin, end = count * part // parts, count * (part + 1) // parts
         return begin, end - begin
 
-    def share_of(self, items: range, part: int) -> range:
-        """The share of a part in these items."""
-        begin, count = self.share(len(items), part)
+    def share_of(self, items: range, part: int, parts: int | None = None) -> range:
+        """The share of a part in these items, of so many parts; default: one a thread."""
+        begin, count = self.share(len(items), part, parts)
         return items[begin : begin + count]
 
 
@@ -77,18 +78,13 @@ class SharedLaunches:
         self._team, self._device, self._threads = team, device, threads or team.threads
         self._recorded: dict[str, list[Callable[[], None]]] = {}
 
-    def clear(self) -> None:
-        """Forget all, as their arrays are no longer in use."""
-        self._recorded = {}
-
     def run(self, name: str, kernel: wp.Kernel, by: str, items: range, *sources: object, threads: int = 1, **named: Any) -> None:
         """Launch a kernel for some items of so many threads each, which the team shares.
 
         by: name of the argument for the first item of a part; sources and the other arguments as in `bind`, of the first call.
         """
         if name not in self._recorded:
-            count = self._threads
-            shares = [items[len(items) * part // count : len(items) * (part + 1) // count] for part in range(count)]
+            shares = [self._team.share_of(items, part, self._threads) for part in range(self._threads)]
             parts = [bind(kernel, threads * len(own), *sources, **{by: own.start}, **named) for own in shares]
             self._recorded[name] = [launch.replay(self._device) for launch in parts if launch.threads]
         self._team.together(self._recorded[name])

@@ -327,11 +327,6 @@ class Group(Protocol):
         """(row, 2, 2) [N/m]: `Mechanics.stress` of all rows."""
 
 
-def is_loading(state: State) -> bool:
-    """Whether a load is being applied."""
-    return bool(state.steering.is_loading)
-
-
 def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
     """Take steps with neighbour searches; return steps taken and whether the state diverged."""
     taken, state = 0, mechanics.state
@@ -370,7 +365,7 @@ class SingleMesh:
         return np.array([taken]), np.array([diverged])
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        return np.array([is_loading(self._mesh.state)])
+        return np.array([self._mesh.state.steering.is_loading])
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
         check = self._mesh.check(int(checks[0]), loading=bool(loading[0]))

@@ -56,9 +56,7 @@ class ContactChecks:
         if key not in self._recorded:
             kept = [one for one in self._recorded if one[1] == touch.capacity][-1:]
             self._recorded = {one: self._recorded[one] for one in kept}
-            self._recorded[key] = SharedLaunches(
-                self._stepper.team, self._stepper.device, min(self._stepper.few, self._stepper.threads)
-            )
+            self._recorded[key] = SharedLaunches(self._stepper.team, self._stepper.device, self._stepper.few)
         self._launches, self._touch = self._recorded[key], touch
         self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
 

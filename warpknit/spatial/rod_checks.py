@@ -50,7 +50,7 @@ class RodChecks:
         self._free = int(np.count_nonzero(free)) // stepper.worlds
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // stepper.worlds
         self._own: dict[str, Any] = {"keeps_arc_length": wp.int32(keeps_arc_length)}
-        self.launches = SharedLaunches(stepper.team, device, min(stepper.few, stepper.threads))
+        self.launches = SharedLaunches(stepper.team, device, stepper.few)
 
     def sums(self, rows: np.ndarray, *, of_mean: bool) -> StateSums:
         """Sums of the state last evaluated, of worlds; `of_mean`: with the mean unbalanced forces since the last check."""

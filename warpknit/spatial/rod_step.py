@@ -120,7 +120,8 @@ class RodStepper:
         self.clamps: Clamps | None = None
         pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
-        self.few = thread_count(rods.node_count // NODES_A_THREAD)  # threads that share the launches of a check
+        # threads that share the launches of a check
+        self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
         self._no_contact = no_contact(rods, device, precision)
         self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
         block_wire, wires = fetch(self.arrays.block_wire), self.strip.wires
@@ -134,8 +135,7 @@ class RodStepper:
             parts = [self.share_of(wires, part) for part in range(threads)]
             self._groups = [wire_groups(rods, own, block_wire, 1, on_cpu=on_cpu)[0] for own in parts]
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
-        few = min(self.few, self.team.threads)
-        shares = [wires[len(wires) * k // few : len(wires) * (k + 1) // few] for k in range(few)]
+        shares = [self.team.share_of(wires, part, self.few) for part in range(self.few)]
         self._factor = [replay(factor_launches(self.arrays, self.state, share), device) for share in shares if share]
         self.factor_masses()
         self._frames = frames_launch(self.arrays, self.state).record(device)
