@@ -1,24 +1,31 @@
-"""docs/reference/summary.md: keys of results from the code that writes them, their meanings from the docstrings of its modules.
+"""docs/reference/summary.md: keys of results from the code that writes them, their meanings from the comments behind them.
 
 python docs/summary_keys.py        writes it
 """
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 from warpknit.measure import table
+from warpknit.results import row
 from warpknit.runner import answers, panel_report, summary
 
 PAGE = Path(__file__).parent / "reference" / "summary.md"
 LINE = re.compile(r"^    (?! )(\S+)  +(\S.*)$")
+FIELD = re.compile(r"^    (\w+): .*?  # (.*)$")
+KEY = re.compile(r'^ {8,12}"?(\w+)"?[=:] ?.*?,  # (.*)$')
+TABLE = re.compile(r'^ {8}(?:values\[)?"?(\w+)"?(?:\]? = \{|=Values\()$')
 GROUPS = ("", "scene", "model", "solver", "quality", "mesh", "contacts", "wire", "hook")
 MAPS = {"map": "map.csv", "details": "map_details.csv"}
+TOP = ("version", "device", "stop_reason", "message", "warnings", "jumps", "answers", "stages")
+OF_CLASS = {
+    "active": "share of the active pairs of a class",
+    "force": "contact force that half of the pairs of a class reach",
+}
 
 
 def meanings(module: ModuleType) -> list[tuple[str, str]]:
@@ -32,70 +39,51 @@ def meanings(module: ModuleType) -> list[tuple[str, str]]:
     return found
 
 
-def meanings_of_measures() -> dict[str, str]:
-    """The same of the measures, for every class of contact."""
-    found = dict(meanings(table))
-    for line in table.MEASURES:
-        if of_class := re.fullmatch(r"(active|force)_([B-Z])_(percent|N)", line.name):
-            found[line.name] = found[f"{of_class[1]}_A_{of_class[3]}"]
+def commented(item: object, pattern: re.Pattern[str]) -> dict[str, str]:
+    """Names and the comments behind them in the source of a class or a function; after the name of a table and a point in one."""
+    found: dict[str, str] = {}
+    table = ""
+    for line in inspect.getsource(item).split("\n"):
+        if inside := TABLE.match(line):
+            table = f"{inside[1]}."
+        elif start := pattern.match(line):
+            found[table + start[1]] = start[2]
+        elif re.match(r"^        [)}],?$", line):
+            table = ""
+        elif found and re.match(r"^ +# ", line):
+            found[list(found)[-1]] += f" {line.strip(' #')}"
     return found
 
 
-def written_keys() -> list[str]:
-    """Keys of summary.json that no table has: those of the dicts in `run_summary` and `stage_summary`, in their order."""
-    found: list[str] = []
-    for function in (summary.run_summary, summary.stage_summary):
-        tree = ast.parse(inspect.getsource(function))
-        inside = {
-            id(child) for node in ast.walk(tree) if isinstance(node, ast.Dict) for child in ast.walk(node) if child is not node
-        }
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Return | ast.Assign | ast.AugAssign) and isinstance(node.value, ast.Dict | ast.BinOp):
-                section = _section(node)
-                dicts = [one for one in ast.walk(node.value) if isinstance(one, ast.Dict) and id(one) not in inside]
-                found += [name for one in dicts for name in _names(one, section)]
-        found += [f"{key}.{name}" for key, name in _assigned(tree)]
-    return [name for name in dict.fromkeys(found) if name not in ("name", "panel")]
-
-
-def _section(node: ast.stmt) -> str:
-    """`quality.` of `last["quality"] = {...}` and of `sections["quality"] |= {...}`."""
-    target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
-    return f"{target.slice.value}." if isinstance(target, ast.Subscript) and isinstance(target.slice, ast.Constant) else ""
-
-
-def _names(node: ast.Dict, before: str) -> Iterator[str]:
-    for key, value in zip(node.keys, node.values, strict=True):
-        if not isinstance(key, ast.Constant):
-            continue
-        if isinstance(value, ast.Dict):
-            yield from _names(value, f"{before}{key.value}.")
-        else:
-            yield f"{before}{key.value}"
-
-
-def _assigned(tree: ast.AST) -> Iterator[tuple[str, str]]:
-    """Section and name of `sections["wire"]["name"] = value`."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Assign) and isinstance(target := node.targets[0], ast.Subscript):
-            inner = target.value
-            if (
-                isinstance(inner, ast.Subscript)
-                and isinstance(target.slice, ast.Constant)
-                and isinstance(inner.slice, ast.Constant)
-            ):
-                yield inner.slice.value, target.slice.value
+def meanings_of_measures() -> dict[str, str]:
+    """Names and meanings of the measures, for every class of contact."""
+    found = commented(row.Row, FIELD)
+    for line in table.MEASURES:
+        if of_class := re.fullmatch(r"(active|force)_([A-Z])_(percent|N)", line.name):
+            found[line.name] = OF_CLASS[of_class[1]]
+    return found
 
 
 def summary_rows() -> list[tuple[str, str]]:
     """Every key of summary.json once, with its meaning, group by group."""
-    listed, of_measures = dict(meanings(summary)), meanings_of_measures()
-    keys = {name: listed[name] for name in written_keys() if name in listed} | {"probes": listed["probes"]}
+    fields, tables, errors = (
+        commented(summary.Summary, FIELD), commented(summary.run_summary, KEY), commented(summary.Estimate, FIELD)
+    )  # fmt: skip
+    fields["warnings"] = fields["other_warnings"].removeprefix("further ")
+    of_measures = meanings_of_measures()
+    keys = {name: fields[name] for name in TOP} | tables | {"quality.estimated_error": errors.pop("error")}
+    keys |= {f"quality.estimated_errors.{name}": words for name, words in errors.items()} | {"probes": of_measures["probes"]}
     for line in table.MEASURES:
         if line.summary:
             keys[f"{line.summary}.{line.name}"] = of_measures[line.name]
-    grouped = [row for group in GROUPS for row in keys.items() if row[0].rpartition(".")[0].partition(".")[0] == group]
-    return [*grouped, *((f"panel.{name}", words) for name, words in meanings(panel_report))]
+    grouped = [pair for group in GROUPS for pair in keys.items() if pair[0].rpartition(".")[0].partition(".")[0] == group]
+    return [*grouped, *((f"panel.{name}", words) for name, words in panel_keys().items())]
+
+
+def panel_keys() -> dict[str, str]:
+    """Keys of the section `panel`."""
+    found = commented(panel_report.report_panel, KEY) | commented(panel_report.cord_values, KEY)
+    return {name: words for name, words in sorted(found.items(), key=lambda one: one[0].startswith("surface."))}
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -1,18 +1,22 @@
 """Answers of a run: where contacts close, where the wire yields, what heat does, which tension is best."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from reference.in_words import table_of
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
+from warpknit.results.row import Row, Values
 from warpknit.runner.answers import heat_of
 from warpknit.runner.answers_table import ahead_texts, answer_rows
 from warpknit.runner.branches import jumps_in_heat, state_of
 from warpknit.runner.run import run_scene
-from warpknit.runner.summary_table import summary_rows
+from warpknit.runner.summary import Summary
+from warpknit.runner.summary_table import summary_findings
 from warpknit.scene import load_scene
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
@@ -106,11 +110,13 @@ def test_a_service_tension_that_was_asked_for_is_told_where_it_is_not_reached(mo
     answers = found([row(0.1 * k) for k in range(6)], monkeypatch, asked=2.0)
     active = {name: text for name, text in answer_rows(answers, LIMIT, gave_up=True) if name.startswith("active")}
     assert active == {"active at 2 N/m": "not reached; up to 500 mN/m, beyond which the relaxation did not converge"}
-    summary = {"stop_reason": "diverged", "answers": answers, "wire": {"yield_stress_Pa": LIMIT}}
-    assert dict(summary_rows(summary, Path()))["load not reached"] == (
+    model, solver = Values(kind="planar", kind_reason="", source="knit", nodes=1), Values(steps=1, wall_s=1.0, compile_s=0.0)
+    end = Row(stage="load", yield_stress_Pa=LIMIT, tension_warp_N_per_m=0.0)
+    summary = Summary(Values(), "diverged", model, solver, stages=(end,), answers=answers)
+    assert table_of(summary_findings(summary, Path()))["load not reached"] == (
         "the relaxation converged up to 500 mN/m of the 2 N/m that the scene asks for, strain 10.0 % / 5.0 %"
     )
-    assert "load not reached" not in dict(summary_rows(summary | {"stop_reason": "steady"}, Path()))
+    assert "load not reached" not in table_of(summary_findings(replace(summary, stop_reason="steady"), Path()))
 
 
 @pytest.mark.parametrize(("error", "says"), [(1.0, False), (7.0, True), (None, False)])

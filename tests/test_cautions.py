@@ -8,21 +8,34 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from reference.in_words import in_words, table_of
 from warpknit.commands.plan import outline_of
 from warpknit.knit.centreline import Thread
 from warpknit.knit.cloth import Cloth
 from warpknit.knit.straight_wires import ROUNDED, least_length
 from warpknit.mesh.layout import knit_scene
-from warpknit.runner.cautions import cautions, release_cautions, scene_cautions, sweep_cautions
-from warpknit.runner.history import Row
+from warpknit.results.row import Row, Values
+from warpknit.runner import cautions as of_input
+from warpknit.runner import warnings_of as of_result
 from warpknit.runner.run import run_scene
-from warpknit.runner.summary_table import summary_rows
-from warpknit.runner.warnings_of import _contacts_as_knitted, _overstressed, _taut_between_grips, warnings_of
-from warpknit.scene import load_scene, make_scene
+from warpknit.runner.summary import Summary
+from warpknit.runner.summary_table import _earlier_stage, _mesh_findings, summary_findings
+from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve.model import build_model
 
 SCENE = Path(__file__).parents[1] / "scenes" / "friction_cycle.toml"  # to 16 % and back
 OVERLOAD = SCENE.with_name("overload.toml")  # molybdenum that yields at 0.6 GPa
+cautions, release_cautions, scene_cautions, sweep_cautions = map(
+    in_words, (of_input.cautions, of_input.release_cautions, of_input.scene_cautions, of_input.sweep_cautions)
+)
+warnings_of, _contacts_as_knitted, _overstressed, _taut_between_grips = map(
+    in_words, (of_result.warnings_of, of_result._contacts_as_knitted, of_result._overstressed, of_result._taut_between_grips)
+)
+
+
+def planned(scene: Scene, *device: str) -> list[str]:
+    """The warnings of a plan."""
+    return [str(warning) for warning in outline_of(scene, *device).warnings]
 
 
 @pytest.mark.parametrize(("friction", "frames", "says"), [(0.4, 32, True), (0.4, 511, True), (0.4, 512, False), (0.1, 32, False)])
@@ -62,12 +75,17 @@ def test_a_tension_beyond_all_wires_at_their_limit_is_named(share: float, says: 
     assert bool(found) == says
 
 
+def summary_of(*ends: Row) -> Summary:
+    """The result of a run with these ends of its stages."""
+    model, solver = Values(kind="planar", kind_reason="", source="knit", nodes=1), Values(steps=1, wall_s=1.0, compile_s=0.0)
+    return Summary(Values(name="", hash=""), "steady", model, solver, stages=ends)
+
+
 def stressed(plastic: bool, tension: float, **wire: float) -> list[str]:
     """Warnings of a run with a stress of 700 MPa, above the elastic limit of 0.6 GPa."""
     model = build_model(load_scene(OVERLOAD, (f"wire.plastic={'true' if plastic else 'false'}",)))
     row = Row(stress_max_Pa=7e8, active_pairs=0)
-    stage = {"wire": {"stress_interior_max_Pa": tension, "yield_fraction": 0.1, **wire}}
-    return list(_overstressed(model, [row], [stage]))
+    return _overstressed(model, [row], [Row(stress_interior_max_Pa=tension, yield_fraction=0.1, **wire)])
 
 
 def test_an_elastic_wire_above_its_limit_claims_no_set() -> None:
@@ -102,11 +120,10 @@ def released(fraction: float, rows: list[Row]) -> list[str]:
 
 def as_released(stress: float, strain_warp: float, tension_weft: float = 0.1) -> list[Row]:
     """The record before the load, and the first one under tension."""
-    first = Row(stage="load", load_factor=0.0, steady=True, stress_max_Pa=stress, active_pairs=20)
-    first.tension_weft_N_per_m, first.tension_warp_N_per_m = -2.68, -0.64
-    second = Row(stage="load", load_factor=0.05, strain_weft=0.25, strain_warp=strain_warp)
-    second.tension_weft_N_per_m, second.tension_warp_N_per_m = tension_weft, 0.1
-    return [first, second]
+    before = {"tension_weft_N_per_m": -2.68, "tension_warp_N_per_m": -0.64}
+    behind = {"tension_weft_N_per_m": tension_weft, "tension_warp_N_per_m": 0.1}
+    first = Row(stage="load", load_factor=0.0, steady=True, stress_max_Pa=stress, active_pairs=20, **before)
+    return [first, Row(stage="load", load_factor=0.05, strain_weft=0.25, strain_warp=strain_warp, **behind)]
 
 
 def test_release_beyond_the_strength_is_told_with_the_fraction_of_the_elastic_limit() -> None:
@@ -147,7 +164,7 @@ def test_a_natural_curvature_that_no_wire_holds_is_told_by_the_plan(share: float
     assert bool(found) == says and list(release_cautions(scene, cloth)) == []
     least = 1.0 - 16.0 / (3.0 * math.pi) * wire.yield_stress / bent
     assert all(line.endswith(f"set wire.set_fraction = {math.ceil(100 * least) / 100:g} or more") for line in found)
-    assert (found == []) or found[0] in outline_of(released, "cpu").warnings
+    assert (found == []) or found[0] in planned(released, "cpu")
 
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])
@@ -158,7 +175,7 @@ def test_summary_and_table_agree_on_yield(tmp_path: Path, kind: str, plastic: bo
     strains = ("load.strain_weft=0.1", "load.strain_warp=0.1", "wire.yield_stress=1.5e8")
     few = (*strains, "output.usd=false", "output.figures=false", "solver.preset=draft")
     summary = run_scene(load_scene(OVERLOAD, (*changes, *few)), out=tmp_path / "run", device="cpu").summary
-    wire, table = summary["wire"], dict(summary_rows(summary, tmp_path))
+    wire, table = summary.json()["wire"], table_of(summary_findings(summary, tmp_path))
     assert wire["yield_fraction"] > 0.0
     assert ("plastic_fraction" in wire) is ("plastic_strain_max" in wire) is plastic
     assert ("yielded" in table) is (plastic and wire["plastic_fraction"] > 0.0)
@@ -263,8 +280,9 @@ def test_the_largest_tensions_of_a_sweep_have_the_bound_of_a_stage(share: float,
 
 
 def test_the_table_of_stages_tells_the_temperature_of_the_last_one(tmp_path: Path) -> None:
-    stages = [{"name": "load"}, {"name": "cold"}]
-    table = dict(summary_rows({"stages": stages, "mesh": {"temperature_K": 83.15}}, tmp_path))
+    table = table_of(
+        summary_findings(summary_of(Row(stage="load", displacement_m=0.0), Row(stage="cold", temperature_K=83.15)), tmp_path)
+    )
     assert table["at the end of stage"] == "cold, at -190 degC (2 stages; summary.json has all)"
 
 
@@ -272,8 +290,7 @@ def test_the_table_has_a_row_of_each_stage_before_the_last(tmp_path: Path) -> No
     """Strains, tensions, share of active contacts, largest stress and temperature."""
     mesh = {"strain_weft": 0.096, "strain_warp": 0.093, "temperature_K": 293.15}
     mesh |= {"tension_weft_N_per_m": 0.2, "tension_warp_N_per_m": 0.1}
-    load = {"name": "load", "mesh": mesh, "contacts": {"active_percent": 66.67}, "wire": {"stress_max_Pa": 224.7e6}}
-    table = dict(summary_rows({"stages": [load, {"name": "cold"}], "mesh": {"temperature_K": 83.15}}, tmp_path))
+    table = table_of(_earlier_stage(Row(stage="load", **mesh, active_percent=66.67, stress_max_Pa=224.7e6)))
     assert table["  end of load"] == "9.60 % / 9.30 %, 200 mN/m / 100 mN/m, 66.7 % active, 225 MPa, at 20 degC"
 
 
@@ -293,9 +310,10 @@ def test_a_cold_temperature_without_a_unit_is_named(given: float | str, says: bo
 
 def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> None:
     """3.58 mN/m beside 9.22 N/m, with a tolerance of 10 mN/m, as in the rows of the answers."""
-    mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3}
-    rows = summary_rows({"mesh": mesh, "answers": {"tension_tolerance_N_per_m": 0.01}}, tmp_path)
-    assert next(text for name, text in rows if name == "tension, weft / warp") == "9.22 N/m / 0 N/m"
+    mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3, "strain_weft": 0.1, "strain_warp": 0.1}
+    end = Row(stage="load", **mesh, active=1, pairs=2, active_percent=50.0, force_max_N=1.0)
+    result = replace(summary_of(end), answers={"tension_tolerance_N_per_m": 0.01})
+    assert table_of(_mesh_findings(result, "", ""))["tension, weft / warp"] == "9.22 N/m / 0 N/m"
 
 
 @pytest.mark.parametrize(("text", "told"), [("", True), ("# later", True), ("[load]\nstrain_warp = 0.1", False)])
@@ -304,7 +322,7 @@ def test_an_empty_file_is_told(text: str, told: bool, tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text(text)
     scene = load_scene(tmp_path / "a.toml", ["output.frames=2"])
     said = "the scene file is empty: all values that no override gives are defaults"
-    assert (said in outline_of(scene).warnings) == told
+    assert (said in planned(scene)) == told
     assert not load_scene({}).is_empty
 
 
@@ -318,12 +336,12 @@ def test_a_patch_of_fragments_is_told_by_the_plan_and_the_run(repeats: tuple[int
     is_short = length < model.cloth.stitch_length
     short = np.count_nonzero(is_short)
     assert (length[is_short].sum() >= 0.1 * length.sum()) == few
-    for warnings in (outline_of(scene).warnings, warnings_of(model, [], [])):
+    for warnings in (planned(scene), warnings_of(model, [])):
         told = [line for line in warnings if "are fragments of less than a loop" in line]
         assert len(told) == few
         if few:
             assert told[0].startswith(f"{short} of {len(length)} wires") and "model.boundary = 'periodic'" in told[0]
-    assert not any("fragments" in line for line in outline_of(scene.changed({"model.boundary": "periodic"})).warnings)
+    assert not any("fragments" in line for line in planned(scene.changed({"model.boundary": "periodic"})))
 
 
 def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut() -> None:
@@ -336,7 +354,7 @@ def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut(
     def said(wire: int, largest: float, of: object = model, part: float = 0.0) -> list[str]:
         stress = {"stress_max_wire": wire, "stress_max_Pa": largest, "stress_interior_max_Pa": 1e8}
         mesh = {"tension_weft_N_per_m": 2.0, "fragment_tension_weft_N_per_m": part, "tension_warp_N_per_m": 1.0}
-        return list(_taut_between_grips(of, [{"wire": stress, "mesh": mesh}]))
+        return _taut_between_grips(of, [Row(**stress, **mesh)])
 
     (line,) = said(short, 2e9)
     assert line.startswith(f"{np.count_nonzero(length < model.cloth.stitch_length)} of {len(length)} wires have less than a loop")

@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -15,21 +16,29 @@ from click.testing import CliRunner
 from warpknit import errors
 from warpknit.commands.cli import main
 from warpknit.knit.lapping import KnitError
+from warpknit.results.finding import ResultWarning
+from warpknit.results.row import Row, Values
 from warpknit.runner import progress_display
-from warpknit.runner.progress_display import NotebookBar, Progress, ProgressBar, StageLines, progress_for
+from warpknit.runner.progress_display import Display, NotebookBar, StageLines, TerminalBar, progress_for
+from warpknit.runner.summary import Summary
 
 ROOT = Path(__file__).parent.parent
 CELL = str(ROOT / "scenes" / "atlas_cell.toml")
 
-SUMMARY = {
-    "stop_reason": "steady",
-    "warnings": ["the wire is beyond its yield stress"],
-    "model": {"nodes": 216},
-    "solver": {"steps": 12345, "wall_s": 3.21, "compile_s": 0.0},
-    "contacts": {"pairs": 24, "active": 16, "active_percent": 66.7, "force_max_N": 3.1e-5},
-    "wire": {"stress_max_Pa": 1.48e8, "yield_stress_Pa": 2.0e9},
-    "mesh": {"tension_weft_N_per_m": 0.019, "tension_warp_N_per_m": 0.018, "strain_weft": 0.1, "strain_warp": 0.1},
-}
+END = Row(
+    stage="load", pairs=24, active=16, active_percent=66.7, force_max_N=3.1e-5,
+    stress_max_Pa=1.48e8, stress_interior_max_Pa=1.48e8,
+    stress_max_so_far_Pa=1.48e8, yield_stress_Pa=2.0e9, yield_stress_assumed=False, yield_fraction=0.0,
+    tension_weft_N_per_m=0.019, tension_warp_N_per_m=0.018, strain_weft=0.1, strain_warp=0.1, temperature_K=293.15,
+)  # fmt: skip
+SUMMARY = Summary(
+    scene=Values(),
+    stop_reason="steady",
+    model=Values(kind="planar", kind_reason="", source="knit", boundary="periodic", nodes=216),
+    solver=Values(steps=12345, wall_s=3.21, compile_s=0.0),
+    other_warnings=(ResultWarning("W04", "the wire is beyond its yield stress"),),
+    stages=(END,),
+)
 
 
 def invoke(*arguments):
@@ -128,7 +137,7 @@ def test_a_fault_of_the_program_is_not_hidden(behind):
 
 @pytest.mark.parametrize("status", [3, 4])
 def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
-    behind.outcome = SimpleNamespace(exit_code=status, summary=SUMMARY, message="why it ended")
+    behind.outcome = SimpleNamespace(exit_code=status, summary=replace(SUMMARY, stages=()), message="why it ended")
     result = invoke("run", CELL, "--quiet")
     assert result.exit_code == status
     assert result.stderr == "warpknit: why it ended\n"
@@ -152,11 +161,11 @@ def test_an_interrupted_run_names_the_options_that_were_not_given(behind, option
 
 def test_a_run_that_diverged_prints_the_table_of_its_records(behind):
     """The table and where the results are stand on stdout; the reason stays the one line of stderr."""
-    summary = SUMMARY | {"stop_reason": "diverged", "stages": [{"name": "load"}, {"name": "four"}]}
+    summary = replace(SUMMARY, stop_reason="diverged", stages=(END, END.changed(stage="four")))
     behind.outcome = SimpleNamespace(exit_code=3, summary=summary, message="why it ended")
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 3 and result.stderr == "warpknit: why it ended\n"
-    assert "last record in stage" in result.stdout and "four (2 stages" in result.stdout
+    assert "last record in stage" in result.stdout and "four, at 20 degC (2 stages" in result.stdout
     assert "148 MPa" in result.stdout and "the wire is beyond its yield stress" in result.stdout and "somewhere" in result.stdout
 
 
@@ -174,7 +183,7 @@ def test_options_reach_the_run(behind):
     ((scene, out), options) = behind.calls[0]
     assert scene.stages[0].shear == 0.1
     assert scene.solver.preset == "draft"
-    assert isinstance(options.pop("progress"), Progress)
+    assert isinstance(options.pop("progress"), Display)
     assert options.pop("ranks").count == 1
     assert (out, options) == (Path("runs/atlas_cell"), {"device": "cpu", "error": None, "resume": True, "force": False})
 
@@ -209,7 +218,7 @@ def test_help_imports_nothing_heavy():
 
 
 def test_progress_is_silent_when_quiet_and_lines_without_a_terminal(monkeypatch, caplog):
-    assert type(progress_for(quiet=True)) is Progress
+    assert type(progress_for(quiet=True)) is Display
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
     with caplog.at_level("INFO", logger="warpknit.runner.progress_display"), progress_for(quiet=False) as progress:
         assert isinstance(progress, StageLines)
@@ -219,7 +228,7 @@ def test_progress_is_silent_when_quiet_and_lines_without_a_terminal(monkeypatch,
 
 
 def test_the_bar_goes_through_stages(capsys):
-    with ProgressBar() as bar:
+    with TerminalBar() as bar:
         bar.update(done=0.0, load_factor=0.0)
         for number in (1, 2):
             bar.stage("load", number=number, of=2)

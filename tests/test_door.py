@@ -11,7 +11,8 @@ import pytest
 
 import warpknit
 from warpknit.errors import DeviceError, InputError
-from warpknit.runner.history import read_history, row_of
+from warpknit.results.row import Row, read_rows
+from warpknit.runner.history import row_of
 from warpknit.runner.run import run_scene
 from warpknit.solve.model import build_model, mechanics_of
 
@@ -39,18 +40,16 @@ def test_a_simulation_gives_what_run_gives(tmp_path: Path, scene: str, settings:
     model = warpknit.build_model(loaded)
     records = list(warpknit.Simulation(model, warpknit.initial_state(model)).run())
     ending = run_scene(loaded, out=tmp_path / "run", device="cpu")
-    rows = read_history(tmp_path / "run" / "history.csv")
-    assert ending.exit_code == 0 and ending.summary["model"]["kind"] == loaded.model.kind
+    rows = read_rows(tmp_path / "run" / "history.csv", Row)
+    assert ending.exit_code == 0 and ending.summary.json()["model"]["kind"] == loaded.model.kind
     assert len(rows) == len(records)
     around = rows[-1].active_rhombus_percent  # empty where there is no opening to count around, as in the summary
     assert (around is None) == (model.panel.rhombus_bodies.size == 0)
-    assert ending.summary["contacts"]["central_rhombus"]["active_percent"] == around
+    assert ending.summary.json()["contacts"]["central_rhombus"]["active_percent"] == around
     accounted = {"work_J", "slide_left_m", "slide_right_m"}  # from row to row
     for row, record in zip(rows, records, strict=True):
-        found = vars(row_of(record))
-        assert {k: v for k, v in vars(row).items() if k not in accounted} == {
-            k: v for k, v in found.items() if k not in accounted
-        }
+        found, columns = row_of(record), vars(row).keys() - accounted
+        assert {name: row[name] for name in columns} == {name: found[name] for name in columns}
 
 
 def test_the_model_is_of_the_kind_that_the_scene_asks_for() -> None:

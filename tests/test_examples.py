@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import warpknit
+from warpknit.measure.table import Record
 from warpknit.results.run import Run
 from warpknit.scene import Scene, load_scene, resolved_toml
-from warpknit.solve.progress import Record
 
 ROOT = Path(__file__).parents[1]
 QUICK = {"solver.preset": "draft", "output.frames": 2, "output.usd": False}

@@ -104,12 +104,12 @@ def test_any_scene_ends_well(table: Table) -> None:
         event("refused")
         return
     assert found.exit_code in (0, 3)
-    event(found.summary["stop_reason"])
-    assert all(map(math.isfinite, numbers(found.summary)))
+    event(found.summary.json()["stop_reason"])
+    assert all(map(math.isfinite, numbers(found.summary.json())))
     if found.exit_code == 3:
         assert found.message and "\n" not in found.message
         return
-    summary, warnings = found.summary, " / ".join(found.summary["warnings"])
+    summary, warnings = found.summary.json(), " / ".join(found.summary.json()["warnings"])
     stiffness = table["wire"]["youngs_modulus"]
     load, strength = table["load"], 4.5e9
     assert ("wire.youngs_modulus =" in warnings) == (not SOFT <= stiffness <= STIFF)
@@ -134,7 +134,7 @@ def test_a_strain_at_the_limit_is_not_compression() -> None:
     }
     found = run_of(table)
     assert found.exit_code == 0
-    assert not any("wrinkle" in warning for warning in found.summary["warnings"])
+    assert not any("wrinkle" in warning for warning in found.summary.json()["warnings"])
 
 
 @cache
@@ -145,7 +145,7 @@ def tension_of_base() -> tuple[float, float]:
 def scaled_tension(table: Table) -> tuple[float, float]:
     """T C^3/EI in weft and warp."""
     scene = make_scene(table)
-    mesh = run_of(table).summary["mesh"]
+    mesh = run_of(table).summary.json()["mesh"]
     unit = scene.wire.bending_stiffness / scene.knit.course_spacing**3
     return mesh["tension_weft_N_per_m"] / unit, mesh["tension_warp_N_per_m"] / unit
 

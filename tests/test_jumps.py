@@ -7,16 +7,19 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 
+from reference.in_words import ChangingRow as Row
+from reference.in_words import in_words
 from warpknit.export.map_figure import Marks, map_figure
 from warpknit.measure.jumps import UNBALANCED, energy_gap, jumps, stands_out
+from warpknit.results.row import Values
 from warpknit.runner import warnings_of as warnings
 from warpknit.runner.answers import heat_of
 from warpknit.runner.branches import jumps_of
-from warpknit.runner.history import Row, missing_work
-from warpknit.runner.work import add_work, work_steps
+from warpknit.runner.history import missing_work
+from warpknit.runner.work import with_work, work_steps
 from warpknit.scene import make_scene
 from warpknit.studies.contact_map import MapRow, find_jumps, jump_warning
-from warpknit.studies.map_table import map_lines
+from warpknit.studies.map_table import MapSummary, map_findings
 
 STEPS = np.linspace(0.0, 0.5, 6)
 AREA = 2e-6  # [m2] of the mesh
@@ -80,18 +83,18 @@ def test_neighbouring_cells_on_different_branches_are_found():
     assert find_jumps(model(), cells(1.0)) == []
     found = find_jumps(model(), cells(0.5))
     assert found == [((pytest.approx(0.2), warp), (pytest.approx(0.3), warp)) for warp in STEPS]
-    assert jump_warning(found) == (
+    assert in_words(jump_warning)(found) == [
         "the results jump between 6 neighbouring pairs of strains, first 20 % / 0 % and 30 % / 0 % (weft / warp): several"
         " equilibria exist there, and the values on either side belong to different ones"
-    )
+    ]
 
 
-def test_cells_of_an_earlier_version_without_energies_have_no_jumps():
-    rows = [MapRow(**{name: value for name, value in vars(row).items() if "energy" not in name}) for row in cells(0.5)]
-    for row in rows:
-        row.tension_weft_N_per_m = row.tension_warp_N_per_m = None
+def test_cells_without_energies_have_no_jumps():
+    energies = dict.fromkeys(("energy_stretch_J", "energy_bend_J", "energy_contact_J"))
+    tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"))
+    rows = [row.changed(**energies, **tensions) for row in cells(0.5)]
     assert find_jumps(model(), rows) == []
-    assert jump_warning([]) is None
+    assert list(jump_warning([])) == []
 
 
 def levels(softer: float) -> list[Row]:
@@ -110,8 +113,8 @@ def levels(softer: float) -> list[Row]:
 
 
 def test_a_run_warns_of_the_jump_that_a_map_marks():
-    assert list(warnings._changed_branch(model(), levels(1.0))) == []
-    assert list(warnings._changed_branch(model(), levels(0.5))) == [
+    assert list(in_words(warnings._changed_branch)(model(), levels(1.0))) == []
+    assert list(in_words(warnings._changed_branch)(model(), levels(0.5))) == [
         "the mesh jumps to another equilibrium between 40 % and 60 % of the load of stage 'load' (mean of weft and warp 10 N/m"
         " and 7.5 N/m): several equilibria exist there, and the result depends on the load history: compare with other"
         " output.frames, solver.residual_tolerance=1e-4 and more knit.repeats"
@@ -119,7 +122,7 @@ def test_a_run_warns_of_the_jump_that_a_map_marks():
     heated = levels(0.5)
     for k, one in enumerate(heated):
         one.temperature_K += 10.0 * k
-    (told,) = warnings._changed_branch(model(), heated)
+    (told,) = in_words(warnings._changed_branch)(model(), heated)
     assert "of the load of stage 'load' (40 degC and 50 degC): several" in told
 
 
@@ -156,13 +159,14 @@ def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest
 
 
 def test_the_table_of_a_map_has_the_jumps_in_one_line():
-    warning = jump_warning(find_jumps(model(), cells(0.5)))
-    summary = {
-        "warnings": [warning], "model": {"nodes": 1}, "cells": {"steady": 36, "wanted": 36}, "seeds": 1, "optimum": None,
-        "solver": {"cell_steps": 1, "cell_steps_per_s": 1.0, "wall_s": 1.0}, "wire": {"yield_stress_Pa": 1.0},
-        "stop_reason": "finished",
-    }  # fmt: skip
-    assert [text for heading, text in map_lines(summary) if heading == "warning"] == [warning]
+    jumps = find_jumps(model(), cells(0.5))
+    result = MapSummary(
+        scene=Values(), stop_reason="finished", warnings=list(jump_warning(jumps)), path="", loads="strains",
+        cells=Values(steady=36, wanted=36), seeds=1, model=Values(kind="planar", kind_reason="", nodes=1),
+        solver=Values(cell_steps=1, cell_steps_per_s=1.0, wall_s=1.0),
+        wire=Values(yield_stress_Pa=1.0, yield_stress_assumed=False), optimum=None, jumps=jumps,
+    )  # fmt: skip
+    assert [line.text for line in map_findings(result) if line.name == "warning"] == in_words(jump_warning)(jumps)
 
 
 @pytest.mark.parametrize(("strained", "found"), [(0.01, True), (1e-3, False)])
@@ -181,7 +185,7 @@ def test_a_jump_in_heat_is_one_by_all_rules(strained: float, found: bool) -> Non
     assert jumps_of(model(), rows) == jumped
     (stage,) = heat_of(rows, [SimpleNamespace(name=name, by_tension=(True, True)) for name in ("load", "cold")], jumped)
     assert stage["jump"] == found and (stage["jump_between"] is not None) == found
-    assert len(list(warnings._changed_branch(model(), rows))) == found
+    assert len(list(in_words(warnings._changed_branch)(model(), rows))) == found
 
 
 def unbalanced(rows: list[Row]) -> list[str]:
@@ -193,7 +197,7 @@ def unbalanced(rows: list[Row]) -> list[str]:
         one.work_J = done
     balance = missing_work(rows[-1], scene) / max(one.stored for one in rows)
     assert abs(balance) > UNBALANCED
-    return list(warnings._unbalanced(scene, rows, [{"quality": {"energy_balance_of_stored": balance}}]))
+    return in_words(warnings._unbalanced)(scene, rows, [Row(energy_balance_of_stored=balance)])
 
 
 def test_work_of_a_branch_is_that_of_its_forces() -> None:
@@ -225,9 +229,8 @@ def test_a_run_loses_work_in_its_jump_alone() -> None:
     units, and 0.25 are stored. Sums level by level and over all rows, as of a resumed run, are the same bits."""
     rows = levels(0.5)
     for count in range(1, len(rows) + 1):
-        add_work(rows[:count], model())
-    again = levels(0.5)
-    add_work(again, model())
+        rows[:count] = with_work(rows[:count], model())
+    again = with_work(levels(0.5), model())
     assert [one.work_J for one in rows] == [one.work_J for one in again]
     lost = np.diff([missing_work(one, model()) for one in rows]) / (AREA * MODULUS)
     between = 0.1 * 0.5 * (0.2 + 0.5 * 0.3) - 0.5 * (0.5 * 0.3**2 - 0.2**2)

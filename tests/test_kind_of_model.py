@@ -1,6 +1,7 @@
 """`model.kind = "auto"`: spatial unless only the planar model has what is asked for; plan, run, map and report show it."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,11 @@ from warpknit.knit.lapping import KnitError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.mesh.tight_loops import TIGHT, first_touch
 from warpknit.runner.run import run_scene
-from warpknit.runner.summary_table import summary_rows
+from warpknit.runner.summary import Summary
+from warpknit.runner.summary_table import summary_findings
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.presets import PRESETS
-from warpknit.studies.error_estimate import settings_for_error
+from warpknit.studies.error_estimate import estimate_of, settings_for_error
 from warpknit.studies.probe_run import ProbeRun
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -224,8 +226,10 @@ def test_an_error_bound_is_met_in_the_default_model(tmp_path: Path) -> None:
     assert ProbeRun(scene).small.knit.repeats == (1, 1)
     bound = settings_for_error(scene, 20.0)
     chosen = make_scene(table, bound.overrides, command="error")
-    assert chosen.model.kind == "spatial" and chosen.model.nodes_per_loop == bound.setting.nodes_per_loop
-    summary = run_scene(chosen, out=tmp_path / "run", device="cpu", error_estimator=bound.error_estimator(scene)).summary
+    assert chosen.model.kind == "spatial" and chosen.model.nodes_per_loop == bound.nodes_per_loop
+    summary = run_scene(
+        chosen, out=tmp_path / "run", device="cpu", error_estimator=partial(estimate_of, scene=scene, setting=bound, percent=20.0)
+    ).summary.json()
     assert 0.0 <= summary["quality"]["estimated_error"] <= 0.2
 
 
@@ -240,14 +244,14 @@ def test_a_planar_result_whose_bars_slid_is_not_valid(tmp_path: Path) -> None:
     tensions = {}
     for kind in ("planar", "spatial"):
         scene = make_scene(QUEENS_CORD, {"model.kind": kind, "output.frames": 12}, preset="draft")
-        summary = run_scene(scene, out=tmp_path / kind, device="cpu").summary
+        summary = run_scene(scene, out=tmp_path / kind, device="cpu").summary.json()
         tensions[kind] = np.array([summary["mesh"][f"tension_{side}_N_per_m"] for side in ("weft", "warp")])
         slid = summary["wire"]["slid_max_m"] / scene.wire.diameter
         assert bool(summary["model"]["warnings"]) == (kind == "planar")
         if kind == "planar":
             assert slid == pytest.approx(2.74, rel=0.05)
             assert summary["warnings"][0].startswith(NOT_VALID)
-            assert next(summary_rows(summary, tmp_path)) == ("warning", summary["warnings"][0])
+            assert next(summary_findings(Summary.of(summary), tmp_path)).text == summary["warnings"][0]
     assert tensions["planar"] / tensions["spatial"] == pytest.approx([5.66 / 11.0, 9.32 / 17.7], rel=0.09)
 
 

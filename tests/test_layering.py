@@ -28,7 +28,7 @@ LAYERS = (
     # what everything may use
     {"errors", "base", "kernels"},
     # the pattern, and the form in which results leave
-    {"knit", "results.frame"},
+    {"knit", "results.frame", "results.row", "results.finding"},
     {"scene", "wires"},
     {"compute"},
     {"mesh"},
@@ -52,7 +52,7 @@ MAY_IMPORT_EXPORT = {
     "design.report_files",
     "results.run",
 }
-EXPORT_MAY_IMPORT = {"errors", "base", "results.frame", "knit", "export"}
+EXPORT_MAY_IMPORT = {"errors", "base", "results.frame", "results.row", "knit", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 LOADER_MAY_IMPORT = KERNELS_MAY_IMPORT | {"collections", "pathlib", "re"}  # kernels.native_text, which reads files of C++
 STARTED_BY_THE_COMMAND_LINE = {"runner.run", "studies.sweep", "studies.study", "design.report", "commands.plan"}

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from reference.in_words import table_of
 from warpknit import export, measure
 from warpknit.base.text import engineering
 from warpknit.design.fine_states import states_at
@@ -20,9 +21,10 @@ from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables
-from warpknit.runner.history import read_history
+from warpknit.results.row import Row, read_rows
 from warpknit.runner.run import run_scene
-from warpknit.runner.summary_table import summary_rows
+from warpknit.runner.summary import Summary
+from warpknit.runner.summary_table import summary_findings
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -64,11 +66,11 @@ def test_a_line_of_the_table_is_a_column_and_a_key(kind: str, tmp_path: Path, mo
 def test_the_largest_contact_force_is_one_value(tmp_path: Path) -> None:
     """Below the threshold of active pairs, too: the key of the summary, the column of history.csv and the row of the table."""
     scene = load_scene(CELL, [*QUICK, "contact.threshold=1 N", "load.strain_weft=0.1", "load.strain_warp=0.1"])
-    summary = run_scene(scene, out=tmp_path / "run", device="cpu").summary
-    [_, row] = read_history(tmp_path / "run" / "history.csv")
+    summary = run_scene(scene, out=tmp_path / "run", device="cpu").summary.json()
+    [_, row] = read_rows(tmp_path / "run" / "history.csv", Row)
     assert summary["contacts"]["active"] == 0 and row.contact_force_max_N > 1e-6
     assert summary["contacts"]["force_max_N"] == row.contact_force_max_N
-    shown = dict(summary_rows(summary, tmp_path))["largest contact force"]
+    shown = table_of(summary_findings(Summary.of(summary), tmp_path))["largest contact force"]
     assert shown == engineering(row.contact_force_max_N, "N")
 
 

@@ -22,10 +22,10 @@ from warpknit.commands.run import percentage
 from warpknit.design.findings import DEFAULT_SWEEP
 from warpknit.errors import DeviceError, Diverged, ExportError, InputError, MissingExtra, RunDirectoryError
 from warpknit.results.frame import Frame
+from warpknit.results.row import Row, read_rows
 from warpknit.results.run import Run
 from warpknit.results.states import Series, States
 from warpknit.results.table import Table
-from warpknit.runner.history import read_history
 from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult
 from warpknit.runner.watch import Watch
@@ -56,7 +56,7 @@ def test_what_run_returns_is_what_load_run_reads(finished: Run) -> None:
 
 
 def test_the_history_has_the_columns_of_the_file(finished: Run) -> None:
-    rows = read_history(finished.directory / "history.csv")
+    rows = read_rows(finished.directory / "history.csv", Row)
     assert list(finished.history) == list(vars(rows[0])) and finished.history.rows == len(rows) == 4
     for name, column in finished.history.items():
         assert column.tolist() == [vars(row)[name] for row in rows]
@@ -137,7 +137,7 @@ def test_a_probe_may_have_no_value(tmp_path: Path) -> None:
     values = [None, math.nan, math.inf, 3.0]
     run = warpknit.run(cell(), tmp_path / "r", device="cpu", probes={"mine": lambda record: values[record.index]}, quiet=True)
     np.testing.assert_array_equal(run.history["mine"], [np.nan, np.nan, np.nan, 3.0])
-    assert [row.mine for row in read_history(tmp_path / "r" / "history.csv")] == [None, None, None, 3.0]
+    assert [row.mine for row in read_rows(tmp_path / "r" / "history.csv", Row)] == [None, None, None, 3.0]
     last = warpknit.run(cell(), tmp_path / "s", device="cpu", probes={"mine": lambda record: math.nan}, quiet=True)
     assert last.summary["probes"] == {"mine": None} and np.isnan(last.history["mine"]).all()
 

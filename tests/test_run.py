@@ -19,9 +19,9 @@ import warp as wp
 from warpknit.compute.device import compile_times
 from warpknit.errors import Diverged, OutOfResources, RunDirectoryError
 from warpknit.measure.table import MEASURES
+from warpknit.results.row import Row, read_rows
 from warpknit.runner import recorder, watch
-from warpknit.runner.history import read_history
-from warpknit.runner.progress_display import Progress
+from warpknit.runner.progress_display import Display
 from warpknit.runner.run import run_scene
 from warpknit.runner.watch import Watch
 from warpknit.scene import load_scene
@@ -71,7 +71,7 @@ def test_two_runs_agree_to_the_bit(tmp_path: Path) -> None:
         assert all(np.array_equal(a[key], b[key]) for key in a)
 
 
-class Rates(Progress):
+class Rates(Display):
     """Keeps the rates that a run shows."""
 
     def __init__(self) -> None:
@@ -103,7 +103,10 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
 
     monkeypatch.setattr(Watch, "_check", interrupt_once)
     first = run_scene(scene, out=tmp_path / "parts", device="cpu")
-    assert first.exit_code == 130 and first.summary["stop_reason"] == "interrupted" == first.message == first.summary["message"]
+    assert (
+        first.exit_code == 130
+        and first.summary.json()["stop_reason"] == "interrupted" == first.message == first.summary.json()["message"]
+    )
     with pytest.raises(RunDirectoryError, match="--resume"):
         run_scene(scene, out=tmp_path / "parts", device="cpu")
     second = run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True)
@@ -220,7 +223,7 @@ def test_divergence_ends_with_3_and_no_nan(tmp_path: Path) -> None:
     """A level that is never steady stops with one line; what was recorded stays whole."""
     run = run_scene(cell("solver.max_steps=200"), out=tmp_path / "r", device="cpu")
     assert run.exit_code == 3 and "max_steps" in run.message and "\n" not in run.message
-    assert run.summary["stop_reason"] == "diverged" and "in weft / warp) did not converge" in run.message
+    assert run.summary.stop_reason == "diverged" and "in weft / warp) did not converge" in run.message
     assert "NaN" not in (tmp_path / "r" / "summary.json").read_text()
     for state in states(tmp_path / "r"):
         assert all(np.isfinite(value).all() for value in state.values() if value.dtype.kind == "f")
@@ -269,7 +272,7 @@ def test_the_summary_has_the_last_record_however_a_run_ends(
         monkeypatch.setattr(recorder, "available_memory", lambda: 0)
         with pytest.raises(OutOfResources):
             end(original, resume=True)
-    found, rows = summary(), read_history(tmp_path / "r" / "history.csv")
+    found, rows = summary(), read_rows(tmp_path / "r" / "history.csv", Row)
     assert len(rows) == records and found["stop_reason"] == ("diverged" if "diverged" in ending else "interrupted")
     assert [stage["name"] for stage in found["stages"]] == ["load", "more"][: 1 + (records > 3)]
     measured = [line for line in MEASURES if line.summary and line.history and line.name in vars(rows[-1])]
@@ -294,7 +297,7 @@ def test_the_summary_has_the_last_record_after_an_interrupt_at_once(tmp_path: Pa
         monkeypatch.setattr(Watch, "_check", interrupt)
         with contextlib.suppress(KeyboardInterrupt):
             assert run_scene(scene, out=out, device="cpu", resume=resume).exit_code == 130
-        found, rows = json.loads((out / "summary.json").read_text()), read_history(out / "history.csv")
+        found, rows = json.loads((out / "summary.json").read_text()), read_rows(out / "history.csv", Row)
         assert found["stop_reason"] == "interrupted" and found["mesh"]["strain_weft"] == rows[-1].strain_weft
         assert found["contacts"]["force_max_N"] == rows[-1].contact_force_max_N
         return len(rows)

@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.in_words import in_words
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import load_run, measure
 from warpknit.commands.cli import main
 from warpknit.compute.host import fetch, store
 from warpknit.errors import SceneError
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
-from warpknit.runner.history import Row, row_of
+from warpknit.results.row import Row
+from warpknit.runner import warnings_of as of_result
+from warpknit.runner.history import row_of
 from warpknit.runner.run import run_scene
-from warpknit.runner.warnings_of import warnings_of
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.relax import Relaxation
@@ -113,7 +115,7 @@ def keys_of(tree: dict, under: str = "") -> set[str]:
 
 
 def test_summary_has_the_keys_of_a_planar_run(finished: Path, tmp_path: Path) -> None:
-    planar = run_scene(load_scene(SCENES / "atlas_cell.toml", QUICK), out=tmp_path / "planar", device="cpu").summary
+    planar = run_scene(load_scene(SCENES / "atlas_cell.toml", QUICK), out=tmp_path / "planar", device="cpu").summary.json()
     summary = json.loads((finished / "summary.json").read_text())
     assert summary["model"]["kind"] == "spatial" and summary["stop_reason"] == "steady"
     assert keys_of(planar) <= keys_of(summary)
@@ -160,7 +162,7 @@ def test_a_compressed_mesh_is_not_warned_of_the_plane() -> None:
     """What wrinkles is said to be too small here, and not to be planar."""
     relaxation = Simulation(build_model(load_scene(CELL, QUICK)))
     row = Row(**vars(row_of(next(relaxation.run()))) | {"strain_weft": -0.02})
-    [warning] = [line for line in warnings_of(relaxation.model, [row], []) if "compressed" in line]
+    [warning] = [line for line in in_words(of_result.warnings_of)(relaxation.model, [row]) if "compressed" in line]
     assert "planar" not in warning
 
 
@@ -171,7 +173,7 @@ def test_a_mesh_that_pushes_is_named(weft: float, says: bool) -> None:
     values = vars(row_of(next(relaxation.run())))
     tensions = [(1e-9, -1e-9), (weft, 1.0)]
     rows = [Row(**values | {"tension_weft_N_per_m": one, "tension_warp_N_per_m": other}) for one, other in tensions]
-    found = [line for line in warnings_of(relaxation.model, rows, []) if "pushes along weft" in line]
+    found = [line for line in in_words(of_result.warnings_of)(relaxation.model, rows) if "pushes along weft" in line]
     assert bool(found) == says
 
 

@@ -70,12 +70,12 @@ def test_the_step_is_halved_where_a_contact_closes_nearby(kink, step, monkeypatc
         return 140.0 * within + 60.0 * (strain[0, 0] - within), 100.0 * strain[1, 1], 50.0 * strain[0, 1]
 
     mesh = SimpleNamespace(panel=SimpleNamespace(area=1.0), scene=load_scene(SCENE))
-    path = SimpleNamespace(to=lambda load: SimpleNamespace(observables=SimpleNamespace(gradient=np.eye(2))), state=None)
+    observed = SimpleNamespace(gradient=np.eye(2), thermal_force=0.0)
+    path = SimpleNamespace(to=lambda load: SimpleNamespace(observables=observed), state=None)
     monkeypatch.setattr(card_module, "LoadPath", lambda *_: path)
     monkeypatch.setattr(card_module, "under_strain", lambda *_: None)
     monkeypatch.setattr(card_module, "_stress", stress)
     for name, value in {
-        "thermal_force": 0.0,
         "mesh_tension": (1.0, 1.0),
         "areal_mass": 1.0,
         "largest_stress": 1.0,
@@ -95,7 +95,7 @@ def test_the_card_foretells_a_further_strain(model, found):
     strain = STEP * np.array([1.0, -1.5, 2.0])
     f, tensioned = stretch(strain), np.diag(1.0 + np.array(STRAINS))
     (state,) = states_at(model, [f @ tensioned])
-    s = np.linalg.solve(f, measure.nominal_stress(state)) @ tensioned.T / np.linalg.det(tensioned)
+    s = np.linalg.solve(f, state.nominal_stress) @ tensioned.T / np.linalg.det(tensioned)
     change = np.array([s[0, 0] - card.tension_weft, s[1, 1] - card.tension_warp, s[0, 1]])
     expected = card.stiffness @ strain
     assert change == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
@@ -142,10 +142,10 @@ def test_heat_changes_the_stress_by_the_stiffness_times_the_expansion(model, fou
         stage = model.scene.stages[0]
         warm = replace(stage, temperature=stage.temperature + sign * by)
         (state,) = states_at(replace(model, scene=replace(model.scene, stages=(warm,))), [tensioned])
-        stress.append(np.diag(measure.nominal_stress(state) @ tensioned.T / np.linalg.det(tensioned)))
-        energies = measure.energies(state)
+        stress.append(np.diag(state.nominal_stress @ tensioned.T / np.linalg.det(tensioned)))
+        energies = state.energies
         stored.append(energies.stretch + energies.bend + energies.contact)
-    assert measure.thermal_force(base) == pytest.approx((stored[0] - stored[1]) / 2e-3, rel=1e-4)
+    assert base.thermal_force == pytest.approx((stored[0] - stored[1]) / 2e-3, rel=1e-4)
     change = (stress[0] - stress[1]) / (2.0 * by)
     expected = -(card.stiffness @ card.expansion)[:2]
     assert change == pytest.approx(expected, rel=2e-3)
@@ -169,7 +169,7 @@ def test_a_sheared_mesh_balances_its_moments_and_is_its_own_mirror_image(model):
     double atlas is itself, moved by half a repeat: shear the other way turns the sign of the shear stress alone."""
     tensioned = np.diag(1.0 + np.array(STRAINS))
     states = states_at(model, [tensioned + [[0.0, shear], [0.0, 0.0]] for shear in (0.1, -0.1)])
-    right, left = (measure.true_stress(measure.nominal_stress(state), state.gradient) for state in states)
+    right, left = (measure.true_stress(state.nominal_stress, state.gradient) for state in states)
     tolerance = 5e-5 * right.max()
     assert right[0, 1] > 0.2 * right.max()
     assert right[0, 1] == pytest.approx(right[1, 0], abs=tolerance)

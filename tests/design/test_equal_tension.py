@@ -10,7 +10,7 @@ from warpknit.design.equal_tension import YIELDED, EqualTensionPath, service_poi
 from warpknit.design.report import _another
 from warpknit.design.sections import outside_text
 from warpknit.design.service import REFINED, ServicePoint, branches_at, equal_tension
-from warpknit.runner.history import Row
+from warpknit.results.row import Row
 from warpknit.scene import load_scene
 from warpknit.studies.contact_map import MapRow
 

@@ -14,7 +14,7 @@ from warpknit.design.card import MaterialCard
 from warpknit.design.card_files import write_card
 from warpknit.design.fe import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
 from warpknit.design.fe.fe_card import ENGINEERING, GREEN, LOGARITHMIC, TRUE, _rising, tangent
-from warpknit.runner.history import Row
+from warpknit.results.row import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
 from warpknit.scene import load_scene
 

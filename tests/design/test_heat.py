@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from reference.in_words import ChangingRow as Row
 from warpknit.design.equal_tension import EqualTensionPath
 from warpknit.design.heat import heat, tension_held
 from warpknit.design.load_path import LoadPath
 from warpknit.errors import Diverged
-from warpknit.runner.history import Row, row_of
+from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
 from warpknit.studies.states import mesh_of
 

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ from warpknit.mesh.layout import knit_scene
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.results.run import load_run
-from warpknit.runner.progress_display import Progress
+from warpknit.runner.progress_display import Display
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.model import build_model
 
@@ -181,7 +182,8 @@ def test_the_areal_mass_is_that_of_all_bars(scene):
     assert f"as knitted is {1e3 * mass:.3g} g/m2, 0 %" in note
     assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire per loop" in note
     page = Page("locknit")
-    mesh_section(page, locknit, knit_scene(locknit), read(model, initial_state(model)), None, (), {})
+    found = SimpleNamespace(scene=locknit, model=model, knitted=read(model, initial_state(model)), card=None, notes=())
+    mesh_section(page, found, {})
     assert f"{1e3 * mass:.3g} g/m2" in page.html()
 
 
@@ -199,7 +201,7 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
     lines = [",".join(map(str, (*pair, *measure.mesh_tension(state)))) for pair, state in zip(strains, states, strict=True)]
     path = tmp_path / "measured.csv"
     path.write_text("\n".join([",".join(COLUMNS), *lines]), encoding="utf-8")
-    fitted = fit_curve(scene, path, Progress())
+    fitted = fit_curve(scene, path, Display())
     found = fitted.scene
     write_fit(fitted, tmp_path)
     fit = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
@@ -224,7 +226,7 @@ def test_a_bad_curve_is_refused(scene, tmp_path, text, said):
     path = tmp_path / "measured.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="measured.csv") as refused:
-        fit_curve(scene, path, Progress())
+        fit_curve(scene, path, Display())
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
@@ -244,4 +246,4 @@ def test_what_was_fitted_is_left_as_numbers(scene, tmp_path):
 
 def test_a_missing_curve_is_refused(scene, tmp_path):
     with pytest.raises(InputError, match="nowhere.csv"):
-        fit_curve(scene, tmp_path / "nowhere.csv", Progress())
+        fit_curve(scene, tmp_path / "nowhere.csv", Display())

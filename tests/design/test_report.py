@@ -17,7 +17,6 @@ from warpknit import __version__
 from warpknit.base.text import duration
 from warpknit.commands.cli import main
 from warpknit.design import curves
-from warpknit.design.curves import CurvePoint
 from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
 from warpknit.design.fe import CODES
 from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
@@ -26,7 +25,8 @@ from warpknit.design.report import _card
 from warpknit.design.service import EqualTension
 from warpknit.errors import Diverged
 from warpknit.export import map_figure
-from warpknit.runner.progress_display import Progress
+from warpknit.results.row import Row
+from warpknit.runner.progress_display import Display
 from warpknit.scene import load_scene
 from warpknit.studies.contact_map import map_row
 from warpknit.studies.map_table import LEAST_TOLD
@@ -58,7 +58,7 @@ def reports(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(curves, "POINTS", 2)
         patch.setattr(map_figure, "map_figure", kept)
-        patch.setattr(Progress, "stage", lambda self, name, number, of: PROGRESS.append((name, number, of)))
+        patch.setattr(Display, "stage", lambda self, name, number, of: PROGRESS.append((name, number, of)))
         for tension in ("", "0.06 N/m"):
             done = make_report(out, *(["--tension", tension, "--cards", "nastran, radioss"] if tension else []))
             assert done.exit_code == 0, done.output
@@ -167,10 +167,10 @@ def test_the_loads_of_the_default_map_are_said_to_be_so():
 
 
 def test_curves_with_missing_states_are_told_on_the_terminal():
-    point = CurvePoint("equal", 0.1, 0.1, 0.01, 0.01, 50.0, 1e8, 1.0, 1.0, 0)
-    curves, bare = [point, replace(point, tension_weft_N_per_m=None)], {"card": None, "branch_notes": [], "limit_of_curves": None}
+    point = Row(tension_weft_N_per_m=0.01)
+    curves, bare = [point, point.changed(tension_weft_N_per_m=None)], {"card": None, "branch_notes": [], "limit_of_curves": None}
     (text,) = Findings.warnings.fget(SimpleNamespace(**bare, curves=curves))
-    assert text.startswith("1 of 2 states of the curves of tension against strain did not converge")
+    assert str(text).startswith("1 of 2 states of the curves of tension against strain did not converge")
     assert Findings.warnings.fget(SimpleNamespace(**bare, curves=curves[:1])) == []
 
 

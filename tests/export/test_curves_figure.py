@@ -1,10 +1,8 @@
 """Curves of a run, and against temperature, are whole images; what they look like is for people to see."""
 
-import csv
 import math
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,8 +10,9 @@ from matplotlib.figure import Figure
 from reference.histories import history
 from reference.images import check_image
 from warpknit.export import curves_figure
-from warpknit.export.curves_figure import JUMP, columns_of, draw_curves, stage_slices
+from warpknit.export.curves_figure import JUMP, draw_curves, stage_slices
 from warpknit.export.plots import scale_of
+from warpknit.results.row import columns_of
 
 
 def names_of(figure: Figure) -> list[str]:
@@ -32,29 +31,12 @@ def dotted_in(figure: Figure) -> list[list[float]]:
     ids=["equal", "two strains", "stages", "one record", "no strain"],
 )
 def test_curves_figure(tmp_path: Path, rows: list[dict[str, object]]) -> None:
-    check_image(curves_figure.curves_figure(rows, tmp_path / "curves.png"))
-
-
-def test_curves_figure_reads_the_file(tmp_path: Path) -> None:
-    with open(tmp_path / "history.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, list(history(1)[0]))
-        writer.writeheader()
-        writer.writerows(history(4))
-    (tmp_path / "given").mkdir()
-    curves_figure.curves_figure(tmp_path / "history.csv", tmp_path / "curves.png")
-    curves_figure.curves_figure(history(4), tmp_path / "given" / "curves.png")
-    first, second = (matplotlib.image.imread(path) for path in (tmp_path / "curves.png", tmp_path / "given" / "curves.png"))
-    assert np.array_equal(first, second)
+    check_image(curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png"))
 
 
 def test_unrecorded_columns_are_said(tmp_path: Path) -> None:
     rows = [{"index": index, "strain_weft": 0.01 * index, "strain_warp": 0.0, "residual": math.nan} for index in range(3)]
-    check_image(curves_figure.curves_figure(rows, tmp_path / "curves.png"))
-
-
-def test_empty_history_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="no row"):
-        curves_figure.curves_figure([], tmp_path / "curves.png")
+    check_image(curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png"))
 
 
 @pytest.mark.parametrize(
@@ -108,7 +90,7 @@ def test_stages_at_different_temperatures_are_named_with_them(tmp_path: Path, mo
     more = [{**row, "stage": "more", "temperature_K": 83.15, "strain_weft": 0.2 + 0.01 * k} for k, row in enumerate(history(4))]
     rows = history(4) + more
     for shown in (rows, [{**row, "temperature_K": 293.15} for row in rows]):
-        curves_figure.curves_figure(shown, tmp_path / "curves.png")
+        curves_figure.curves_figure(columns_of(shown), tmp_path / "curves.png")
     told, plain = ([text.get_text() for text in figure.legends[0].get_texts()] for figure in figures)
     assert told == ["load, 20 °C", "more, -190 °C"] and plain == ["load", "more"]
 
@@ -140,7 +122,7 @@ def test_the_elastic_limit_is_named_on_the_axis_and_beyond(
     kept: list[Figure] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
     rows = [row | {"stress_max_Pa": 1e7 * k} for k, row in enumerate(history(11))]
-    curves_figure.curves_figure(rows, tmp_path / "curves.png", yield_stress=share * 1e8)
+    curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png", yield_stress=share * 1e8)
     axes = kept[0].axes[2]
     (label,) = [text.get_text() for text in axes.texts]
     assert label.startswith("elastic limit, ") and label.endswith("is beyond the axis") == (not lines)
@@ -154,7 +136,7 @@ def test_stress_away_from_the_grips_is_drawn_where_it_differs(
     kept: list[Figure] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: kept.append(figure) or path)
     rows = [row | {"stress_max_Pa": 1e8 * k, "stress_interior_max_Pa": inside * 1e8 * k} for k, row in enumerate(history(11))]
-    curves_figure.curves_figure(rows, tmp_path / "curves.png", yield_stress=8e8)
+    curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png", yield_stress=8e8)
     axes = kept[0].axes[2]
     legend = axes.get_legend()
     assert [text.get_text() for text in (legend.get_texts() if legend is not None else ())] == labels
@@ -176,8 +158,8 @@ def test_contacts_elsewhere_are_drawn_where_there_are_some(tmp_path: Path, monke
         }
         for k, row in enumerate(history(4))
     ]
-    curves_figure.curves_figure(rows, tmp_path / "curves.png")
-    curves_figure.curves_figure([row | {"contacts_elsewhere": 0} for row in rows], tmp_path / "curves.png")
+    curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
+    curves_figure.curves_figure(columns_of([row | {"contacts_elsewhere": 0} for row in rows]), tmp_path / "curves.png")
     some, none = (figure.axes[0] for figure in kept)
     [right] = [axes for axes in kept[0].axes if "elsewhere" in axes.get_ylabel()]
     told = [text.get_text() for axes in (some, right) for text in axes.get_legend().get_texts()]
@@ -214,8 +196,8 @@ def test_the_legend_has_a_jump_where_a_dotted_line_is_drawn(
             "tension_weft_N_per_m": 2.0 + 0.1 * number,
             "strain_warp": 0.1 + 1e-4 * number,
         }
-    curves_figure.curves_figure(rows, tmp_path / "curves.png")
-    curves_figure.heat_figure([rows], tmp_path / "heat.png")
+    curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
+    curves_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
     for figure, mine in zip(figures, (2, 6), strict=True):
         assert bool(dotted_in(figure)) == (JUMP in names_of(figure)) == (behind == mine)
     if behind == 6:
@@ -232,7 +214,7 @@ def test_a_jump_leaves_room_for_small_strains(jump: float, share: float, tmp_pat
         base | {"temperature_K": 293.15 - 20.0 * k, "strain_weft": 1e-4 * k + jump * (k > 5), "jump": int(k == 6 and jump > 0.0)}
         for k in range(11)
     ]
-    curves_figure.heat_figure([rows], tmp_path / "heat.png")
+    curves_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
     panel = figures[0].axes[2]
     height = panel.transAxes.inverted().transform(panel.transData.transform([(0.0, 100.0 * row["strain_weft"]) for row in rows]))
     assert np.ptp(height[:6, 1]) > share and np.all((height[:, 1] >= 0.0) & (height[:, 1] <= 1.0))
@@ -246,7 +228,7 @@ def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest
     framed = [row | {"temperature_K": 293.15 + 10.0 * k, "stage": "frame held"} for k, row in enumerate(history(1) * 4)]
     free = [row | {"strain_weft": 1e-4 * k, "stage": "tension held"} for k, row in enumerate(framed)]
     for histories, lines, words in (([framed], 0, ["held"]), ([free, framed], 2, [])):
-        curves_figure.heat_figure(histories, tmp_path / "heat.png")
+        curves_figure.heat_figure(list(map(columns_of, histories)), tmp_path / "heat.png")
         panel = figures[-1].axes[2]
         assert (
             sum(np.isfinite(line.get_ydata()).any() for line in panel.lines) == lines
@@ -260,7 +242,7 @@ def test_change_of_strain_is_of_the_length_before_it(tmp_path: Path, monkeypatch
     figures: list[Figure] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     rows = [history(1)[0] | {"temperature_K": 293.15 + 10.0 * k, "strain_weft": 0.25 + 1e-3 * k} for k in range(6)]
-    curves_figure.heat_figure([rows], tmp_path / "heat.png")
+    curves_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
     assert np.asarray(figures[0].axes[2].lines[0].get_ydata()) == pytest.approx(0.08 * np.arange(6), abs=1e-9)
 
 
@@ -280,7 +262,7 @@ def test_the_residual_of_an_unloaded_mesh_does_not_flatten_the_others(
     figures: list[Figure] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     rows = [row | {"residual": value} for row, value in zip(history(4), (first, 1e-5, 2e-5, 1e-5), strict=True)]
-    curves_figure.curves_figure(rows, tmp_path / "curves.png")
+    curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
     [line] = figures[0].axes[5].lines
     assert np.isfinite(np.asarray(line.get_ydata())).sum() == shown
 
@@ -293,7 +275,7 @@ def test_long_names_of_stages_are_inside_the_picture(tmp_path: Path, monkeypatch
         [row | {"stage": name, "temperature_K": 200.0 + 50.0 * k, "jump": k} for k, row in enumerate(history(2))]
         for name in cases
     ]
-    curves_figure.heat_figure(histories, tmp_path / "heat.png")
+    curves_figure.heat_figure(list(map(columns_of, histories)), tmp_path / "heat.png")
     figures[0].draw_without_rendering()
     box = figures[0].legends[0].get_window_extent()
     assert len(names_of(figures[0])) == 5 and figures[0].bbox.x0 <= box.x0 and box.x1 <= figures[0].bbox.x1

@@ -12,6 +12,7 @@ from reference.histories import history
 from warpknit.export import curves_figure, mesh_figure
 from warpknit.export.plots import EDGE, copied, over_under, tile_copies
 from warpknit.results.frame import Frame, WireLayout
+from warpknit.results.row import columns_of
 
 
 def test_the_higher_wire_is_drawn_later_on_a_white_edge() -> None:
@@ -64,7 +65,7 @@ def test_equal_curves_both_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     drawn: list[object] = []
     monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: drawn.append(figure))
     rows = [row | {"tension_warp_N_per_m": row["tension_weft_N_per_m"]} for row in history(5)]
-    curves_figure.curves_figure(rows, tmp_path / "curves.png")
+    curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
     first, second = drawn[0].axes[1].lines
     assert np.array_equal(first.get_ydata(), second.get_ydata()) and first.get_color() != second.get_color()
     assert first.get_linewidth() > 2.0 * second.get_linewidth()

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from warpknit import measure
 from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wire_forces import BLOCK_SIZE
@@ -243,7 +242,7 @@ class Rig:
         return read(self.model, self.state)
 
     def stored_energy(self, position: np.ndarray) -> float:
-        return measure.energies(self.observables(position)).stored
+        return self.observables(position).energies.stored
 
     def stiffness(self, position: np.ndarray, step: float) -> np.ndarray:
         """Hessian of the energy [N/m] by central differences of the forces."""

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from reference.in_words import ChangingRow as Row
 from warpknit.measure.contact_classes import ContactClass
 from warpknit.runner import answers as module
 from warpknit.runner.answers import answers_of
-from warpknit.runner.history import Row
 
 CLOSES, SLOPE = {"A": 0.23, "B": 0.61}, 3e-5  # [N/m], and [m] force of a closed contact by tension beyond it
 LIMIT, STRESS = 700e6, 1e9  # [Pa] elastic limit, and [Pa m/N] stress by tension

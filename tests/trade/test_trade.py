@@ -20,11 +20,9 @@ from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import trials as spatial_trials
 from warpknit.studies import parameters, probe_run, study
-from warpknit.studies.extrapolation import MIN_ORDER, extrapolate
-from warpknit.studies.pareto import pareto
 from warpknit.studies.point import Errors, Results, Scales, errors_of
-from warpknit.studies.study import run_trade
-from warpknit.studies.trade_table import TradeRow, read_rows
+from warpknit.studies.study import MIN_ORDER, extrapolate, pareto, run_trade
+from warpknit.studies.trade_table import TradeRow, read_trade
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 SMALL = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")
@@ -103,12 +101,12 @@ def test_interrupted_study_goes_on_where_it_stopped(
     monkeypatch.setattr(study, "run_point", three)
     first = run_trade(loader, out=tmp_path / "t")
     assert first.exit_code == 130 and first.message == f"interrupted; finished points are kept in {tmp_path / 't'}"
-    before = read_rows(tmp_path / "t" / "trade.csv")
+    before = read_trade(tmp_path / "t" / "trade.csv")
     assert len(before) == 3
     monkeypatch.setattr(study, "run_point", run)
     result = run_trade(loader, out=tmp_path / "t", resume=True)
     assert result.exit_code == 0
-    rows = read_rows(tmp_path / "t" / "trade.csv")
+    rows = read_trade(tmp_path / "t" / "trade.csv")
     assert [row.point for row in rows[:3]] == [row.point for row in before]
     assert [row.outcome.wall_s for row in rows[:3]] == [row.outcome.wall_s for row in before]
     names = [row.point for row in rows]
@@ -117,7 +115,7 @@ def test_interrupted_study_goes_on_where_it_stopped(
     said = [re.match(r"(\d+) points to run", message) for message in caplog.messages]
     assert [int(line[1]) for line in said if line] == [len(names), len(names) - 3]
     assert (tmp_path / "t" / "figures" / "trade.png").stat().st_size > 10_000
-    _check_study(tmp_path / "t", rows, result.summary)
+    _check_study(tmp_path / "t", rows, result.summary.json())
 
 
 def _check_study(out: Path, rows: list[TradeRow], summary: dict) -> None:
@@ -149,14 +147,16 @@ def test_study_in_space_varies_what_space_has(tmp_path: Path, few_points: None, 
     scene = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
     small = ("load.strain_weft=0.04", "load.strain_warp=0.08", "output.frames=1")
     result = run_trade(lambda more, preset: load_scene(scene, (*small, *more), preset), out=tmp_path / "t")
-    rows = read_rows(tmp_path / "t" / "trade.csv")
+    rows = read_trade(tmp_path / "t" / "trade.csv")
     assert result.exit_code == 0 and {row.outcome.settings["kind"] for row in rows} == {"spatial"}
     assert not {row.parameter for row in rows} & {"multipliers", "body_mass"}
     ramp = next(row for row in rows if row.parameter == "drive")
     assert ramp.outcome.stop_reason == "cost limit" and ramp.outcome.node_steps == 0
     assert "not run" in ramp.outcome.message
     errors = {
-        knob["value"]: knob["largest_error_percent"] for knob in result.summary["knobs"] if knob["knob"] == "nodes_per_loop"
+        knob["value"]: knob["largest_error_percent"]
+        for knob in result.summary.json()["knobs"]
+        if knob["knob"] == "nodes_per_loop"
     }
     assert errors["model.nodes_per_loop=32"] < errors["model.nodes_per_loop=16"]
     assert all(row.outcome.results is not None for row in rows if row.outcome.settings["drive"] == "relax")
@@ -240,4 +240,4 @@ def test_table_of_another_version_is_refused_in_one_line(tmp_path: Path) -> None
     """One without a column of this version's."""
     (tmp_path / "trade.csv").write_text("preset,group\ndraft,preset\n", encoding="utf-8")
     with pytest.raises(RunDirectoryError, match="not of this version .*strain_weft.*; start over with --force"):
-        read_rows(tmp_path / "trade.csv")
+        read_trade(tmp_path / "trade.csv")

@@ -8,6 +8,7 @@ from warpknit.measure import wires_slid
 from warpknit.mesh.layout import knit_scene
 from warpknit.planar.limits import slid_wires, tight_loops
 from warpknit.planar.state import initial_state
+from warpknit.results.row import Row
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -41,7 +42,7 @@ def test_bars_of_a_tricot_slide_along_each_other() -> None:
         model = build_model(load_scene(SCENE, [*knit, *PLANAR, *strained(0.07), "output.frames=7"]))
         *_, record = Simulation(model, initial_state(model)).run()
         slid[name] = wires_slid(record.observables.u, model.panel.wire_first) / model.scene.wire.diameter
-        lines = list(slid_wires(model.scene, [{"wire": {"slid_max_m": slid[name] * model.scene.wire.diameter}}]))
+        lines = list(slid_wires(model.scene, [Row(slid_max_m=slid[name] * model.scene.wire.diameter)]))
         assert len(lines) == (name == "tricot")
     assert slid["tricot"] > 5.0
     assert slid["double atlas"] < 0.01

@@ -37,11 +37,7 @@ def readings(*overrides: str) -> list[SpatialObservables]:
 def test_nothing_touches_as_knitted() -> None:
     """The knit's wires pass each other at 1.25 d and more, free of stress: no contact, no tension."""
     unloaded = readings("output.frames=3")[0]
-    assert (
-        measure.energies(unloaded).stored < 1e-20
-        and not measure.pair_active(unloaded).any()
-        and len(unloaded.touching.force) == 0
-    )
+    assert unloaded.energies.stored < 1e-20 and not measure.pair_active(unloaded).any() and len(unloaded.touching.force) == 0
 
 
 def test_a_yarn_is_knitted_as_thick_as_it_is() -> None:
@@ -175,7 +171,7 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
     load = ("model.nodes_per_loop=56", "output.frames=4", "contact.threshold='10 uN'", *strain)
     relaxation = patch("knit.repeats=[2,2]", *load)
     *_, last = relaxation.run()
-    rhombus = measure.rhombus_contacts(last.observables)
+    rhombus = measure.contacts(last.observables, last.observables.model.panel.rhombus_bodies)
     assert rhombus.bodies == 12
     assert rhombus.active_percent == measure.contacts(readings(*load)[-1]).active_percent
 

@@ -212,5 +212,5 @@ def test_warnings_say_whether_wires_may_yield(plastic: bool) -> None:
     scene = replace(scene, stages=scene.stages[:1])
     model = build_model(scene)
     rows = [row_of(record) for record in run_model(model)]
-    warning = next(text for text in warnings_of(model, rows, []) if "elastic limit" in text or "strength" in text)
+    warning = next(text for text in map(str, warnings_of(model, rows)) if "elastic limit" in text or "strength" in text)
     assert ("the model is elastic" in warning) is not plastic

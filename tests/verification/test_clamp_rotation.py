@@ -56,7 +56,7 @@ def couple_of_beam(segments: int) -> tuple[float, float]:
     free = np.ones_like(place, dtype=bool)
     free[held] = False
     reading = rig.observables(rig.rest_position(place, free, tolerance=1e-12))
-    return measure.clamp_couple(reading) * panel.area, measure.energies(reading).stored
+    return measure.clamp_couple(reading) * panel.area, reading.energies.stored
 
 
 def test_a_straight_wire_between_turned_clamps_bends_as_a_beam() -> None:
@@ -110,7 +110,7 @@ def test_wires_leave_their_clamps_in_the_turned_direction() -> None:
 def test_the_couple_is_what_turning_the_clamps_takes(tmp_path: Path) -> None:
     """Work along the way, with that of the couple, is what is stored at the end; it is most of it."""
     ending = run_scene(make_scene(patch(0.0, path=[{"clamp_rotation": TURN}])), out=tmp_path / "run")
-    balance = ending.summary["quality"]["energy_balance_of_stored"]
+    balance = ending.summary.json()["quality"]["energy_balance_of_stored"]
     with open(tmp_path / "run" / "history.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     angle, couple = (np.array([float(row[key]) for row in rows]) for key in ("clamp_rotation", "clamp_couple_N_per_m"))

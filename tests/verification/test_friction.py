@@ -145,8 +145,8 @@ def test_what_friction_is_drawn_out_by_is_stored(share: float) -> None:
     assert np.isclose(friction, mu * reading.pair_force[closed], rtol=1e-9).any() == (share > 1.0)
     expected = np.sum(friction**2) / (2.0 * stiffness)
     assert friction_energy(reading) == pytest.approx(expected, rel=1e-9)
-    loose = measure.energies(read(model, state)).contact
-    assert measure.energies(reading).contact - loose == pytest.approx(expected, rel=1e-6)
+    loose = read(model, state).energies.contact
+    assert reading.energies.contact - loose == pytest.approx(expected, rel=1e-6)
     # taken as a state at rest, it keeps what it is drawn out by
     state.pair_stuck.assign(kept)
     stepper.evaluate_contact()

@@ -85,8 +85,8 @@ def test_the_work_of_bending_is_stored_or_dissipated() -> None:
     after = read(model, state)
     slope = 0.5 * float(np.sum((after.moment - wire_forces(model, state).moment_of_turns) * after.elastic_turning))
     assert slope > 0.0
-    assert measure.energies(after).bend - slope + path.dissipated == pytest.approx(work.sum(), rel=1e-9)
-    assert measure.hardened_energy(after) > 0.05 * work.sum()
+    assert after.energies.bend - slope + path.dissipated == pytest.approx(work.sum(), rel=1e-9)
+    assert after.hardened_energy > 0.05 * work.sum()
 
 
 @cache
@@ -96,7 +96,7 @@ def cycle(plastic: bool) -> dict[str, tuple]:
     ends = {}
     for record in Simulation(model, initial_state(model)).run():
         r = record.observables
-        stress = float(measure.wire_stress(r).max())
+        stress = float(r.wire_stress.node.max())
         ends[record.stage] = (sum(measure.mesh_tension(r)), measure.contacts(r).active, stress, record.dissipated)
     return ends
 

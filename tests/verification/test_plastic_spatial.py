@@ -142,7 +142,7 @@ def test_a_hook_that_yields_is_that_of_the_plane(tmp_path: Path) -> None:
     force = []
     for kind in ("planar", "spatial"):
         scene = load_scene(HOOK, [f"model.kind={kind}", *options])
-        summary = run_scene(scene, out=tmp_path / kind, device="cpu").summary
+        summary = run_scene(scene, out=tmp_path / kind, device="cpu").summary.json()
         assert abs(summary["quality"]["energy_balance_of_stored"]) < 0.03
         assert summary["wire"]["plastic_fraction"] > 0.5
         force.append([stage["hook"]["drive_force_N"] for stage in summary["stages"]])

@@ -24,7 +24,7 @@ def test_stretch_counts_on_either_side_of_a_node() -> None:
     sides = np.abs(np.concatenate([strain[:1], strain, strain[-1:]]))
     expected = wire.youngs_modulus * np.maximum(sides[:-1], sides[1:])
     noise = 100 * EPSILON * SEGMENTS / 3e-3
-    assert measure.wire_stress(reading) == pytest.approx(expected, rel=noise)
+    assert reading.wire_stress.node == pytest.approx(expected, rel=noise)
     largest, _, above = measure.stress_extremes(reading)
     assert largest == pytest.approx(2.84e9, rel=noise)
     length = np.r_[0.5, np.ones(SEGMENTS - 1), 0.5] / SEGMENTS  # nodes stand for half of the segments beside them
@@ -41,7 +41,7 @@ def test_bending_stresses_the_outermost_fibre(side: float) -> None:
     radius = 1e-3
     angle = 2.0 * np.arcsin(0.5 * SPACING / radius)
     turn = angle * np.arange(SEGMENTS + 1)
-    stress = measure.wire_stress(rig.observables(radius * np.stack([np.sin(turn), side * (1.0 - np.cos(turn))], axis=1)))
+    stress = rig.observables(radius * np.stack([np.sin(turn), side * (1.0 - np.cos(turn))], axis=1)).wire_stress.node
     expected = rig.model.scene.wire.youngs_modulus * 0.5 * DIAMETER * angle / SPACING
     # rounding of edges against their length, over the turning and over the strain that makes as much stress
     noise = 1e3 * EPSILON / (angle * DIAMETER / SPACING)
@@ -69,11 +69,11 @@ def test_a_wire_is_stressed_most_under_a_body(u: float) -> None:
     force, length = reading.pair_force, SEGMENTS * SPACING
     moment = force * place * (length - place) / length
     over = rig.model.scene.wire.youngs_modulus * 0.5 * DIAMETER / rig.model.bending_stiffness
-    found = measure.contact_stress(reading) / over
+    found = reading.wire_stress.contact / over
     # the contact point is found to 1e-5 of a segment; the ends of the wires are pulled towards each other, and hardly
     noise = 1e-4
     assert found == pytest.approx(moment, rel=noise)
-    at_nodes = measure.wire_stress(reading).reshape(2, -1) / over
+    at_nodes = reading.wire_stress.node.reshape(2, -1) / over
     along = SPACING * np.arange(SEGMENTS + 1)
     by_hand = np.where(along <= place, along / place, (length - along) / (length - place)) * moment[:, None]
     assert at_nodes == pytest.approx(by_hand, abs=noise * moment.max())
@@ -81,11 +81,11 @@ def test_a_wire_is_stressed_most_under_a_body(u: float) -> None:
 
 
 def test_heat_works_against_stretch_bending_and_contact() -> None:
-    """`measure.thermal_force` is the derivative of the stored energy by the length factor, which lengthens segments and hinges
+    """`thermal_force` is the derivative of the stored energy by the length factor, which lengthens segments and hinges
     and widens the reach of contacts; by central differences of 2e-6, to their square and to round-off over them."""
     rig, by = two_rings(7), 1e-6
     x = deformed(rig)
-    found = measure.thermal_force(rig.observables(x))
+    found = rig.observables(x).thermal_force
     energies = []
     for sign in (1.0, -1.0):
         rig.control(length_factor=1.0 + sign * by)

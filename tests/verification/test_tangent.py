@@ -58,7 +58,7 @@ def around(knit: str) -> tuple[np.ndarray, np.ndarray]:
     touching = np.stack([measure.pair_active(state) for state in states])
     assert touching[0].any() and (touching == touching[0]).all()  # else the tangent has a kink
     area = states[0].model.panel.area
-    stress, energy = map(np.array, zip(*((np.diag(s.nominal_stress), measure.energies(s).stored) for s in states), strict=True))
+    stress, energy = map(np.array, zip(*((np.diag(s.nominal_stress), s.energies.stored) for s in states), strict=True))
     return stress, energy / area
 
 

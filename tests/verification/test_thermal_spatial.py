@@ -159,7 +159,7 @@ def test_work_of_uneven_heat_is_on_the_books(tmp_path: Path) -> None:
         ],
     )  # fmt: skip
     ending = run_scene(scene, out=tmp_path / "run", device="cpu")
-    assert abs(ending.summary["quality"]["energy_balance_of_stored"]) < 0.01
+    assert abs(ending.summary.json()["quality"]["energy_balance_of_stored"]) < 0.01
     with open(tmp_path / "run" / "history.csv", newline="", encoding="utf-8") as file:
         first, *_, last = [row for row in csv.DictReader(file) if row["load_factor"] == "1.0"]
     stored = [sum(float(row[f"energy_{kind}_J"]) for kind in ("stretch", "bend", "contact")) for row in (first, last)]

@@ -9,7 +9,7 @@ import pytest
 
 from reference.rods import SECTION, residual_of, set_masses, update
 from reference.touching import STIFFNESS, advance, line, plies, touching
-from warpknit.runner.history import read_history
+from warpknit.results.row import Row, read_rows
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.rod_relaxation import RodRelaxation
@@ -329,8 +329,8 @@ def test_what_a_mesh_does_not_store_is_dissipated(tmp_path: Path) -> None:
             f"output.frames={frames}", "output.usd=false", "output.figures=false",
         ]  # fmt: skip
         out = tmp_path / str(frames)
-        balance.append(run_scene(load_scene(CELL, options, "draft"), out=out, device="cpu").summary["quality"])
-        rows = read_history(out / "history.csv")
+        balance.append(run_scene(load_scene(CELL, options, "draft"), out=out, device="cpu").summary.json()["quality"])
+        rows = read_rows(out / "history.csv", Row)
         assert rows[-1].dissipated_J > 0.25 * max(row.stored for row in rows)
     coarse, fine = (abs(one["energy_balance_of_stored"]) for one in balance)
     assert coarse < 0.03

@@ -133,7 +133,7 @@ def test_the_answers_of_a_weave_count_its_crossings(tmp_path: Path) -> None:
     """All 4 crossings close, at a tension, carry the same force, and give a best tension."""
     load, boundary = {"tension_weft": "100 N/m", "tension_warp": "100 N/m"}, {"boundary": "periodic"}
     scene = scene_of(tmp_path, weave(2, 2), wires={"period": [2.0 * SPACING, 2.0 * SPACING]}, load=load, model=boundary)
-    summary = run_scene(scene, out=tmp_path / "run").summary
+    summary = run_scene(scene, out=tmp_path / "run").summary.json()
     contacts, answers = summary["contacts"], summary["answers"]
     assert (contacts["bodies"], contacts["active_percent"], contacts["elsewhere"]) == (4, 100.0, 0)
     assert contacts["force_max_N"] == pytest.approx(contacts["force_mean_N"], rel=1e-3)

@@ -5,7 +5,6 @@ import pytest
 import wire_samples as samples
 from pxr import Sdf, Usd, UsdGeom
 
-from warpknit import measure
 from warpknit.commands.plan import outline_of
 from warpknit.errors import SceneError
 from warpknit.scene import load_scene
@@ -152,7 +151,7 @@ def test_wires_of_several_widths_carry_tension_by_their_sections(tmp_path):
     pull = np.maximum.reduceat(observed.tension, model.rods.wire_first)
     assert pull == pytest.approx(0.001 * modulus * areas, rel=2e-3)
     inner = (model.rods.following >= 0) & (model.rods.previous >= 0)
-    assert measure.wire_stress(observed)[inner] == pytest.approx(0.001 * modulus, rel=2e-3)
+    assert observed.wire_stress.node[inner] == pytest.approx(0.001 * modulus, rel=2e-3)
     assert observed.wire_mass == pytest.approx(scene.wire.density * 2e-3 * areas.sum(), rel=1e-6)
 
 

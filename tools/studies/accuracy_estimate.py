@@ -45,7 +45,7 @@ def checked(name: str, percent: float, quick: bool) -> EstimateRow:
     scene = scene_of(file, *overrides, *levels)
     within = settings_for_error(scene, percent)
     *_, last = run(scene_of(file, *overrides, *levels, *within.overrides))
-    estimate = estimate_of(last, scene, within)
+    estimate = estimate_of(last, scene, within, percent)
     kind = edge_of(scene)
     tolerance, softening = (1e-3, 300.0) if kind == "gripped" else (1e-4, 64.0)
     fine = [("model.nodes_per_loop", 34 if quick else CHECK_NODES[kind]), ("solver.precision", "double"),
@@ -53,7 +53,7 @@ def checked(name: str, percent: float, quick: bool) -> EstimateRow:
     *_, true = run(scene_of(file, *overrides, *levels, *fine))
     errors = errors_of(results_of(last), results_of(true), scales_of(build_model(scene)))
     estimated = float("nan") if estimate.error is None else 100 * estimate.error
-    return EstimateRow(name, percent, within.setting.nodes_per_loop, estimated, errors.largest_percent, errors.active_percent,
+    return EstimateRow(name, percent, within.nodes_per_loop, estimated, errors.largest_percent, errors.active_percent,
                100 * errors.tension, 100 * errors.contact_force, 100 * errors.stress, last.steps, true.steps)  # fmt: skip
 
 

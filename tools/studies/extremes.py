@@ -111,7 +111,7 @@ def run(table: Table) -> Outcome:
             result = run_scene(made, out=Path(folder) / "run")
     except (WarpknitError, KnitError) as error:
         return Outcome(getattr(error, "exit_code", 2), time.perf_counter() - start, 0, nothing, (), str(error))
-    summary, steps = result.summary, int(result.summary["solver"]["steps"])
+    summary, steps = result.summary.json(), int(result.summary.json()["solver"]["steps"])
     seconds, warnings = time.perf_counter() - start, tuple(summary["warnings"])
     if result.exit_code or "mesh" not in summary:
         return Outcome(result.exit_code, seconds, steps, nothing, warnings, result.message)
@@ -143,7 +143,7 @@ def rotated(angle: float) -> tuple[Outcome, Outcome]:
             step = np.array([[math.cos(part), -math.sin(part)], [math.sin(part), math.cos(part)]])
             simulation.drive.equilibrium_at(step @ gradient, made.wire.reference_temperature)
         reading = read(model, simulation.state)
-        stress = rotation.T @ measure.true_stress(measure.nominal_stress(reading), reading.gradient) @ rotation
+        stress = rotation.T @ measure.true_stress(reading.nominal_stress, reading.gradient) @ rotation
         steps = simulation.progress.steps
         found.append(Outcome(0, time.perf_counter() - start, steps, scaled(made, np.diag(stress).tolist()), (), ""))
     return found[0], found[1]

@@ -137,7 +137,7 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
             raise SystemExit(f"{drive}, {precision}, {strain:g}: diverged at look {look}")
         reading, speeds = read(model, state), speeds_of(state)
         advance(stepper, neighbours, 1)
-        stretch = float(np.max(np.abs(measure.axial_strain(reading))))
+        stretch = float(np.max(np.abs(reading.axial_strain)))
         energy = stored(reading) + kinetic(model, state, reading, speeds) - at_rest * (drive == "shaken")
         looks.append([energy, stretch, *measure.mesh_tension(reading), measure.contacts(reading).active])
     seconds = time.perf_counter() - started
@@ -156,7 +156,7 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
 
 def stored(reading: PlanarObservables) -> float:
     """[J]"""
-    energies = measure.energies(reading)
+    energies = reading.energies
     return energies.stretch + energies.bend + energies.contact
 
 

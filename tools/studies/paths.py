@@ -98,12 +98,12 @@ def states_of(records: Sequence[Record]) -> list[State]:
     for record in records:
         r = record.observables
         if last is not None:
-            mean = 0.5 * (measure.nominal_stress(last) + measure.nominal_stress(r))
+            mean = 0.5 * (last.nominal_stress + r.nominal_stress)
             work += r.model.panel.area * float(np.sum(mean * (r.gradient - last.gradient)))
         last = r
         found.append(State(
             record.stage, float(r.gradient[0, 0] - 1.0), measure.contacts(r).active_percent, *measure.mesh_tension(r), work,
-            measure.energies(r).stored, record.dissipated, measure.stress_extremes(r)[0], measure.plastic_extremes(r)[0],
+            r.energies.stored, record.dissipated, measure.stress_extremes(r)[0], measure.plastic_extremes(r)[0],
         ))  # fmt: skip
     return found
 

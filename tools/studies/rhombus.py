@@ -103,7 +103,7 @@ def rows_of(varied: str, value: str, scene: Scene, strains: tuple[float, ...], c
     kinetic, behind = 0.0, math.nan
     for record in run_model(model):
         r = record.observables
-        energies = measure.energies(r)
+        energies = r.energies
         if record.load_factor > 0.1 and energies.stored > 0.0:
             kinetic = max(kinetic, energies.kinetic / energies.stored)
         strain = float(r.gradient[0, 0] - 1.0)

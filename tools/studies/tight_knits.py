@@ -167,7 +167,7 @@ def _state(record: Record) -> dict[str, float]:
 
 def _said(simulation: Simulation, records: list[Record]) -> str:
     """What a run would warn of, and tensions that fall from one level to the next."""
-    said = warnings_of(simulation.model, [row_of(record) for record in records], [])
+    said = [str(warning) for warning in warnings_of(simulation.model, [row_of(record) for record in records])]
     if len(records) > 2:
         before, now = (np.array(measure.mesh_tension(record.observables)) for record in records[-2:])
         if np.any(now < before - JUMP * max(before.max(), SLACK)):

@@ -24,6 +24,7 @@ from warpknit.compute.ranks import Ranks
 from warpknit.errors import FINISHED, INTERRUPTED, Diverged
 
 if TYPE_CHECKING:
+    from warpknit.results.finding import Finding
     from warpknit.runner.run_directory import CommandResult
     from warpknit.scene import Scene
 
@@ -164,17 +165,7 @@ def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None =
     return loaded, Path(asked.out) if asked.out else default_directory(loaded)
 
 
-def finished(result: CommandResult, asked: Asked, lines: Callable[[dict[str, Any]], Rows], out: Path) -> int:
-    """Print the table of a finished command, else why it did not finish; return its exit status."""
-    from warpknit.runner.summary_table import print_table
-
-    if result.exit_code != FINISHED:
-        return unfinished(result, asked)
-    print_table([*lines(result.summary), ("results in", str(out))])
-    return FINISHED
-
-
-def unfinished(result: CommandResult, asked: Asked, *, resume: bool = False) -> int:
+def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False) -> int:
     """Print why a command did not finish, and how an interrupted one goes on; return its exit status.
 
     resume: whether it resumes of itself.
@@ -185,6 +176,15 @@ def unfinished(result: CommandResult, asked: Asked, *, resume: bool = False) -> 
     go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut else ""
     click.echo(f"warpknit: {result.message}{go_on}", err=True)
     return int(result.exit_code)
+
+
+def finished(lines: Iterable[Finding], directory: Path) -> int:
+    """Print the table of a finished command; return its exit status."""
+    from warpknit.results.finding import Finding
+    from warpknit.runner.summary_table import print_table
+
+    print_table([*lines, Finding("results in", str(directory))])
+    return FINISHED
 
 
 @main.command()
@@ -209,10 +209,10 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
         )  # fmt: skip
     if not ranks.is_first:
         return int(result.exit_code)
-    from warpknit.runner.summary_table import print_summary
+    from warpknit.runner.summary_table import print_table, summary_findings
 
-    if result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.get("stages")):
-        print_summary(result.summary, directory)
+    if result.summary and (result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.stages)):
+        print_table(summary_findings(result.summary, directory))
     return FINISHED if result.exit_code == FINISHED else unfinished(result, asked)
 
 
@@ -224,11 +224,13 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
 
     from warpknit.commands.run import map_command, naming_the_file
     from warpknit.runner.progress_display import progress_for
-    from warpknit.studies.map_table import map_lines
+    from warpknit.studies.map_table import map_findings
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
-    return finished(result, asked, map_lines, directory)
+    if result.exit_code != FINISHED:
+        return unfinished(result, asked)
+    return finished(map_findings(result.summary), directory)
 
 
 @main.command()
@@ -243,14 +245,16 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     from warpknit.commands.run import naming_the_file
     from warpknit.runner.progress_display import progress_for
     from warpknit.studies.study import run_trade
-    from warpknit.studies.trade_summary import trade_lines
+    from warpknit.studies.trade_table import trade_findings
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = run_trade(
             lambda more, other: loaded.changed(more, other, command="trade"),
             out=directory, against=against, device=asked.device, resume=asked.resume, force=asked.force, progress=progress,
         )  # fmt: skip
-    return finished(result, asked, trade_lines, directory)
+    if result.exit_code != FINISHED:
+        return unfinished(result, asked)
+    return finished(trade_findings(result.summary), directory)
 
 
 @main.command()
@@ -302,18 +306,19 @@ def report(
         done = report_command(loaded, directory, request, force=asked.force, progress=progress, device=asked.device)
     if done.page is None:
         return unfinished(done.result, asked, resume=True)
+    from warpknit.results.finding import Finding, warning_lines
     from warpknit.runner.summary_table import print_table
-    from warpknit.studies.map_table import map_lines
+    from warpknit.studies.map_table import map_findings
 
-    lines = [("mesh", note) for note in done.notes] + list(done.page.answer_lines)
-    lines += map_lines(done.result.summary)
-    lines.append(("map", done.page.sweep_text))
+    lines = [Finding("mesh", note) for note in done.notes] + list(done.page.answer_lines)
+    lines += map_findings(done.result.summary)
+    lines.append(Finding("map", done.page.sweep_text))
     if done.result.exit_code == FINISHED:
-        lines.append(("material card", done.page.card_state))
-        lines += [("", note) for note in done.page.file_notes]
-    lines += [("warning", warning) for warning in done.page.warnings]
+        lines.append(Finding("material card", done.page.card_state))
+        lines += [Finding("", note) for note in done.page.file_notes]
+    lines += warning_lines(done.page.warnings)
     if not done.page.earlier_kept:
-        lines.append(("page", str(directory / "report.html")))
+        lines.append(Finding("page", str(directory / "report.html")))
     print_table(lines)
     if done.result.exit_code != FINISHED:
         raise Diverged(done.result.message)

@@ -19,6 +19,7 @@ from ..errors import InputError
 from ..knit.lapping import KnitError
 from ..knit.named import NAMED_KNITS
 from ..mesh.layout import knit_scene
+from ..results.finding import Finding
 from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
@@ -104,7 +105,7 @@ def _has_room(request: SceneRequest) -> bool:
     return True
 
 
-def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple[str, str]]:
+def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Finding]:
     """Write the scene of a request; return the lines of its table."""
     _refuse_existing(path, force)
     text, scene, outline = planned_scene(request, path)
@@ -112,17 +113,18 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[tuple
         file.write(text)
     wire, knit = scene.wire, request.named
     wales, courses = request.spacings
-    return [
+    lines = (
         ("scene", str(path)),
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
         ("", outline.mesh[0][1]),
         ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{_plated(wire)}"),
         ("model", f"{scene.model.kind} ({scene.kind_reason})"),
         *outline.mesh[1:],
-        *(("warning", warning) for warning in outline.warnings),
+        *(("warning", str(warning)) for warning in outline.warnings),
         ("next", f"warpknit plan {shlex.quote(str(path))}"),
         ("", f"warpknit run {shlex.quote(str(path))}"),
-    ]
+    )
+    return [Finding(*line) for line in lines]
 
 
 def _plated(wire: Wire) -> str:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import psutil
 
@@ -22,6 +21,7 @@ from ..knit.lapping import parse_chain
 from ..mechanics.protocols import Model
 from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
 from ..mesh.rim import net_nodes
+from ..results.finding import ResultWarning
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from ..scene import Scene
 from ..scene.capabilities import without_effect
@@ -50,7 +50,7 @@ class Outline:
     mesh: tuple[tuple[str, str], ...]  # heading and text
     accuracy: str
     file: WireReport | None  # of wires from a file
-    warnings: tuple[str, ...]
+    warnings: tuple[ResultWarning, ...]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Plan(Outline):
         """[s] of these steps; None on a GPU."""
         return self.run.seconds if self.device == "cpu" else None
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """The object that `warpknit plan --json` prints."""
         file = {} if self.file is None else self.file.as_dict()
         return file | {
@@ -110,7 +110,7 @@ class Plan(Outline):
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
-            *(("warning", warning) for warning in self.warnings),
+            *(("warning", str(warning)) for warning in self.warnings),
         ]
         return [f"{heading:<11}{text}" for heading, text in rows]
 
@@ -134,7 +134,8 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     """
     outline = outline_of(scene, device)
     run = measure_run(outline.model, outline.nodes, scene)
-    failure = [f"a small mesh of this scene fails: {run.small.failure}"] if run.small.failure else []
+    failed = run.small.failure
+    failure = [ResultWarning("W59", f"a small mesh of this scene fails: {failed}")] if failed else []
     warnings = (*outline.warnings, *failure)
     return Plan(**vars(outline) | {"warnings": warnings}, run=run, map_s=_map_time(scene, outline))
 
@@ -183,25 +184,27 @@ def outline_of(scene: Scene, device: str | None = None) -> Outline:
         physics=(
             *description.physics(model, bodies),
             *physics_of(scene, model.loading_time),
-            *(() if cloth is None else description.limitations(scene, cloth)),
+            *(() if cloth is None else map(str, description.limitations(scene, cloth))),
             *without_effect(scene),
         ),
         mesh=mesh if file is None else tuple(file.rows()),
         accuracy=description.accuracy(scene),
         file=file,
         warnings=(
-            *(note for note in notes if file is None or note not in file.warnings),
+            *(ResultWarning("W03", note) for note in notes if file is None or note not in file.warnings),
             *scene_cautions(scene, cloth),
             *release_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),
-            *(() if cloth is None else description.overlaps_as_knitted(scene, _one_repeat(scene))),
+            *(ResultWarning("W14", text) for text in _overlaps(scene, cloth)),
         ),
     )
 
 
-def _one_repeat(scene: Scene) -> Cloth:
-    """One repeat of the cloth of a scene, with loops of the mean size."""
-    return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
+def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+    """Whether wires of a repeat, with loops of the mean size, overlap as knitted."""
+    if cloth is not None:
+        repeat = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
+        yield from description_of(scene).overlaps_as_knitted(scene, repeat)
 
 
 def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..base.files import write_aside
 from ..base.text import either
 from ..design.fe import CODES
 from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import write_report
 from ..errors import INTERRUPTED, Diverged, InputError, naming_arguments
+from ..results.row import Values, write_json
 from ..results.run import Run
-from ..runner.progress_display import Progress
+from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..studies.contact_map import read_map
+from ..studies.map_table import MapSummary
 from ..studies.sweep import run_map as sweep_scene
 from .run import Directory, Source, carried_out
 
@@ -91,13 +91,13 @@ class ReportRequest:
 class Report:
     """A report, its map, and how the scene was fitted."""
 
-    result: CommandResult
+    result: CommandResult[MapSummary]
     notes: tuple[str, ...]
     page: Findings | None  # None where the map or the page was interrupted
 
 
 def report_command(
-    scene: Scene, out: Path, asked: ReportRequest, *, force: bool, progress: Progress, device: str | None = None
+    scene: Scene, out: Path, asked: ReportRequest, *, force: bool, progress: Display, device: str | None = None
 ) -> Report:
     """`warpknit report`: fits, map and page; exit status 3 where no state carries the tension of the card."""
     begin, known = time.perf_counter(), asked.known
@@ -117,11 +117,11 @@ def report_command(
         page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
     except KeyboardInterrupt:
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
-    summary = result.summary | {"report": {"wall_s": time.perf_counter() - begin, "stages_s": {**times, **page.times}}}
+    took = Values(wall_s=time.perf_counter() - begin, stages_s=Values(**times, **page.times))
+    summary = replace(result.summary, report=took)
     if not page.earlier_kept:
         write_fit(fitted, out)
-        with write_aside(out / "map.json") as file:
-            json.dump(summary, file, indent=2, allow_nan=False)
+        write_json(out / "map.json", summary.json())
     if asked.tension is not None and page.card is None:
         return Report(CommandResult(Diverged.exit_code, summary, page.card_state), notes, page)
     return Report(CommandResult(0, summary), notes, page)

@@ -7,6 +7,7 @@ import numbers
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,16 @@ from ..knit.lapping import KnitError
 from ..results.run import Run, load_run
 from ..runner.interrupts import to_continue
 from ..runner.probes import Probe
-from ..runner.progress_display import Progress, progress_for
+from ..runner.progress_display import Display, progress_for
 from ..runner.run import run_scene
 from ..runner.run_directory import CommandResult, directory_of
+from ..runner.summary import Summary
 from ..scene import Scene, load_scene
 from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
 from ..scene.options import DEFAULT, GIVEN
 from ..scene.units import QuantityError, has_unit, shown, si, tidy
+from ..studies.map_table import MapSummary
 from ..studies.sweep import run_map as sweep_scene
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
@@ -34,7 +37,7 @@ def carried_out(
     scene: Scene,
     out: Directory | None,
     quiet: bool,
-    command: Callable[[Path, Progress], CommandResult],
+    command: Callable[[Path, Display], CommandResult[Any]],
     *,
     resume: bool,
     force: bool,
@@ -119,20 +122,20 @@ def run_command(
     error: float | str | None,
     resume: bool,
     force: bool,
-    progress: Progress,
+    progress: Display,
     probes: Mapping[str, Probe] | None = None,
     ranks: Ranks | None = None,
-) -> CommandResult:
+) -> CommandResult[Summary | None]:
     """`warpknit run`: with the settings for an `error` [%] where it is given. Raises as `run_scene` does."""
     estimator, ranks = None, ranks or One()
     if error is not None:
         percent = percentage(error)
-        from ..studies.error_estimate import settings_for_error
+        from ..studies.error_estimate import estimate_of, settings_for_error
 
         refuse(scene, "error", ranks=ranks.count)
-        bound = ranks.from_first(lambda: settings_for_error(scene, percent))
-        estimator = bound.error_estimator(scene)
-        scene = load_scene(scene, bound.overrides, command="error", ranks=ranks.count)
+        setting = ranks.from_first(lambda: settings_for_error(scene, percent))
+        estimator = partial(estimate_of, scene=scene, setting=setting, percent=percent)
+        scene = load_scene(scene, setting.overrides, command="error", ranks=ranks.count)
     return run_scene(
         scene,
         out=out,
@@ -184,8 +187,8 @@ def run_map(
 
 
 def map_command(
-    scene: Scene, out: Path, *, resume: bool, force: bool, progress: Progress, device: str | None = None
-) -> CommandResult:
+    scene: Scene, out: Path, *, resume: bool, force: bool, progress: Display, device: str | None = None
+) -> CommandResult[MapSummary]:
     """`warpknit map`. Raises as `sweep_scene` does."""
     refuse(scene, "map")
     return sweep_scene(scene, out=out, device=device, resume=resume, force=force, progress=progress)

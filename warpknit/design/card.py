@@ -26,7 +26,7 @@ import numpy as np
 
 from .. import measure
 from ..measure import Observables
-from ..runner.history import Row
+from ..results.row import Row
 from ..scene import Stage
 from ..studies.states import Mesh
 from .load_path import LoadPath, PathState, under_strain
@@ -148,7 +148,7 @@ def find_card(
             for side, sign in enumerate((1.0, -1.0)):
                 f = stretch(sign * size * np.eye(3)[k])
                 state = LoadPath(model, path.state).to(under_strain(model.scene, f @ tensioned)).observables
-                found[k, side] = *_stress(state, f, tensioned), measure.thermal_force(state) / area
+                found[k, side] = *_stress(state, f, tensioned), state.thermal_force / area
                 taken += 1
                 watch(taken / wanted)
         slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
@@ -204,5 +204,5 @@ class _Differences:
 
 def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float, float, float]:
     """S11, S22, S12 [N/m]."""
-    s = np.linalg.solve(f, measure.nominal_stress(r)) @ tensioned.T / np.linalg.det(tensioned)
+    s = np.linalg.solve(f, r.nominal_stress) @ tensioned.T / np.linalg.det(tensioned)
     return float(s[0, 0]), float(s[1, 1]), 0.5 * float(s[0, 1] + s[1, 0])

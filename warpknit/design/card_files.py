@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.constants import inch
 
-from ..base.files import write_aside, write_table
+from ..base.files import write_table
 from ..base.text import celsius, engineering, exact, percent
+from ..results.finding import ResultWarning
+from ..results.row import write_json
 from ..runner.answers_table import ahead_texts
 from ..runner.branches import Answer, Jump, state_of
 from ..runner.cautions import preset_cautions
@@ -62,33 +63,35 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     yield ("difference", card.difference, "1", "error estimate of the stiffness, over the largest entry; unreliable above 5 %")
 
 
-def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[str]:
+def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
     """Limits to the use of the card."""
     if not card.is_stable:
         yield _unstable(card)
     others = {stage.temperature for stage in scene.stages[1:]} - {card.temperature}
     if others:
         given = " and ".join(f"{celsius(temperature)}" for temperature in sorted(others))
-        yield (
-            f"the material card is valid at {celsius(card.temperature)}, the temperature of [load], not at {given} of [[path]]:"
-            " change it with --set load.temperature"
-        )
+        text = f"the material card is valid at {celsius(card.temperature)}, the temperature of [load], not at {given} of [[path]]"
+        yield ResultWarning("W51", text, "change it with --set load.temperature")
     if card.difference > AGREEMENT:
-        yield (
+        yield ResultWarning(
+            "W52",
             "stiffness and expansion of the material card are uncertain: its differences disagree by"
             f" {percent(card.difference, 0)} of the largest stiffness down to a strain step of {percent(LEAST_STEP, 3)}, as where"
-            " contacts close or part, or the mesh jumps, near this tension; choose another one"
+            " contacts close or part, or the mesh jumps, near this tension",
+            "choose another one",
+            link="; ",
         )
     yield from preset_cautions(scene)
     if card.jumps:
-        yield f"on the way to the state of the material card {card.jumps}"
+        yield ResultWarning("W53", f"on the way to the state of the material card {card.jumps}")
     if card.branch:
-        yield card.branch
+        yield ResultWarning("W54", card.branch)
     if card.shear_coupling > AGREEMENT:
         coupling = f"{percent(card.shear_coupling, 0)} of the largest stiffness"
-        yield f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent"
+        yield ResultWarning("W55", f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent")
     if beyond := exceeded_text(scene, card.stress_max):
-        yield f"at the tension of the card the largest wire stress is {engineering(card.stress_max, 'Pa')}, {beyond}"
+        stress = engineering(card.stress_max, "Pa")
+        yield ResultWarning("W56", f"at the tension of the card the largest wire stress is {stress}, {beyond}")
 
 
 def ahead_of_card(card: MaterialCard, first_yield: Answer | None, jumps: Sequence[Jump]) -> str:
@@ -105,20 +108,24 @@ def ahead_of_card(card: MaterialCard, first_yield: Answer | None, jumps: Sequenc
     return "; ".join(ahead_texts(here, first_yield, sides))
 
 
-def _unstable(card: MaterialCard) -> str:
+def _unstable(card: MaterialCard) -> ResultWarning:
     """Warning for an unstable card: the unstable direction, and what to do."""
     row = card.softest
     value = f"C{row + 1}{row + 1} = {engineering(float(card.stiffness[row, row]), 'N/m')}"
     text = f"the stiffness of the material card is not positive definite: it is unstable in {AXES[str(row + 1)]}, {value}"
     least = card.least_wave_stiffness
     if least > 0.0:
-        return (
-            f"{text}. The prestressed mesh is stable, with {engineering(least, 'N/m')} against the softest plane wave: apply the"
-            " prestress with its geometric stiffness to the FE model before any other load, or choose a larger --tension"
+        return ResultWarning(
+            "W50",
+            f"{text}. The prestressed mesh is stable, with {engineering(least, 'N/m')} against the softest plane wave",
+            "apply the prestress with its geometric stiffness to the FE model before any other load, or choose a larger"
+            " --tension",
         )
-    return (
-        f"{text}, even with the prestress: the mesh has no stable state there. Choose a larger --tension, or strains of the"
-        " contact map with more active contacts"
+    return ResultWarning(
+        "W50",
+        f"{text}, even with the prestress: the mesh has no stable state there",
+        "Choose a larger --tension, or strains of the contact map with more active contacts",
+        link=". ",
     )
 
 
@@ -151,10 +158,10 @@ def mesh_values(scene: Scene) -> dict[str, str]:
     }
 
 
-def validity(scene: Scene, model_warnings: Sequence[str]) -> tuple[str, float, str, str]:
+def validity(scene: Scene, model_warnings: Sequence[ResultWarning]) -> tuple[str, float, str, str]:
     """Row on whether the model is good for the mesh, with its warnings, which model it is and why, and what the mesh is."""
-    said = "; ".join(model_warnings) or "1 if the model is good for the knit, else 0"
-    mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *preset_cautions(scene)])
+    said = "; ".join(map(str, model_warnings)) or "1 if the model is good for the knit, else 0"
+    mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *map(str, preset_cautions(scene))])
     return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind} ({scene.kind_reason}); {mesh}"
 
 
@@ -171,7 +178,7 @@ def write_card(
     scene: Scene,
     where: str,
     out: Path,
-    model_warnings: Sequence[str] = (),
+    model_warnings: Sequence[ResultWarning] = (),
     fe_cards: Mapping[str, str] | None = None,
 ) -> None:
     """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map.
@@ -181,10 +188,11 @@ def write_card(
     rows = [validity(scene, model_warnings), *card_values(card), *strength_values(card, scene)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
     write_table(out / "material_card.csv", {heading: np.array(column, dtype=object) for heading, column in columns})
-    content: dict[str, Any] = {
+    warnings = list(card_warnings(card, scene))
+    content = {
         "mesh": scene.name,
         **mesh_values(scene),
-        "warnings": [*model_warnings, *card_warnings(card, scene)],
+        "warnings": [*model_warnings, *warnings],
         "model": {"kind": scene.model.kind, "kind_reason": scene.kind_reason},
         "state": where,
         "margin": card.ahead,
@@ -195,7 +203,7 @@ def write_card(
         "units": {name: unit for name, _, unit, _ in rows},
         "meaning": {name: meaning for name, _, _, meaning in rows},
         "quality": {
-            "warnings": list(card_warnings(card, scene)),
+            "warnings": warnings,
             "positive_definite": card.is_stable,
             "asymmetry_of_largest": card.asymmetry,
             "step_difference_of_largest": card.step_difference,
@@ -204,5 +212,4 @@ def write_card(
         },
         "fe_cards": dict(fe_cards or {}),
     }
-    with write_aside(out / CARD) as file:
-        json.dump(content, file, indent=2, allow_nan=False)
+    write_json(out / CARD, content)

@@ -3,42 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
-from .. import measure
 from ..errors import Diverged
-from ..measure import Observables
+from ..measure import Observables, table
+from ..results.finding import ResultWarning
+from ..results.row import Row
 from ..runner.branches import jumps_of
-from ..runner.history import Row, row_of
+from ..runner.history import row_of
 from ..studies.states import Mesh
 from .load_path import LoadPath, part_of, under_strain
 from .network import sheet_resistance
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
+MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
 LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
-@dataclass(frozen=True)
-class CurvePoint:
-    """A row of tension_strain.csv; None where the mesh did not converge, or does not conduct."""
-
-    load: str  # equal | weft_alone | warp_alone
-    strain_weft: float
-    strain_warp: float
-    tension_weft_N_per_m: float | None  # force per current width
-    tension_warp_N_per_m: float | None
-    active_percent: float | None
-    stress_max_Pa: float | None
-    sheet_resistance_weft_ohm: float | None
-    sheet_resistance_warp_ohm: float | None
-    jump: int  # 1 where the mesh jumps to another equilibrium between the point before and this one
-
-
-def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[CurvePoint]:
+def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[Row]:
     """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one.
 
     `watch` is called with the share of them that is found.
@@ -62,9 +47,17 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
     return points
 
 
-def _point(load: str, weft: float, warp: float, state: Observables | None, is_behind_jump: bool) -> CurvePoint:
-    jump = int(is_behind_jump)
-    if state is None:
-        return CurvePoint(load, weft, warp, None, None, None, None, None, None, jump)
-    active, stress = measure.contacts(state).active_percent, measure.largest_stress(state)
-    return CurvePoint(load, weft, warp, *measure.mesh_tension(state), active, stress, *sheet_resistance(state), jump)
+def missing_points(curves: Sequence[Row]) -> Iterator[ResultWarning]:
+    """How many states of the curves are missing."""
+    if missing := sum(point.tension_weft_N_per_m is None for point in curves):
+        where = "of the curves of tension against strain"
+        yield ResultWarning("W58", f"{missing} of {len(curves)} states {where} did not converge and are left out")
+
+
+def _point(load: str, weft: float, warp: float, state: Observables | None, is_behind_jump: bool) -> Row:
+    """A row of tension_strain.csv; None where the mesh did not converge, or does not conduct."""
+    found = dict.fromkeys(MEASURED) if state is None else table.values(state, MEASURED)
+    sheet = (None, None) if state is None else sheet_resistance(state)
+    resistances = {f"sheet_resistance_{side}_ohm": value for side, value in zip(("weft", "warp"), sheet, strict=True)}
+    # jump: 1 where the mesh jumps to another equilibrium between the point before and this one
+    return Row(load=load, strain_weft=weft, strain_warp=warp, **found, **resistances, jump=int(is_behind_jump))

@@ -12,9 +12,10 @@ from itertools import takewhile
 
 from ..base.text import engineering
 from ..errors import Diverged
+from ..results.row import Row
 from ..runner.answers import SERVICE_TENSIONS
 from ..runner.branches import Answer, Jump, tensions_text
-from ..runner.history import Row, mean_tension, row_of
+from ..runner.history import mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from ..studies.states import Mesh

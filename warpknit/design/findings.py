@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from ..base.text import celsius, engineering, exact
 from ..measure import Observables
+from ..results.finding import Finding, ResultWarning
+from ..results.row import Row
 from ..runner.answers_table import answer_rows
+from ..runner.branches import Answer
 from ..runner.branches import Jump as RowJump
-from ..runner.history import Row
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
@@ -18,12 +19,11 @@ from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_text
 from ..studies.states import Mesh
 from .card import MaterialCard
 from .card_files import card_warnings
-from .curves import CurvePoint
+from .curves import missing_points
 from .equal_tension import EqualTensionPath
 from .fe import limit_of_curves
 from .heat import HeatedMesh, later_temperatures
 from .opening_size import OpeningSize
-from .sections import missing_text
 from .service import EqualTension, ServicePoint, branches_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
@@ -51,11 +51,11 @@ class Findings:
     equal_tension: EqualTension  # largest in the map
     path: EqualTensionPath
     path_jumps: Sequence[RowJump]
-    answers: dict[str, Any] | None  # that it gives (runner/answers.py)
+    answers: Answer | None  # that it gives (runner/answers.py)
     heated: Sequence[HeatedMesh]  # at one tension, while its temperature changes
     no_heat: str  # why there is none
     service: Sequence[ServicePoint]
-    curves: Sequence[CurvePoint]
+    curves: Sequence[Row]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
     loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
@@ -63,7 +63,7 @@ class Findings:
     knitted: Observables | None  # the mesh as knitted
     knitted_openings: Sequence[OpeningSize]
     tensioned_openings: Sequence[OpeningSize]
-    model_warnings: Sequence[str]  # where the states are outside the validity of their model
+    model_warnings: Sequence[ResultWarning]  # where the states are outside the validity of their model
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card
     times: Mapping[str, float] = field(default_factory=dict)  # [s] of the stages of the report
@@ -108,15 +108,17 @@ class Findings:
         return self.where + ("; the earlier report in the directory, with its card, is kept" if self.earlier_kept else "")
 
     @property
-    def answer_lines(self) -> Iterator[tuple[str, str]]:
-        """Headings and texts of the answers under equal tensions, for a terminal."""
+    def answer_lines(self) -> Iterator[Finding]:
+        """The answers under equal tensions, for a terminal."""
         if self.answers is not None:
-            yield from answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
-            yield "equal tensions", f"followed {self.path.end_text}"
+            yield from (
+                Finding(*row) for row in answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
+            )
+            yield Finding("equal tensions", f"followed {self.path.end_text}")
         if self.heat_note:
-            yield "heat", self.heat_note
+            yield Finding("heat", self.heat_note)
         if self.no_heat and later_temperatures(self.scene):
-            yield "heat", f"not shown: {self.no_heat}"
+            yield Finding("heat", f"not shown: {self.no_heat}")
 
     @property
     def heat_note(self) -> str:
@@ -132,17 +134,15 @@ class Findings:
         return None if self.card is None else limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump)
 
     @property
-    def branch_notes(self) -> list[str]:
-        """Sentences on service tensions at which the map has another equilibrium; that of the card is in its own warnings."""
+    def branch_notes(self) -> list[ResultWarning]:
+        """Service tensions at which the map has another equilibrium; that of the card is in its own warnings."""
         others = (tension for tension in self.path.at if self.card is None or tension != self.requested)
-        return [text for tension in others if (text := branches_at(tension, self.path.at[tension], self.rows))]
+        texts = (branches_at(tension, self.path.at[tension], self.rows) for tension in others)
+        return [ResultWarning("W54", text) for text in texts if text]
 
     @property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[ResultWarning]:
         """Limits to the use of the card and of the curves, for a terminal."""
         of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
-        return [
-            *of_card,
-            *self.branch_notes,
-            *(limit for limit in (self.limit_of_curves, missing_text(self.curves)) if limit is not None),
-        ]
+        limits = [] if self.limit_of_curves is None else [ResultWarning("W57", self.limit_of_curves)]
+        return [*of_card, *self.branch_notes, *limits, *missing_points(self.curves)]

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..base.text import celsius, exact
 from ..errors import Diverged
+from ..results.row import Row
 from ..runner.answers import heat_of
 from ..runner.branches import Answer, Jump, jumps_of
-from ..runner.history import Row, row_of
+from ..runner.history import row_of
 from ..scene import Scene, Stage
 from .equal_tension import EqualTensionPath, levels_between
 from .fine_states import exact_model

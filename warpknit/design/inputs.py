@@ -28,7 +28,7 @@ from ..knit.lapping import KnitError, lapping_table
 from ..knit.loops import RANGES, SIZES, LoopProportions, loop_shape
 from ..knit.openings import find_openings
 from ..mesh.layout import knit_scene
-from ..runner.progress_display import Progress
+from ..runner.progress_display import Display
 from ..scene import Knit, Scene
 from ..scene.knit import Bar
 from ..scene.scene import Override
@@ -186,7 +186,7 @@ class Known:
     areal_mass: float | None = None  # [kg/m2] as knitted; for comparison only
 
 
-def with_known(scene: Scene, known: Known, progress: Progress | None = None) -> Fitted:
+def with_known(scene: Scene, known: Known, progress: Display | None = None) -> Fitted:
     """`scene` fitted to the `known` properties, with notes. Raises `InputError`, `KnitError`, `ModelError`."""
     fitted = Fitted(scene)
     if known.openings is not None:
@@ -196,7 +196,7 @@ def with_known(scene: Scene, known: Known, progress: Progress | None = None) -> 
         one = len(lengths) == 1
         fitted = fitted.then(fit_loop_length(fitted.scene, lengths[0]) if one else fit_run_in(fitted.scene, lengths))
     if known.curve is not None:
-        fitted = fitted.then(fit_curve(fitted.scene, known.curve, progress or Progress()))
+        fitted = fitted.then(fit_curve(fitted.scene, known.curve, progress or Display()))
     if known.areal_mass is not None:
         cloth = knit_scene(fitted.scene)
         (knitted,) = states_at(mesh_of(fitted.scene), [np.eye(2)])
@@ -281,7 +281,7 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     return Fitted(resized, tuple(notes))
 
 
-def fit_curve(scene: Scene, path: Path, progress: Progress) -> Fitted:
+def fit_curve(scene: Scene, path: Path, progress: Display) -> Fitted:
     """Loops whose tensions come nearest to a measured biaxial curve in the CSV file `path`, with COLUMNS.
 
     Least squares over all tensions, by one factor. Raises `InputError` for the file, and where no factor brings the mesh to

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from ..measure.table import Record
 from ..scene import Scene, Stage
-from ..solve.progress import Progress, Record
+from ..solve.progress import Progress
 from ..solve.simulate import Simulation
 
 

@@ -11,9 +11,8 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,19 +21,20 @@ from ..base.files import write_arrays
 from ..base.text import exact
 from ..errors import Diverged
 from ..measure import Observables
+from ..measure.table import Record
+from ..results.row import Row
 from ..runner.answers import answers_of
 from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
-from ..runner.history import Row, mean_tension, row_of
-from ..runner.progress_display import Progress
+from ..runner.history import mean_tension, row_of
+from ..runner.progress_display import Display
 from ..scene import Scene, Stage
 from ..solve.drive import under
-from ..solve.progress import Record
-from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs, model_warnings
+from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
 from ..studies.states import Mesh, mesh_of
 from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card
-from .curves import CurvePoint, tension_strain
+from .curves import tension_strain
 from .equal_tension import (
     LEFT,
     EqualTensionPath,
@@ -63,7 +63,7 @@ UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
 class KeptStates:
     """What a report computes whatever tension is requested."""
 
-    curves: list[CurvePoint]
+    curves: list[Row]
     path: EqualTensionPath
 
 
@@ -73,7 +73,7 @@ def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
     numbers = {id(row): number for number, row in enumerate(path.rows)}
     about = {
         "made_by": _made_by(scene),
-        "curves": [asdict(point) for point in states.curves],
+        "curves": [vars(point) for point in states.curves],
         "rows": [vars(row) for row in path.rows],
         "tensions": list(path.states),
         "row_at": [numbers[id(path.at[tension])] for tension in path.states],
@@ -90,7 +90,7 @@ def read_states(scene: Scene, out: Path) -> KeptStates | None:
     try:
         with np.load(out / STATES, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        about: dict[str, Any] = json.loads(str(arrays.pop("about")))
+        about = json.loads(str(arrays.pop("about")))
         if about["made_by"] != _made_by(scene):
             return None
         rows, tensions = [Row(**row) for row in about["rows"]], about["tensions"]
@@ -100,7 +100,7 @@ def read_states(scene: Scene, out: Path) -> KeptStates | None:
             for number, tension in enumerate(tensions)
         }
         at = {tension: rows[number] for tension, number in zip(tensions, about["row_at"], strict=True)}
-        return KeptStates([CurvePoint(**point) for point in about["curves"]], EqualTensionPath(rows, states, at, about["ended"]))
+        return KeptStates([Row(**point) for point in about["curves"]], EqualTensionPath(rows, states, at, about["ended"]))
     except UNUSABLE:
         return None
 
@@ -123,7 +123,7 @@ def write_report(
     tension: float | None = None,
     notes: Sequence[str] = (),
     codes: Sequence[str] = tuple(CODES),
-    progress: Progress | None = None,
+    progress: Display | None = None,
 ) -> Findings:
     """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
 
@@ -131,7 +131,7 @@ def write_report(
     codes: FE codes that get the card (`fe.CODES`). A report without a card does not replace one that has one.
     Raises `ModelError`, `KnitError`.
     """
-    show = progress or Progress()
+    show = progress or Display()
 
     stages = [name for name in STAGES if name != "heat" or later_temperatures(scene)]
     begins: dict[str, float] = {}  # [s] of the clock
@@ -143,7 +143,7 @@ def write_report(
         return lambda share: show.update(done=None if name in SEARCHES else share, load_factor=share)
 
     model = mesh_of(scene)
-    weft, warp = (max(vars(row)[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
+    weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     largest = equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
     watch = begin("tension-strain curves")
@@ -196,7 +196,7 @@ def write_report(
         knitted=None if isinstance(knitted, Diverged) else knitted,
         knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
         tensioned_openings=[] if tensioned is None else openings(tensioned),
-        model_warnings=model_warnings(model, rows),
+        model_warnings=list(model.warnings(rows)),
         earlier_kept=card is None and (out / CARD).exists(),
         codes=codes,
     )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 
@@ -15,14 +13,13 @@ from ..base.files import write_aside, write_table
 from ..base.text import celsius
 from ..measure.stress_peak import peak_position
 from ..mesh.layout import contact_classes
+from ..results.row import columns_of, write_json
 from ..runner.history import mean_tension
-from ..studies.contact_map import axes_of, grid, jump_warning, optimum_note, unconverged_warning
+from ..studies.contact_map import axes_of, grid, optimum_note
 from .card_files import earlier_state, write_card
-from .curves import CurvePoint
 from .equal_tension import jump_text
 from .fe import FILES, missing_cards, write_fe_cards
 from .findings import Findings
-from .network import contact_resistances, sheet_resistance
 from .opening_size import BANDS
 from .sections import (
     Page,
@@ -40,8 +37,7 @@ from .sections import (
 def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     """Write the report; return what is to be told of the files of its card."""
     notes = []
-    names = [field.name for field in fields(CurvePoint)]
-    table = {name: np.array([asdict(p)[name] for p in found.curves], dtype=object) for name in names}
+    table = {name: np.array([point[name] for point in found.curves], dtype=object) for name in vars(found.curves[0])}
     write_table(out / "tension_strain.csv", table)
     if found.card is not None:
         before = earlier_state(out)
@@ -57,8 +53,7 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
             (out / name).unlink()
         if earlier:
             notes.append(f"removed, as of an earlier report: {', '.join(earlier)}")
-    with write_aside(out / "answers.json") as file:
-        json.dump(found.answers, file, indent=2, allow_nan=False)
+    write_json(out / "answers.json", found.answers)
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
     return tuple(notes)
@@ -68,16 +63,16 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     wire = found.scene.wire
     page = Page(f"{found.scene.name}: {wire.material} mesh, {wire_text(wire)}")
     for warning in found.model_warnings:
-        page.warning(f"{warning[0].upper()}{warning[1:]}.")
+        page.warning(warning)
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
-    answers_section(page, found.scene, found.answers, found.path, found.equal_tension, found.no_heat, figures)
+    answers_section(page, found, figures)
     if found.heat_note:
         page.text(f"Heat is {found.heat_note}.")
     for case in found.heated:
         if case.ended:
-            page.warning(f"{case.ended}.")
+            page.warning(case.ended)
     if (jumped := jump_text(found.path_jumps)) is not None:
-        page.warning(f"Under equal tensions {jumped}.")
+        page.warning(f"under equal tensions {jumped}")
     page.text(
         "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as"
         " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
@@ -88,24 +83,15 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     known = found.scene.preset_caveat
     page.text(f"Model: {found.scene.model.kind} ({found.scene.kind_reason}); {nodes}." + (f" At it {known}." if known else ""))
     if found.card is None:
-        page.warning(f"{found.where[0].upper()}{found.where[1:]}.")
+        page.warning(found.where)
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
-    mesh_section(page, found.scene, found.model.cloth, found.knitted, found.card, found.notes, figures)
-    outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
-    map_section(page, found.scene, found.optimum, found.jumps, found.service, outside, found.found_again, figures["map"])
-    page.text(f"The map has {found.sweep_text}.")
-    limits = unconverged_warning(found.rows, found.by_tension), jump_warning(found.jumps, found.by_tension)
-    for of_map in (*limits, *found.branch_notes):
-        if of_map is not None:
-            page.warning(f"{of_map[0].upper()}{of_map[1:]}.")
+    mesh_section(page, found, figures)
+    map_section(page, found, figures["map"])
     curve_section(page, found.curves, figures["curves"])
-    card_section(page, found.scene, found.card, found.where)
-    if (limit := found.limit_of_curves) is not None:
-        page.warning(f"{limit[0].upper()}{limit[1:]}.")
+    card_section(page, found)
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
-    electric = None if found.tensioned is None else (contact_resistances(found.tensioned), sheet_resistance(found.tensioned))
-    electric_section(page, found.scene, electric, figures["resistance"])
+    electric_section(page, found.scene, found.tensioned, figures["resistance"])
     return page
 
 
@@ -131,21 +117,22 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
             if p.strains is not None
         ),
     )
-    curves = {load: _arrays([p for p in found.curves if p.load == load]) for load in dict.fromkeys(p.load for p in found.curves)}
+    loads = dict.fromkeys(point.load for point in found.curves)
+    curves = {load: columns_of(vars(point) for point in found.curves if point.load == load) for load in loads}
     states = (("as knitted", found.knitted_openings), ("at the tension of the card", found.tensioned_openings))
     circles = [(name, max(o.circle for o in those)) for name, those in states if those]
     draw: dict[str, Callable[[Path], Path]] = {
         "map": lambda path: map_figure(
             path, weft, warp, grid(found.rows, "active_percent", weft, warp),
             title=f"{found.scene.name}: active contacts", label="active contacts", unit="% of pairs", marks=marks,
-            warnings=found.model_warnings, by_tension=found.by_tension,
+            warnings=list(map(str, found.model_warnings)), by_tension=found.by_tension,
         ),
         "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
         "openings": lambda path: openings_figure(circles, BANDS, path),
         "resistance": lambda path: resistance_figure(curves["equal"], path),
     }  # fmt: skip
     if found.answers is not None:
-        answers, path = found.answers, [vars(row) for row in found.path.rows]
+        answers, path = found.answers, columns_of(map(vars, found.path.rows))
         apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
         draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
     if (cloth := found.model.cloth) is not None:
@@ -157,12 +144,6 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit, peak=peak)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
     behind = {id(after) for case in found.heated for _, after in case.jumps}
-    heated = [[vars(row) | {"jump": id(row) in behind} for row in case.rows] for case in found.heated]
+    heated = [columns_of({**vars(row), "jump": id(row) in behind} for row in case.rows) for case in found.heated]
     heat = heat_figure(heated, folder / "report_heat.png")
     return figures if heat is None else figures | {"heat": heat}
-
-
-def _arrays(points: Sequence[CurvePoint]) -> dict[str, np.ndarray]:
-    """Columns of numbers; nan where there is none."""
-    names = [field.name for field in fields(CurvePoint) if field.name != "load"]
-    return {name: np.array([getattr(p, name) for p in points], dtype=float) for name in names}

@@ -6,29 +6,27 @@ import base64
 import html
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from scipy.constants import inch, speed_of_light
 
 from .. import measure
 from ..base.text import alike, celsius, engineering, exact, percent
-from ..knit.cloth import Cloth
 from ..measure import Observables
+from ..results.finding import ResultWarning
+from ..results.row import Row
 from ..runner.answers_table import answer_rows
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
-from ..studies.contact_map import Jump, Optimum, drift_text, optimum_note, optimum_warnings
-from .card import AGREEMENT, MaterialCard
+from ..studies.contact_map import drift_text, jump_warning, optimum_note, optimum_warnings, unconverged_warning
+from .card import AGREEMENT
 from .card_files import DEFINITION, card_values, card_warnings, strength_values
-from .curves import CurvePoint
-from .equal_tension import EqualTensionPath
+from .curves import missing_points
+from .findings import Findings
 from .inputs import complete_openings, openings_per_length
-from .network import surface, wire_resistance
+from .network import contact_resistances, sheet_resistance, surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, OpeningSize
-from .service import EqualTension, ServicePoint
+from .service import ServicePoint
 
 STYLE = """
 body { font: 11pt/1.45 Georgia, 'Times New Roman', serif; max-width: 50em; margin: 2em auto; padding: 0 1em; color: #202020; }
@@ -68,7 +66,10 @@ class Page:
     def text(self, text: str) -> None:
         self._parts.append(f"<p>{html.escape(text)}</p>")
 
-    def warning(self, text: str) -> None:
+    def warning(self, warning: ResultWarning | str) -> None:
+        """A sentence of its own."""
+        text = str(warning)
+        text = f"{text[0].upper()}{text[1:].removesuffix('.')}."
         self._parts.append(f'<p class="warning">{html.escape(text)}</p>')
 
     def table(self, rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> None:
@@ -101,22 +102,12 @@ SWEEP_STEP = 0.02  # strain of a map that a page proposes
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
-def answers_section(
-    page: Page,
-    scene: Scene,
-    answers: dict[str, Any] | None,
-    path: EqualTensionPath,
-    largest: EqualTension,
-    no_heat: str,
-    figures: dict[str, Path],
-) -> None:
-    """Answers to a designer's questions, first on the page.
-
-    path: under equal tensions. largest: of the map, for a page without answers. no_heat: why the page does not show heat.
-    """
+def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
+    """Answers to a designer's questions, first on the page."""
+    scene, answers, path = found.scene, found.answers, found.path
     page.heading("In short")
     if answers is None:
-        page.warning(largest.text())
+        page.warning(found.equal_tension.text())
         return
     page.table(answer_rows(answers, scene.wire.yield_stress, gave_up=path.gave_up))
     page.text(
@@ -141,8 +132,8 @@ def answers_section(
                 else " does not expand (model.frame_expansion)."
             ),
         )
-    elif no_heat:
-        page.text(f"{no_heat[0].upper()}{no_heat[1:]}, so this page does not show what heat does.")
+    elif found.no_heat:
+        page.text(f"{found.no_heat[0].upper()}{found.no_heat[1:]}, so this page does not show what heat does.")
 
 
 def wire_text(wire: Wire) -> str:
@@ -151,16 +142,9 @@ def wire_text(wire: Wire) -> str:
     return f"{diameter} wire" if wire.ends == 1 else f"yarn of {wire.ends} x {diameter} wire"
 
 
-def mesh_section(
-    page: Page,
-    scene: Scene,
-    cloth: Cloth | None,
-    knitted: Observables | None,
-    card: MaterialCard | None,
-    notes: Sequence[str],
-    figures: dict[str, Path],
-) -> None:
-    """Wire, knit and mass of the mesh, with its pictures; knitted: a repeat as knitted; notes: how the scene was fitted."""
+def mesh_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
+    """Wire, knit and mass of the mesh, with its pictures."""
+    scene, cloth, knitted, card = found.scene, found.model.cloth, found.knitted, found.card
     wire, knit = scene.wire, scene.knit
     page.heading("The mesh")
     plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
@@ -184,7 +168,7 @@ def mesh_section(
     if card is not None:
         rows.append(("areal mass at the tension of the card", f"{1e3 * card.areal_mass:.3g} g/m2"))
     page.table(rows)
-    for note in notes:
+    for note in found.notes:
         page.text(note[0].upper() + note[1:] + ".")
     if "knit" in figures:
         page.figure(figures["knit"], "The mesh as knitted, in plan view, and its places of contact.")
@@ -196,20 +180,10 @@ def mesh_section(
         )
 
 
-def map_section(
-    page: Page,
-    scene: Scene,
-    optimum: Optimum | None,
-    jumps: Sequence[Jump],
-    service: Sequence[ServicePoint],
-    outside: Sequence[ServicePoint],
-    found_again: bool,
-    figure: Path,
-) -> None:
-    """The contact map, the optimum and the service tensions.
-
-    outside: those beyond the map. found_again: whether the optimum did not fail to be found again for a card.
-    """
+def map_section(page: Page, found: Findings, figure: Path) -> None:
+    """The contact map, the optimum and the service tensions."""
+    scene, optimum, jumps = found.scene, found.optimum, found.jumps
+    outside = [point for point in found.service if point.strains and found.place_in_map(point) is None]
     page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
@@ -219,14 +193,14 @@ def map_section(
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
-        note = optimum_note(optimum.load, jumps, found_again=found_again)
+        note = optimum_note(optimum.load, jumps, found_again=found.found_again)
         share = f"{percent(1.0 - optimum.stress_margin, 0)} of the {limit_text(scene)}"
         page.table([
             ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}{note}"),
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {share}"),
-            *((f"tension, where {drift.along} may drift", drift_text(asdict(drift))) for drift in optimum.drift),
+            *((f"tension, where {drift.along} may drift", drift_text(drift)) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
         page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))
@@ -235,9 +209,9 @@ def map_section(
         " below its elastic limit. For a mesh that carries the same tension in weft and warp, take the best tension above."
     )
     for warning in optimum_warnings(optimum, jumps):
-        page.warning(f"{warning[0].upper()}{warning[1:]}.")
+        page.warning(warning)
     page.table(
-        [(point.name, point.strain, point.active, point.stress) for point in service],
+        [(point.name, point.strain, point.active, point.stress) for point in found.service],
         ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
     )
     if scene.sweep is not None and scene.sweep.seeds > 1:
@@ -245,6 +219,10 @@ def map_section(
             "The map is the mean over meshes with scattered loops; the service tensions and all results below are for the first"
             " of them."
         )
+    page.text(f"The map has {found.sweep_text}.")
+    limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
+    for of_map in (*limits, *found.branch_notes):
+        page.warning(of_map)
 
 
 def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:
@@ -266,7 +244,7 @@ def _whole_steps(strain: float) -> float:
     return math.copysign(math.ceil(abs(strain) / SWEEP_STEP - 1e-9) * SWEEP_STEP, strain)
 
 
-def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> None:
+def curve_section(page: Page, curves: Sequence[Row], figure: Path) -> None:
     """Tension-strain curves."""
     page.heading("Tension against strain")
     page.figure(
@@ -274,16 +252,9 @@ def curve_section(page: Page, curves: Sequence[CurvePoint], figure: Path) -> Non
         "Tension in weft and warp. Shaded: wire beyond its elastic limit, where the curves may leave the picture. Dotted: jump to"
         " another equilibrium.",
     )
-    if (missing := missing_text(curves)) is not None:
-        page.warning(f"{missing}.")
+    for warning in missing_points(curves):
+        page.warning(warning)
     page.text("The values are in tension_strain.csv.")
-
-
-def missing_text(curves: Sequence[CurvePoint]) -> str | None:
-    """How many states of the curves are missing; None if none."""
-    missing = sum(point.tension_weft_N_per_m is None for point in curves)
-    where = "of the curves of tension against strain"
-    return f"{missing} of {len(curves)} states {where} did not converge and are left out" if missing else None
 
 
 def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
@@ -301,11 +272,12 @@ def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
     return f"{factor * value:.4g}", unit
 
 
-def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str) -> None:
-    """The material card. where: its state, or why there is none."""
+def card_section(page: Page, found: Findings) -> None:
+    """The material card, or why there is none."""
+    scene, card, where = found.scene, found.card, found.where
     page.heading("Material card", new_page=True)
     if card is None:
-        page.warning(where[0].upper() + where[1:] + ".")
+        page.warning(where)
         return
     tensions = _pair(card.tension_weft, card.tension_warp, "N/m")
     strains = " / ".join(percent(strain) for strain in (card.strain_weft, card.strain_warp))
@@ -323,12 +295,14 @@ def card_section(page: Page, scene: Scene, card: MaterialCard | None, where: str
         " the files material_card_*.* have them for FE codes."
     )
     for warning in card_warnings(card, scene):
-        page.warning(warning[0].upper() + warning[1:] + ".")
+        page.warning(warning)
     if card.difference <= AGREEMENT:
         differ = percent(card.difference) if card.difference >= 1e-3 else "less than 0.1 %"
         page.text(
             f"Doubling the difference step, and C21 in place of C12, change the stiffness by {differ} of its largest entry."
         )
+    if found.limit_of_curves is not None:
+        page.warning(found.limit_of_curves)
 
 
 def openings_section(page: Page, knitted: Sequence[OpeningSize], tensioned: Sequence[OpeningSize], figure: Path) -> None:
@@ -364,18 +338,12 @@ def openings_section(page: Page, knitted: Sequence[OpeningSize], tensioned: Sequ
     )
 
 
-def electric_section(
-    page: Page, scene: Scene, electric: tuple[np.ndarray, tuple[float | None, float | None]] | None, figure: Path
-) -> None:
-    """Contact and sheet resistance.
-
-    electric [Ohm]: of the places where wires touch at the tension of the card, and of the sheet in weft and warp, None where it
-    does not conduct.
-    """
+def electric_section(page: Page, scene: Scene, tensioned: Observables | None, figure: Path) -> None:
+    """Contact and sheet resistance. tensioned: the mesh at the tension of the card."""
     page.heading("Electrical resistance")
     rows = [("wire", f"{engineering(wire_resistance(scene.wire), 'ohm/m')}")]
-    if electric is not None:
-        resistances, sheet = electric
+    if tensioned is not None:
+        resistances, sheet = contact_resistances(tensioned), sheet_resistance(tensioned)
         contacts = "none" if not len(resistances) else f"{_pair(resistances.min(), resistances.max(), 'ohm', ' to ')}"
         rows.append((f"each of the {len(resistances)} points of a repeat where wires touch, at hooks and elsewhere", contacts))
         shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.text import engineering, exact, percent
-from ..runner.history import Row
+from ..results.row import Row
 from ..studies.contact_map import STEADY, MapRow, axes_of, grid
 from .card import MaterialCard
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from warpknit.base.text import either
 from warpknit.errors import ExportError
-from warpknit.export.run_record import read_run
+from warpknit.export.run_record import RunRecord, read_run
 
-__all__ = ["FORMATS", "ExportError", "export_run"]
+__all__ = ["FORMATS", "ExportError", "RunRecord", "export_record", "export_run"]
 
 FORMATS = {  # what `--to` takes: the module here, and its function
     "usd": "usd.writer.export_usd",  # scene.usda and its layers
@@ -27,7 +27,11 @@ def export_run(run_dir: str | os.PathLike[str], to: str) -> list[Path]:
     """Export a finished or interrupted run into its directory; the paths."""
     if to not in FORMATS:
         raise ExportError(f"--to: {to!r} is unknown; give {either(list(FORMATS))}")
-    record = read_run(Path(run_dir))
+    return export_record(read_run(Path(run_dir)), to)
+
+
+def export_record(record: RunRecord, to: str) -> list[Path]:
+    """Export a run into its directory; the paths."""
     module, function = FORMATS[to].rsplit(".", 1)
     try:
         paths: list[Path] = getattr(import_module(f"{__name__}.{module}"), function)(record)

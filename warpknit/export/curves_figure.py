@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +15,27 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, 
 from numpy.typing import NDArray
 
 from warpknit.base.text import ZERO_CELSIUS, engineering, is_at_grips
-from warpknit.export.plots import AMBER, BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, plain, save_figure, scale_of
+from warpknit.export.plots import (
+    AMBER,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    WIDTHS,
+    LineLook,
+    figure_of,
+    plain,
+    save_figure,
+    scale_of,
+)
+from warpknit.results.row import Columns
 
-History = Iterable[Mapping[str, Any]] | str | os.PathLike[str]
 STRESS_COLUMNS = ("stress_max_Pa", "stress_interior_max_Pa")  # of history.csv: anywhere, and away from the grips
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
 FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
 JUMP = "jump to another equilibrium"
-JUMP_STYLE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
+JUMP_STYLE: LineLook = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
 WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a stage than of the next one, that may lie on it; of so many before the last
 LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
@@ -37,32 +48,9 @@ STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
 )
 
 
-def history_rows(history: History) -> list[Mapping[str, Any]]:
-    if isinstance(history, str | os.PathLike):
-        with open(history, newline="", encoding="utf-8") as file:
-            rows: list[Mapping[str, Any]] = list(csv.DictReader(file))
-    else:
-        rows = list(history)
-    if not rows:
-        raise ValueError("history: no row to draw")
-    return rows
-
-
-def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
-    """(row,) numbers of each column; nan where there is none."""
-    return {name: np.array([_number(row.get(name)) for row in rows]) for name in {name for row in rows for name in row}}
-
-
-def is_behind_jump(columns: Mapping[str, NDArray[Any]], count: int) -> NDArray[np.bool_]:
+def is_behind_jump(columns: Columns) -> NDArray[np.bool_]:
     """(row,) whether the mesh has jumped to another equilibrium since the row before: the column `jump`, where there is one."""
-    return np.asarray(columns.get("jump", np.zeros(count)) > 0.0)
-
-
-def _number(value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return math.nan
+    return np.asarray(columns.get("jump", np.zeros(len(columns["stage"]))) > 0.0)
 
 
 def stage_slices(names: Sequence[str]) -> list[tuple[str, slice]]:
@@ -72,7 +60,7 @@ def stage_slices(names: Sequence[str]) -> list[tuple[str, slice]]:
     return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]
 
 
-def stress_columns(columns: Mapping[str, NDArray[Any]]) -> list[tuple[str, str, str]]:
+def stress_columns(columns: Columns) -> list[tuple[str, str, str]]:
     """Label, colour and column of the largest stress; where that away from the grips is well below, of both."""
     everywhere, interior = STRESS_COLUMNS
     if any(map(is_at_grips, columns.get(interior, ()), columns.get(everywhere, ()))):
@@ -105,7 +93,7 @@ def draw_curves(
         for number, (_, rows) in enumerate(stages):
             style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
             size = 2.5 + width + WIDER_MARK * min(len(stages) - 1 - number, WIDER_MARKS)
-            look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": marker, "markersize": size}
+            look: LineLook = {"color": colour, "linestyle": style, "marker": marker, "markersize": size}
             face = colour if number % 2 == 0 else "white"
             draw_line(axes, abscissa[rows], values[rows], jumped[rows], linewidth=width, markerfacecolor=face, **look)
         if label:
@@ -142,7 +130,8 @@ def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: 
 def jump_handles(figure: Figure) -> list[Line2D]:
     """The dots over a jump, for a legend, where the figure has some."""
     is_drawn = any(line.get_gid() == JUMP for axes in figure.axes for line in axes.lines)
-    return [Line2D([], [], color=GREY, label=JUMP, **JUMP_STYLE)] if is_drawn else []
+    look: LineLook = {**JUMP_STYLE, "color": GREY}
+    return [Line2D([], [], label=JUMP, **look)] if is_drawn else []
 
 
 def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
@@ -152,8 +141,8 @@ def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
     for number, name in enumerate(names if title else ()):
         style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
         face = GREY if number % 2 == 0 else "white"
-        look: dict[str, Any] = {"linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
-        handles.append(Line2D([], [], color=GREY, label=name, **look))
+        look: LineLook = {"color": GREY, "linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
+        handles.append(Line2D([], [], label=name, **look))
     handles += jump_handles(figure)
     if handles:
         widest = max(len(str(handle.get_label())) for handle in handles)
@@ -172,27 +161,32 @@ HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
 IMPOSED_STRAIN, IMPOSED_TENSION = 1e-6, 0.02  # of its range in a stage: departure from a straight line over the load factor
 
 
-def curves_figure(history: History, path: str | os.PathLike[str], *, yield_stress: float | None = None, title: str = "") -> Path:
-    """Draw contacts, tension, stress, energies and residual of a run, from history.csv or its rows.
+def curves_figure(
+    columns: Columns,
+    path: str | os.PathLike[str],
+    *,
+    yield_stress: float | None = None,
+    title: str = "",
+) -> Path:
+    """Draw contacts, tension, stress, energies and residual of a run, from the columns of its history.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
     are left out beside others: they are in `heat_figure`. Lines to rows with a `jump` are dotted. yield_stress: [Pa] elastic
     limit of the wire. title: over the stages.
     """
-    rows = history_rows(history)
-    columns = columns_of(rows)
+    count = len(columns["stage"])
 
     def column(name: str) -> NDArray[Any]:
-        return columns.get(name, np.full(len(rows), np.nan))
+        return columns.get(name, np.full(count, np.nan))
 
     def scaled(unit: str, curves: Sequence[tuple[str, str, str]]) -> tuple[str, tuple[tuple[str, str, NDArray[Any]], ...]]:
         """Unit with its prefix, and the curves (label, colour, column) in it."""
         scale, prefixed = scale_of(unit, *(column(name) for _, _, name in curves))
         return prefixed, tuple((label, colour, scale * column(name)) for label, colour, name in curves)
 
-    every = stage_slices([str(row.get("stage", "")) for row in rows])
+    every = stage_slices(columns["stage"].tolist())
     stages = [stage for stage in every if not _heats_alone(columns, stage[1])] or every
-    abscissa, abscissa_label = _abscissa(columns, stages, len(rows))
+    abscissa, abscissa_label = _abscissa(columns, stages, count)
     unit, tensions = scaled("N/m", [(side, colour, f"tension_{side}_N_per_m") for side, colour in SIDE_COLOURS])
     across = f"boundary tension [{unit}]", tensions
     if _is_by_tension(columns, stages):
@@ -213,7 +207,7 @@ def curves_figure(history: History, path: str | os.PathLike[str], *, yield_stres
         (f"energy [{energy_unit}]", energies),
         ("residual over mean boundary force", (("", GREY, column("residual")),)),
     )
-    jumped = is_behind_jump(columns, len(rows))
+    jumped = is_behind_jump(columns)
     residual = column("residual")[column("residual") > 0.0]
     least: list[float | None] = [None] * LOGARITHMIC
     least += [
@@ -264,14 +258,14 @@ def _draw_count(
     right.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.2)
 
 
-def _stage_names(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]]) -> list[str]:
+def _stage_names(columns: Columns, stages: Sequence[tuple[str, slice]]) -> list[str]:
     """Names of the stages, with the temperature at their ends where these differ."""
     ends = [float(columns["temperature_K"][rows][-1]) if "temperature_K" in columns else 0.0 for _, rows in stages]
     shows = max(ends) - min(ends) > 1e-6
     return [name + (f", {end - ZERO_CELSIUS:.4g} °C" if shows else "") for (name, _), end in zip(stages, ends, strict=True)]
 
 
-def _heats_alone(columns: Mapping[str, NDArray[Any]], rows: slice) -> bool:
+def _heats_alone(columns: Columns, rows: slice) -> bool:
     """Whether a stage changes the temperature, and neither strain nor tension in weft and warp."""
     temperature = columns.get("temperature_K")
     if temperature is None or not np.ptp(temperature[rows]) > 1e-6:
@@ -284,7 +278,7 @@ def _heats_alone(columns: Mapping[str, NDArray[Any]], rows: slice) -> bool:
     )
 
 
-def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:
+def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:
     """Abscissa of a run and its label: the tension where it is given, a strain if it varies in each stage, else the progress
     along the stages.
 
@@ -303,7 +297,8 @@ def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, s
     ]
     if len(stages) > 1 and any(held) and "load_factor" in columns:
         return _along_stages(columns["load_factor"], stages)
-    spread = {name: float(np.ptp(values)) if np.isfinite(values).all() else 0.0 for name, values in columns.items()}
+    numbers = {name: values for name, values in columns.items() if name != "stage"}
+    spread = {name: float(np.ptp(values)) if np.isfinite(values).all() else 0.0 for name, values in numbers.items()}
     weft, warp = (columns.get(f"strain_{side}") for side in SIDES)
     weft_spread, warp_spread = spread.get("strain_weft", 0.0), spread.get("strain_warp", 0.0)
     largest = warp if warp_spread > weft_spread else weft
@@ -331,7 +326,7 @@ def _abscissa(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, s
     return np.arange(count, dtype=float), "record"
 
 
-def _is_by_tension(columns: Mapping[str, NDArray[Any]], stages: Sequence[tuple[str, slice]]) -> bool:
+def _is_by_tension(columns: Columns, stages: Sequence[tuple[str, slice]]) -> bool:
     """Whether tensions, not strains, grow in proportion to the load factor in each stage."""
     names = [f"{quantity}_{side}{unit}" for quantity, unit in (("strain", ""), ("tension", "_N_per_m")) for side in SIDES]
     if "load_factor" not in columns or not all(name in columns for name in names):
@@ -373,20 +368,18 @@ MARGIN = 1.2  # of the limits of such an axis over its values
 FLAT = 0.1  # of the axis: what changes by less between jumps is hard to see
 
 
-def heat_figure(histories: Sequence[History], path: str | os.PathLike[str]) -> Path | None:
+def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> Path | None:
     """Draw active contacts, tension, change of strain and largest stress against temperature, for the stages that change it.
 
-    None without such a stage. histories: each a history.csv or its rows; lines to rows with a `jump` are dotted. The change of a
+    None without such a stage. histories: columns of each; lines to rows with a `jump` are dotted. The change of a
     strain is over one plus the strain at the begin of the stage; strains of stages that hold them are left out.
     """
     found = []  # a stage each
     for history in histories:
-        rows = history_rows(history)
-        columns = columns_of(rows)
-        columns["jump"] = is_behind_jump(columns, len(rows))
-        columns["temperature_C"] = columns.get("temperature_K", np.zeros(len(rows))) - ZERO_CELSIUS
-        for name, part in stage_slices([str(row.get("stage", "")) for row in rows]):
-            if np.ptp(columns["temperature_C"][part]) > 1e-6:
+        celsius = history.get("temperature_K", np.zeros(len(history["stage"]))) - ZERO_CELSIUS
+        columns = {**history, "jump": is_behind_jump(history), "temperature_C": celsius}
+        for name, part in stage_slices(history["stage"].tolist()):
+            if np.ptp(celsius[part]) > 1e-6:
                 found.append((name, {key: values[part] for key, values in columns.items()}))
     if not found:
         return None

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from warpknit.export.curves_figure import draw_line, jump_handles
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, figure_of, plain, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
+from warpknit.results.row import Columns
 
 TITLES = {
     "equal": "equal strain in both directions",
@@ -34,16 +35,14 @@ LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.4, 1.4, 7.0  # [pt] of the last class,
 LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one is said with the best tension
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
-SIDES: dict[str, dict[str, Any]] = {
+SIDES: dict[str, LineLook] = {
     "weft": {"color": BLUE, "marker": "o", "linewidth": WIDTHS[0], "markersize": 6.5},
     "warp": {"color": ORANGE, "marker": "s", "linewidth": WIDTHS[1], "markersize": 4},
 }
 
-Curve = Mapping[str, NDArray[Any]]
-
 
 def tension_figure(
-    rows: Sequence[Mapping[str, Any]],
+    history: Columns,
     answers: Mapping[str, Any],
     path: str | os.PathLike[str],
     *,
@@ -52,14 +51,14 @@ def tension_figure(
 ) -> Path:
     """Active contacts and largest wire stress against equal tensions in weft and warp.
 
-    rows: of history.csv under such tensions; answers: theirs (runner/answers.py); jumps: tensions [N/m] on both sides of each.
+    history: columns under such tensions; answers: theirs (runner/answers.py); jumps: tensions [N/m] on both sides of each.
     """
-    tension = np.array([0.5 * (row["tension_weft_N_per_m"] + row["tension_warp_N_per_m"]) for row in rows])
+    tension = 0.5 * (history["tension_weft_N_per_m"] + history["tension_warp_N_per_m"])
     shown = tension > LEAST_TENSION * tension.max()
-    to_stress, stress_unit = scale_of("Pa", np.array([row["stress_max_Pa"] for row in rows]), np.array([yield_stress]))
+    to_stress, stress_unit = scale_of("Pa", history["stress_max_Pa"], np.array([yield_stress]))
 
     def column(name: str) -> NDArray[Any]:
-        return np.array([row[name] for row in rows], dtype=float)[shown]
+        return history[name][shown]
 
     active = column("active_percent")
     begin, end = _tension_range(tension[shown], active, answers)
@@ -132,7 +131,7 @@ def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Mapping
     return (begin if best is None else min(begin, BEFORE * mean(best))), end
 
 
-def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[str], *, yield_stress: float) -> Path:
+def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike[str], *, yield_stress: float) -> Path:
     """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays.
 
     Lines over jumps are dotted.
@@ -166,7 +165,7 @@ def tension_strain_figure(curves: Mapping[str, Curve], path: str | os.PathLike[s
     return save_figure(figure, path)
 
 
-def _top_tension(curves: Sequence[Curve], yield_stress: float) -> float:
+def _top_tension(curves: Sequence[Columns], yield_stress: float) -> float:
     """[N/m] of the axis: what wires below their elastic limit carry, and little above; all of it where none yields."""
     largest = [np.fmax(curve["tension_weft_N_per_m"], curve["tension_warp_N_per_m"]) for curve in curves]
     everything = float(np.nanmax(np.concatenate(largest), initial=0.0))
@@ -181,7 +180,7 @@ def _top_tension(curves: Sequence[Curve], yield_stress: float) -> float:
     return (min(shown, everything) if shown > 0.0 else everything) or 1.0
 
 
-def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
+def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
     """Sheet resistance in weft and warp, and active contacts, against equal strain in both directions."""
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
@@ -204,8 +203,8 @@ def resistance_figure(curve: Curve, path: str | os.PathLike[str]) -> Path:
     axes.set_ylabel("sheet resistance [ohm/sq]")
     axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
     share = axes.twinx()
-    look = {"color": GREEN, "linestyle": "-.", "label": "active contacts (right)"}
-    draw_line(share, strain, curve["active_percent"], curve["jump"] > 0.0, **look)
+    look = {"color": GREEN, "linestyle": "-."}
+    draw_line(share, strain, curve["active_percent"], curve["jump"] > 0.0, label="active contacts (right)", **look)
     share.set_ylim(-3.0, 103.0)
     share.set_ylabel("active contacts [% of pairs]")
     handles = [*_handles(figure), *jump_handles(figure)]  # above both axes: `best` looks at the curves of one only

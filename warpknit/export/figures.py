@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import re
@@ -20,25 +19,23 @@ from scipy.ndimage import binary_erosion
 
 from warpknit.export.curves_figure import curves_figure, heat_figure
 from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
-from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, frame_plan_axes, plain, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, LineLook, figure_of, frame_plan_axes, plain, save_figure, scale_of
 from warpknit.export.run_record import RunRecord
 from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
+from warpknit.results.row import Columns
 
 SHADES = (2.0, 98.0)  # percentiles of the inner tiles, not next to a grip, between which the colours of a tension or stress lie
 LONGEST = 2.5  # median edges: longer ones of a triangulation of points lie outside the panel
 NET_NODES = 200  # places that hold a panel up to which each is marked
 FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn alike
 
-Columns = dict[str, NDArray[Any]]
 
-
-def panel_figure(tables: dict[str, Path], path: str | os.PathLike[str], title: str) -> Path:
+def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], title: str) -> Path:
     """Draw the map of a panel, its edge, and its surface where there is one: the tables `map`, `edge` and `surface` of a state.
 
     All of it is drawn as strained, from the middle of the panel.
     """
-    tiles, edge = _columns(tables["map"]), _columns(tables["edge"])
-    surface = _columns(tables["surface"]) if tables["surface"].is_file() else None
+    tiles, edge, surface = tables["map"], tables["edge"], tables.get("surface")
     scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
     maps: list[tuple[NDArray[Any], str, dict[str, Any]]] = [
         (tiles["active_percent"], "active contacts [% of the pairs]", {"vmin": 0.0, "vmax": 100.0, "cmap": "viridis"}),
@@ -132,33 +129,25 @@ def _draw_surface(figure: Any, axes: NDArray[Any], surface: Columns) -> Iterator
         yield ax, image
 
 
-def _columns(path: Path) -> Columns:
-    with open(path, newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-
-
 WIRES = (("left", BLUE), ("right", ORANGE))
 BETWEEN = 4  # states drawn pale between rest and the last
 TOUCHING = 1e-3  # of the largest force: with less the wires just graze, at places that mean nothing
 
 
-def hook_figure(
-    layout: WireLayout, frames: Sequence[Frame], history: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]
-) -> Path:
-    """Draw the frames of a hook; `history` has one row for each."""
+def hook_figure(layout: WireLayout, frames: Sequence[Frame], history: Columns, path: str | os.PathLike[str]) -> Path:
+    """Draw the frames of a hook; the columns of its history have a value for each."""
     figure = figure_of(12.0, 5.6)
     panels = figure.subplot_mosaic([["hook", "force"], ["hook", "place"]], width_ratios=(1.0, 1.15))
 
     def column(name: str, scale: float = 1.0) -> np.ndarray:
-        return scale * np.array([float(row[name]) for row in history])
+        return scale * history[name]
 
     _draw_hook(panels["hook"], layout, frames)
     displacement = column("displacement_m", 1e3)
     force = panels["force"]
     scale, unit = scale_of("N", *(column(f"{name}_N") for name in ("force_left", "force_right", "drive_force", "ground_force")))
     for side, colour in WIRES:
-        style: dict[str, Any] = {"linewidth": 3.0 if side == "left" else 1.5, "alpha": 0.55 if side == "left" else 1.0}
+        style: LineLook = {"linewidth": 3.0 if side == "left" else 1.5, "alpha": 0.55 if side == "left" else 1.0}
         force.plot(displacement, column(f"force_{side}_N", scale), color=colour, label=f"contact, {side} wire", **style)
     force.plot(displacement, column("drive_force_N", scale), color=GREY, linestyle="--", label="driven end, lateral")
     if np.any(column("ground_force_N") > 0.0):
@@ -213,13 +202,10 @@ UNFINISHED = ("diverged", "interrupted")  # stop reasons
 
 def export_figures(record: RunRecord) -> list[Path]:
     """Draw the mesh at the end of the run and of each stage, and the curves; the paths."""
-    behind = {str(after) for _, after in record.summary.get("jumps") or ()}
-    history = [row | {"jump": str(int(row.get("index") in behind))} for row in record.history()]
-    if "displacement_m" in history[0]:
+    history = record.history()
+    if "displacement_m" in history:
         return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]
-    rows = {row.get("index"): row for row in history}
     folder = record.directory / "figures"
-    yield_stress = record.quantity("wire", "yield_stress_Pa")
     last: Frame | None = None
     stage_ends: list[Frame] = []
     for frame in record.frames():
@@ -234,38 +220,32 @@ def export_figures(record: RunRecord) -> list[Path]:
             (f"mesh_{number:02d}_{re.sub(r'[^A-Za-z0-9-]+', '_', frame.stage)}.png", frame)
             for number, frame in enumerate(stage_ends)
         ]
-    unfinished = f"the run did not finish: {reason}" if (reason := record.summary.get("stop_reason")) in UNFINISHED else ""
-    paths = [curves_figure(history, folder / "curves.png", yield_stress=yield_stress, title=unfinished)]
+    unfinished = f"the run did not finish: {reason}" if (reason := record.stop_reason) in UNFINISHED else ""
+    paths = [curves_figure(history, folder / "curves.png", yield_stress=record.yield_stress, title=unfinished)]
     if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:
-        tables = {kind: record.directory / "panel" / f"{kind}_{frame.index:06d}.csv" for kind in ("map", "edge", "surface")}
-        title = state_title(frame, tension_of(rows.get(str(frame.index))), names_stage=bool(stage_ends))
+        title = state_title(frame, tension_of(history, frame.index), names_stage=bool(stage_ends))
         if unfinished and frame is last:
             title = f"{title}\n{unfinished}"
-        if tables["map"].is_file():
+        if tables := record.panel(frame.index):
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
-        peak = _peak_of(rows.get(str(frame.index)))
-        paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=yield_stress, peak=peak))
+        found = _numbers(history, frame.index, "stress_max_Pa", "stress_max_x_m", "stress_max_y_m")
+        peak = None if found is None or found[0] <= 0.0 else Peak(*found)
+        paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=record.yield_stress, peak=peak))
     return paths
 
 
-def tension_of(row: dict[str, str] | None) -> tuple[float, float] | None:
-    """Tension [N/m] in weft and warp in a row of the history; None where it has none."""
-    found = _numbers(row, "tension_weft_N_per_m", "tension_warp_N_per_m")
+def tension_of(history: Columns, index: int) -> tuple[float, float] | None:
+    """Tension [N/m] in weft and warp of a record; None where its history has none."""
+    found = _numbers(history, index, "tension_weft_N_per_m", "tension_warp_N_per_m")
     return None if found is None else (found[0], found[1])
 
 
-def _peak_of(row: dict[str, str] | None) -> Peak | None:
-    """The largest stress of a row of the history; None where it has none."""
-    found = _numbers(row, "stress_max_Pa", "stress_max_x_m", "stress_max_y_m")
-    return None if found is None or found[0] <= 0.0 else Peak(*found)
-
-
-def _numbers(row: dict[str, str] | None, *names: str) -> list[float] | None:
-    """The numbers of columns in a row of the history; None where one is missing."""
-    try:
-        values = [float((row or {})[name]) for name in names]
-    except (KeyError, TypeError, ValueError):
+def _numbers(history: Columns, index: int, *names: str) -> list[float] | None:
+    """The values of columns at a record; None where one is missing."""
+    row = np.flatnonzero(history.get("index", np.zeros(0)) == index)
+    if not len(row) or any(name not in history for name in names):
         return None
+    values = [float(history[name][row[0]]) for name in names]
     return values if all(map(math.isfinite, values)) else None

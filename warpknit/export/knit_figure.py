@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from warpknit.export.plots import copied, figure_of, frame_plan_axes, over_under, plan_scale, save_figure, tile_copies
+from warpknit.export.plots import LineLook, copied, figure_of, frame_plan_axes, over_under, plan_scale, save_figure, tile_copies
 from warpknit.knit.cloth import CLASS_NAMES, Cloth
 
 MM = 1e3  # millimetres to a metre
@@ -63,13 +63,14 @@ def knit_figure(
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
     classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
-    styles: list[dict[str, Any]] = []
+    mark: LineLook = {"color": BODY_COLOUR, "linestyle": "none", "markersize": MARK_SIZE, "markeredgewidth": 0.0}
+    styles: list[LineLook] = []
     for number in np.unique(classes).tolist():
         letter = rf"$\mathbf{{{CLASS_NAMES[number]}}}$"
-        styles.append({"marker": letter, "color": BODY_COLOUR, "linestyle": "none", "markeredgewidth": 0.0, "path_effects": HALO})
+        styles.append({**mark, "marker": letter, "path_effects": HALO})
         count = np.count_nonzero(classes == number)
         label = f"contact {CLASS_NAMES[number]}: {count} a repeat ({2 * count} pairs)"
-        handles.append(Line2D([], [], markersize=MARK_SIZE, label=label, **styles[-1]))
+        handles.append(Line2D([], [], label=label, **styles[-1]))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size
         cell = np.round((middle - cloth.rhombus.centre) / cloth.size)
@@ -95,7 +96,7 @@ def knit_figure(
     within = np.all((everywhere > left_bottom + inset) & (everywhere < right_top - inset), axis=2)
     is_whole = np.array([within[stack == one].all(axis=0) for one in stack], dtype=bool).reshape(within.shape)
     for number, style in zip(np.unique(classes), styles, strict=True):
-        axes.plot(*everywhere[is_whole & (classes == number)[:, None]].T, markersize=MARK_SIZE, zorder=3, **style)
+        axes.plot(*everywhere[is_whole & (classes == number)[:, None]].T, zorder=3, **style)
     line_width = max(THINNEST, thickness * MM * points_per_mm)
     axes.add_collection(over_under(*_wires(cloth, period, low - margin, high + margin), line_width, points_per_mm))
     return save_figure(figure, path)

@@ -25,6 +25,7 @@ from warpknit.export.plots import (
     BLUE,
     EDGE,
     GREEN,
+    LineLook,
     copied,
     figure_of,
     frame_plan_axes,
@@ -48,14 +49,14 @@ LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges an
 PLAN_SIZE = 8.0  # [inch] of the larger side of a plan view
 LEGEND_COLUMN = 2.5  # [inch]
 ONE_TENSION = 4e-3  # of a tension: what the search of one may leave between weft and warp
-PEAK: dict[str, Any] = {"linestyle": "none", "marker": "*", "markersize": 13, "markerfacecolor": "none"}  # a contact shows in it
+PEAK: LineLook = {"linestyle": "none", "marker": "*", "markersize": 13, "markerfacecolor": "none"}  # a contact shows in it
 PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [withStroke(linewidth=2.0, foreground="white")]}
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-OUTLINE: dict[str, Any] = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
-ELSEWHERE: dict[str, Any] = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
+OUTLINE: LineLook = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
+ELSEWHERE: LineLook = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
 ELSEWHERE_SIZE = 0.75  # of the marks where wires hook, of which many are near
 DARK = 0.26  # of the mark: the dark line about it
-RING: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
+RING: LineLook = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def _mesh_map(
     image = right.imshow(share.reshape(shape), cmap="viridis", clim=(0.0, 100.0), **drawn)
     _colour_bar(figure, right, image, "active contacts [% of the pairs in each cell]")
     rhombus = body[layout.rhombus_bodies]
-    ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 11, "markerfacecolor": "none"}
+    ring: LineLook = {"linestyle": "none", "marker": "o", "markersize": 11, "markerfacecolor": "none"}
     for axes in (left, right):
         if rhombus.size:
             for colour, width in (("black", 3.5), ("white", 1.5)):
@@ -267,7 +268,8 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
     elif layout.rhombus_bodies.size:
         both = np.count_nonzero(frame.body_active[layout.rhombus_bodies])
         label = f"central rhombus: {both} of {layout.rhombus_bodies.size} active"
-        handles.append(Line2D([], [], label=label, **RING, markersize=10, markeredgewidth=1.5))
+        ring: LineLook = {**RING, "markersize": 10, "markeredgewidth": 1.5}
+        handles.append(Line2D([], [], label=label, **ring))
     if not handles:
         return
     columns = int(np.clip(figure.get_figwidth() / LEGEND_COLUMN, 1, len(handles)))
@@ -300,7 +302,7 @@ def _draw_contacts(
         axes.fill(*mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
 
 
-def _elsewhere(size: float) -> dict[str, Any]:
+def _elsewhere(size: float) -> LineLook:
     """Look of an active contact elsewhere, beside marks of a size [pt]: its dark edge grows and shrinks with it."""
     dark = [withStroke(linewidth=DARK * size, foreground="black")]
     return {**ELSEWHERE, "markersize": ELSEWHERE_SIZE * size, "markeredgewidth": 0.18 * size, "path_effects": dark}
@@ -317,9 +319,10 @@ def _spacing(position: NDArray[Any], count: int) -> float:
     return max(math.sqrt(float(np.prod(size)) / count), float(size.max()) / count)
 
 
-def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, dict[str, Any]], ...]:
+def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, LineLook], ...]:
     """Active and open bodies: which, the name, the width of the edge over the size of the mark, and its look."""
-    active, mark = frame.body_active, {"linestyle": "none", "marker": "o"}
+    active = frame.body_active
+    mark: LineLook = {"linestyle": "none", "marker": "o"}
     halo = [withStroke(linewidth=3.0, foreground="white")]
     return (
         (active, "active", 0.12, {**mark, "markerfacecolor": BLUE, "markeredgecolor": "white"}),

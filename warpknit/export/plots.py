@@ -4,14 +4,16 @@ Matplotlib's objects on an Agg canvas, without pyplot's state: figures can be dr
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import AbstractPathEffect
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -22,6 +24,22 @@ DOTS_PER_INCH = 150
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060"
 AMBER = "#E69F00"  # of contacts where no wires hook
 WIDTHS = (3.4, 1.6, 1.6, 1.6)  # [pt] of curves in one panel: the first is wider, and shows beside an equal one drawn over it
+
+
+class LineLook(TypedDict, total=False):
+    """How a line and its marks look, by the keywords of matplotlib."""
+
+    color: str
+    linestyle: Any  # a name, or an offset and lengths of dashes and gaps
+    linewidth: float
+    alpha: float
+    marker: str
+    markersize: float
+    markerfacecolor: str
+    markeredgecolor: str
+    markeredgewidth: float
+    path_effects: Sequence[AbstractPathEffect]
+    gid: str
 
 
 def figure_of(width: float, height: float) -> Figure:

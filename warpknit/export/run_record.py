@@ -2,27 +2,33 @@
 
 import csv
 import json
-import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from warpknit.errors import ExportError
 from warpknit.results.frame import Frame, WireLayout
+from warpknit.results.row import Columns, Row, Values, columns_of, read_rows, valued
 
 DAMAGED = (OSError, ValueError, TypeError)  # what a damaged file of arrays raises
 
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Contents of the directory of a run."""
+    """A run and its directory: what is drawn and exported of it."""
 
     directory: Path
-    summary: dict[str, Any]
     layout: WireLayout
     states: tuple[Path, ...]
+    name: str = ""  # of the scene
+    scene_hash: str = ""
+    version: str = ""
+    stop_reason: str = ""  # empty while it runs
+    yield_stress: float | None = None  # [Pa]
+    jumps: Sequence[Sequence[int]] = ()  # neighbouring records of different branches of equilibria
+    rows: Sequence[Row] = ()  # of its history; empty: those of history.csv
+    panels: Mapping[int, Mapping[str, Columns]] = field(default_factory=dict)  # tables of a panel, by record; empty: the files
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames one by one, so that they need not fit in memory together."""
@@ -33,28 +39,29 @@ class RunRecord:
         """One frame. Raises `ExportError` where it cannot be read or does not fit the layout."""
         return read_frame(self.states[index], self.layout)
 
-    def history(self) -> list[dict[str, str]]:
-        path = self.directory / "history.csv"
+    def history(self) -> Columns:
+        """Columns of the history, with `jump` 1 where the mesh has jumped since the record before."""
+        path, behind = self.directory / "history.csv", {after for _, after in self.jumps}
         try:
-            with open(path, newline="", encoding="utf-8") as file:
-                rows = list(csv.DictReader(file))
+            rows = self.rows or read_rows(path, Row)
         except (OSError, ValueError, csv.Error) as error:
             raise _unreadable(path, error) from error
         if not rows:
             raise ExportError(f"{path}: no record")
-        return rows
+        return columns_of({**vars(row), "jump": int(row.get("index") in behind)} for row in rows)
 
-    def quantity(self, *names: str) -> float | None:
-        """A positive number of the summary, the largest over its stages, or None."""
-        values = [item(part, names) for part in (self.summary, *(item(self.summary, ("stages",)) or ()))]
-        numbers = [float(value) for value in values if isinstance(value, int | float) and math.isfinite(value)]
-        return max((number for number in numbers if number > 0.0), default=None)
+    def panel(self, index: int) -> Mapping[str, Columns]:
+        """Tables `map`, `edge` and, of a panel with a target shape, `surface` of a record; empty where there are none."""
+        if index in self.panels:
+            return self.panels[index]
+        paths = {kind: self.directory / "panel" / f"{kind}_{index:06d}.csv" for kind in ("map", "edge", "surface")}
+        return {kind: columns_of(map(vars, read_rows(path, Values))) for kind, path in paths.items() if path.is_file()}
 
 
 def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
     """Raises `ExportError` where there is no run, or one without states.
 
-    also_running: take a run that goes on as well; its summary is empty.
+    also_running: take a run that goes on as well.
     """
     if not directory.is_dir():
         raise ExportError(f"{directory}: no such directory; give the directory of a run")
@@ -66,15 +73,22 @@ def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     path = summary_path
     try:
-        summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        tree = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
         if not states:
             raise ExportError(f"{directory}: the run has no states")
         layout = WireLayout.load(path := layout_path)
     except DAMAGED as error:  # JSONDecodeError is a ValueError
         raise _unreadable(path, error) from error
-    if not isinstance(summary, dict) or (summary and not isinstance(item(summary, ("scene", "name")), str)):
-        raise ExportError(f"{summary_path}: not the summary of a run: it has no scene name")
-    return RunRecord(directory, summary, layout, tuple(states))
+    if tree is None:
+        return RunRecord(directory, layout, tuple(states))
+    try:
+        summary = valued(tree)
+        limits = [part.wire.get("yield_stress_Pa") for part in (summary, *summary.stages) if "wire" in part]
+        about = (summary.scene.name, summary.scene.hash, summary.version, summary.stop_reason)
+    except AttributeError as error:
+        raise ExportError(f"{summary_path}: not the summary of a run") from error
+    limit = max((limit for limit in limits if limit), default=None)
+    return RunRecord(directory, layout, tuple(states), *about, limit, summary.get("jumps", ()))
 
 
 def _held(directory: Path) -> str:
@@ -100,13 +114,6 @@ def read_frame(path: Path, layout: WireLayout) -> Frame:
     except DAMAGED as error:
         raise _unreadable(path, error) from error
     return frame
-
-
-def item(tree: Any, names: tuple[str, ...]) -> Any:
-    """The value under these keys of nested tables, or None."""
-    for name in names:
-        tree = tree.get(name) if isinstance(tree, dict) else None
-    return tree
 
 
 def _unreadable(path: Path, error: Exception) -> ExportError:

@@ -142,7 +142,7 @@ class WriterProcess(FrameWriter):
 
     def add_frame(self, frame: Frame) -> None:
         self._wait()
-        values: dict[str, Any] = {}
+        values: dict[str, object] = {}
         first = 0
         for entry in fields(Frame):
             value = getattr(frame, entry.name)

@@ -7,7 +7,7 @@ Strain measures refer to the rest shape; the tension of the mesh is a force per 
     measure.mesh_tension(state)                              # weft, warp [N/m], force per current width
     measure.contacts(state).active_percent                   # [%] of the pairs
     measure.stress_extremes(state)                           # largest and 99 % stress [Pa], share of wire above the yield stress
-    measure.energies(state).stored                           # [J]
+    state.energies.stored                                    # [J]
 
 `record.observables` belong to a recorded state; `planar.observables.read(model, state)` evaluates any state.
 `measure.table.values(state, names)` has measures by the names of the columns of history.csv.
@@ -22,7 +22,7 @@ import numpy as np
 
 from ..results.frame import Frame
 from ..scene import Wire
-from .observables import Energies, MeshModel, Observables
+from .observables import MeshModel, Observables
 from .observables import WireStress as WireStress
 from .strain import clamp_rotation as clamp_rotation
 from .strain import couple_of, rotation, true_stress
@@ -63,25 +63,7 @@ def tension_scale(model: MeshModel) -> float:
     return model.bending_stiffness / model.scene.knit.course_spacing**3
 
 
-# --- energies ---------------------------------------------------------------------------------------------------------
-
-
-def energies(r: Observables) -> Energies:
-    """Stored and kinetic energy of the mesh."""
-    return r.energies
-
-
-def hardened_energy(r: Observables) -> float:
-    """[J] that kinematic hardening stores: H kappa_p^2/2 a length, with H = EI kept/(1 - kept)."""
-    return r.hardened_energy
-
-
 # --- loads ------------------------------------------------------------------------------------------------------------
-
-
-def nominal_stress(r: Observables) -> np.ndarray:
-    """Nominal stress (2, 2) [N/m], work-conjugate of the deformation gradient: force per rest width."""
-    return r.nominal_stress
 
 
 def boundary_stress(r: Observables) -> np.ndarray:
@@ -122,11 +104,6 @@ def clamp_couple(r: Observables) -> float:
     F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
     """
     return couple_of(r.nominal_stress, r.gradient)
-
-
-def thermal_force(r: Observables) -> float:
-    """[J] derivative of the energy by the length factor of the wires."""
-    return r.thermal_force
 
 
 def mean_boundary_force(r: Observables) -> float:
@@ -189,11 +166,6 @@ def contacts(r: Observables, bodies: np.ndarray | None = None) -> Contacts:
     return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
 
 
-def rhombus_contacts(r: Observables) -> Contacts:
-    """Contacts around the central opening."""
-    return contacts(r, r.model.panel.rhombus_bodies)
-
-
 def largest_contact_force(r: Observables) -> float:
     """[N] of a pair, active or not."""
     return float(r.pair_force.max(initial=0.0))
@@ -204,32 +176,12 @@ def active_forces(r: Observables) -> np.ndarray:
     return r.pair_force[pair_active(r)]
 
 
-def pairs_at_reach_end(r: Observables) -> int:
-    """Active pairs at the end of their sliding range, whose forces are not valid."""
-    return r.pairs_at_reach_end
-
-
-def penetration(r: Observables) -> float:
-    """Largest overlap over the wire diameter."""
-    return r.penetration
-
-
 # --- wires ------------------------------------------------------------------------------------------------------------
 
 
 def section(wire: Wire) -> tuple[float, float]:
     """Outer radius [m] and stress per tension E/EA [1/m2], plating and parallel ends included."""
     return wire.diameter / 2, wire.youngs_modulus / wire.axial_stiffness
-
-
-def wire_stress(r: Observables) -> np.ndarray:
-    """[node] [Pa] E (d/2) |M|/EI + |N| E/EA, with the larger tension of the two segments at the node."""
-    return r.wire_stress.node
-
-
-def contact_stress(r: Observables) -> np.ndarray:
-    """[touching pair] [Pa] stress of the wire under a body, a maximum between two nodes."""
-    return r.wire_stress.contact
 
 
 def stress_extremes(r: Observables) -> tuple[float, float, float]:
@@ -282,11 +234,6 @@ def interior_stress(r: Observables) -> float:
         inside &= (place > low + edge) & (place < high - edge)
     peaks = peak[inside[r.wire_stress.contact_node]]
     return max(float(stress[inside].max(initial=0.0)), float(peaks.max(initial=0.0)))
-
-
-def axial_strain(r: Observables) -> np.ndarray:
-    """[node] mechanical axial strain of the segments, T/EA."""
-    return r.axial_strain
 
 
 def plastic_extremes(r: Observables) -> tuple[float | None, float | None]:

@@ -53,7 +53,7 @@ def level_of(r: Observables, share: float, dissipated: float) -> Level:
     force = r.model.panel.area * np.array([*stress[upper], m.clamp_couple(r)])
     place = np.array([*strain[upper], r.clamp_rotation, r.length_factor])
     stored = r.energies.stretch + r.energies.bend + r.energies.contact
-    return Level(*map(np.array, (share, passed, np.append(force, m.thermal_force(r)), place, float(stored), dissipated)))
+    return Level(*map(np.array, (share, passed, np.append(force, r.thermal_force), place, float(stored), dissipated)))
 
 
 def happens(before: Level, after: Level, energy_scale: float) -> bool:

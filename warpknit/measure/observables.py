@@ -19,7 +19,9 @@ import numpy as np
 from ..compute.ranks import Ranks
 from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
+from ..results.finding import ResultWarning
 from ..results.frame import WireLayout
+from ..results.row import Row
 from ..scene import Scene
 
 LEAST_SHARE = 0.5  # smallest share of a tile inside the outline with values
@@ -176,8 +178,8 @@ class MeshModel(Protocol):
     def layout(self) -> WireLayout:
         """How wires are laid out in frames."""
 
-    def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
-        """Warnings where results (`stages` of summary.json) may be outside the validity of the model."""
+    def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
+        """Warnings where results may be outside the validity of the model."""
 
 
 class Observables(Protocol):

@@ -22,7 +22,7 @@ CROWDED = 0.4  # of the spacing: smallest distance of inner points from the edge
 
 
 @dataclass(frozen=True)
-class Surface:
+class PanelSurface:
     """Points of the panel with their height and that of the paraboloid."""
 
     point: np.ndarray  # (point, 2) [m] of the strained panel, from its centre
@@ -75,7 +75,7 @@ def triangle_areas(point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
 
 def find_surface(
     map_: PanelMap, rim: Rim, gradient: np.ndarray, stations: np.ndarray, middle: np.ndarray, focal_length: float
-) -> Surface:
+) -> PanelSurface:
     """The shape of a panel whose edge lies on z = r^2/(4 focal_length) [m] around its centre.
 
     rim, gradient (2, 2) and the displacement of the stations (station, 2) [m] say where the edge is, `middle` (2,) [m] is that of
@@ -123,7 +123,7 @@ def find_surface(
     height = np.where(held, wanted, 0.0)
     height[free] = spsolve(matrix[free][:, free].tocsc(), -(matrix[free] @ height))
     height[~held & ~used] = wanted[~held & ~used]
-    return Surface(point, triangle, height, wanted)
+    return PanelSurface(point, triangle, height, wanted)
 
 
 def _tension_at(map_: PanelMap, place: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
 """The tiles of a gripped panel, and the map of the values of its tiles.
 
 A tile is one repeat of the undeformed cloth. Its nominal stress P is the virial of its wires and contacts, as in
-measure.nominal_stress. Its deformation gradient F is that of the panel plus the slope of the displacement between tiles, averaged
-over the bodies that both tiles have. The tension is the force per current width, P F^T / det F.
+`Observables.nominal_stress`. Its deformation gradient F is that of the panel plus the slope of the displacement between tiles,
+averaged over the bodies that both tiles have. The tension is the force per current width, P F^T / det F.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class Sums:
     force_mean: np.ndarray | float  # [N] of those
     gap_max: np.ndarray | float  # [m] largest gap or overlap of those
     gap_square: np.ndarray | float  # [m2] summed over those
-    stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see measure.nominal_stress
+    stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see `Observables.nominal_stress`
 
 
 def first_blocks(panel: Panel) -> np.ndarray:

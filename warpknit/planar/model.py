@@ -29,7 +29,9 @@ from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
+from ..results.finding import ResultWarning
 from ..results.frame import WireLayout, curve_parts
+from ..results.row import Row
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .limits import slid_wires, tight_loops
@@ -186,10 +188,10 @@ class Model:
         """Behaviour under compression that the model lacks, in words."""
         return "wrinkle out of its plane, which the planar model cannot represent"
 
-    def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
+    def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
         """Warnings where the planar model is not valid, one line each, the gravest first."""
         if self.cloth is not None:
-            yield from slid_wires(self.scene, stages)
+            yield from slid_wires(self.scene, rows)
             yield from tight_loops(self.scene, self.cloth)
 
 

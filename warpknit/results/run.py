@@ -10,13 +10,15 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import ExportError, RunDirectoryError, naming_arguments
-from ..runner.run_directory import SUMMARIES, TABLES, directory_of, holds_killed_run
-from ..runner.summary_table import summary_rows
+from ..runner.run_directory import SUMMARIES, TABLES, Tree, directory_of, holds_killed_run
+from ..runner.summary import Summary
+from ..runner.summary_table import summary_findings
 from ..scene import Scene, load_scene
-from ..studies.map_table import map_lines
+from ..studies.map_table import MapSummary, map_findings
+from .finding import Finding
 from .frame import WireLayout
 from .states import Series, States
 from .table import AGAIN, Table, found, html_table
@@ -30,19 +32,32 @@ PICTURE_WIDTH, PICTURE_COLOURS = 480, 128  # pixels, in a notebook
 
 
 class Run:
-    """The results in a directory: `run`, `run_map`, `make_report` and `load_run` return one.
+    """The results in a directory: `run`, `run_map`, `make_report` and `load_run` return one, in SI units.
 
         run = load_run("runs/atlas_cell")
-        run.summary["mesh"]["tension_weft_N_per_m"]
-        run.history["tension_weft_N_per_m"]                # [record] [N/m], a column of history.csv
-        run.states[-1].node_position                       # [node, 3] [m]; help(run.states[-1]) has its fields
-        run.observables["pair_force"]                      # [record, pair] [N]
-        run.tables["history"]["stage"]                     # any CSV file of the directory; run.history is this one
+        run.summary["mesh"]["tension_weft_N_per_m"], run.states[-1].node_position, run.observables["pair_force"]
 
-    Everything but the summary is read when it is asked for. All values are in SI units; docs/scenes.md explains each.
+    It has
+        summary          nested dict: summary.json, or map.json, trade.json
+        stop_reason      steady | finished | diverged | interrupted
+        warnings         limits to the use of the results
+        history          columns of history.csv by name, [record]; `to_pandas()`
+        tables           every CSV file by name; of a map `tables["map"]`
+        states           recorded states, by index; each a `Frame` with
+            node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
+            pair_force [pair] [N] where wires hook, pair_active [pair], body_force [body] [N], body_active [body],
+            elsewhere_position (contact, 3) [m], elsewhere_force [contact] [N], elsewhere_wires (contact, 2) where no wires hook,
+            stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
+        observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
+        layout           a `WireLayout`: which nodes make a wire, which wires a body hooks, the class of a contact
+        answers          of a report or a run, as in answers.json
+        scene, card, fit, figures, directory, export(to)
+    Pairs 2b and 2b + 1 belong to body b, where two wires hook each other. help(run.states[-1]) has all fields of a state,
+    help(run.layout) those of the layout.
+    Everything but the summary is read when it is asked for. docs/scenes.md explains each value.
     """
 
-    def __init__(self, directory: Path, summary: dict[str, Any]) -> None:
+    def __init__(self, directory: Path, summary: Tree) -> None:
         self.directory = directory
         self.summary = summary  # summary.json, or map.json, or trade.json
 
@@ -127,19 +142,19 @@ class Run:
             return 0
 
     @cached_property
-    def card(self) -> dict[str, Any] | None:
+    def card(self) -> Tree | None:
         """The material card of a report (material_card.json); None where there is none."""
         path = self.directory / "material_card.json"
         return _read_json(path) if path.is_file() else None
 
     @cached_property
-    def fit(self) -> dict[str, Any] | None:
+    def fit(self) -> Tree | None:
         """How a report fitted the scene to measured data (fit.json): factor, rms_error, notes; None where it did not."""
         path = self.directory / "fit.json"
         return _read_json(path) if path.is_file() else None
 
     @cached_property
-    def answers(self) -> dict[str, Any] | None:
+    def answers(self) -> Tree | None:
         """The answers of a report (answers.json) or of a run (in its summary); None where there are none."""
         path = self.directory / "answers.json"
         if not path.is_file():
@@ -179,14 +194,13 @@ class Run:
         if shown:
             data = base64.b64encode(_smaller(shown[0])).decode()
             picture = f'<img alt="{escape(shown[0].stem)}" width="{PICTURE_WIDTH}" src="data:image/png;base64,{data}"/>'
-        return f"{html_table(list(self._lines()))}{picture}"
+        return f"{html_table([(line.name, line.text) for line in self._findings()])}{picture}"
 
-    def _lines(self) -> Iterator[tuple[str, str]]:
+    def _findings(self) -> Iterator[Finding]:
         """The table that the command prints."""
         if "cells" in self.summary:
-            yield from map_lines(self.summary)
-        else:
-            yield from summary_rows(self.summary, self.directory)
+            return map_findings(MapSummary.of(self.summary))
+        return summary_findings(Summary.of(self.summary), self.directory)
 
 
 def _smaller(picture: Path) -> bytes:
@@ -200,7 +214,7 @@ def _smaller(picture: Path) -> bytes:
     return data.getvalue()
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> Tree:
     """The table in a JSON file. Raises RunDirectoryError."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
@@ -242,27 +256,9 @@ def load_run(out: str | os.PathLike[str]) -> Run:
         run = load_run("runs/atlas_cell")
         run.history["strain_weft"], run.history["tension_weft_N_per_m"]     # [record], [record] [N/m]
 
-    A `Run` has
-        summary          nested dict: summary.json, or map.json, trade.json
-        stop_reason      steady | finished | diverged | interrupted
-        warnings         limits to the use of the results
-        history          columns of history.csv by name, [record]; `to_pandas()`
-        tables           every CSV file by name; of a map `tables["map"]`
-        states           recorded states, by index; each a `Frame` with
-            node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
-            pair_force [pair] [N] where wires hook, pair_active [pair], body_force [body] [N], body_active [body],
-            elsewhere_position (contact, 3) [m], elsewhere_force [contact] [N], elsewhere_wires (contact, 2) where no wires hook,
-            stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
-        observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
-        layout           a `WireLayout`: which nodes make a wire, which wires a body hooks, the class of a contact
-        answers          of a report or a run, as in answers.json
-        scene, card, fit, figures, directory, export(to)
-    Pairs 2b and 2b + 1 belong to body b, where two wires hook each other. help(run.states[-1]) has all fields of a state,
-    help(run.layout) those of the layout.
-
-    Raises RunDirectoryError where there are none, where the run goes on or was killed before it wrote a summary, or where they
-    cannot be read; so do history, tables, states, layout, observables and card, which are read when they are asked for. The line
-    names the file.
+    help(warpknit.Run) lists what it has. Raises RunDirectoryError where there are no results, where the run goes on or was killed
+    before it wrote a summary, or where they cannot be read; so do history, tables, states, layout, observables and card, which
+    are read when they are asked for. The line names the file.
     """
     directory = directory_of(out, "load_run")
     for name in SUMMARIES:

@@ -104,7 +104,7 @@ class Series(Mapping[str, np.ndarray]):
         for name in self if names is None else names:
             dimensions, unit = FIELDS[name] if name in self._fields else ((), units(name).get("units", ""))
             variables[name] = (("record", *dimensions), self[name], {"units": unit} if unit else {})
-        coordinates: dict[str, Any] = {name: ("record", self[name]) for name in PLACES if name in self._history}
+        coordinates: dict[str, object] = {name: ("record", self[name]) for name in PLACES if name in self._history}
         coordinates["record"] = np.arange(self._history.rows)
         if any("axis" in variable[0] for variable in variables.values()):
             coordinates["axis"] = list(AXES)

@@ -92,11 +92,12 @@ from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import ContactClass, classes_of
 from ..mesh.tight_loops import tension_error
+from ..results.row import Row
 from ..scene import Stage
 from ..solve.tension import TOLERANCE
 from .best_tension import DRIFT, best_tension, margin, row_between
 from .branches import STATE, Answer, Jump, Rows, is_heated, state_of
-from .history import Row, mean_tension, stages_of
+from .history import mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
 COMPRESSED = "compressed in weft or warp where the mean tension is this"
@@ -118,7 +119,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     given, asked = scene.output.service_tension, _asked_tension(scene.stages)
     wanted = SERVICE_TENSIONS if given is None else (given,)
     error = max(TOLERANCE, scene.solver.residual_tolerance)
-    inner = "stress_interior_max_Pa" if "stress_interior_max_Pa" in vars(rows[0]) else "stress_max_Pa"
+    inner = "stress_interior_max_Pa" if "stress_interior_max_Pa" in rows[0] else "stress_max_Pa"
     inner_yield = first_yield(run, limit, inner)
     yields = _yielding_row(rows, limit, inner)
     known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
@@ -129,7 +130,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
             {
                 "name": one.name,
                 "pairs": one.pairs,
-                "active_percent": vars(rows[-1])[f"active_{one.name}_percent"],
+                "active_percent": rows[-1][f"active_{one.name}_percent"],
                 "closes": closing(run, one.name, threshold, yields),
                 "closed": closed_ranges(rows, one.name, threshold),
             }
@@ -159,14 +160,14 @@ def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -
     threshold [N]: of an active pair. yields: the first row above the elastic limit.
     """
     rows = run.rows
-    closed = [vars(row)[f"force_{name}_N"] > threshold for row in rows]
+    closed = [row[f"force_{name}_N"] > threshold for row in rows]
     k = _closing_row(rows, closed, yields)
     if k is None:
         return None
     touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
     opens = next((row for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None)
     return run.first(k) | {
-        "closed_percent": vars(rows[k])[f"active_{name}_percent"],
+        "closed_percent": rows[k][f"active_{name}_percent"],
         "first_touch": None if touch is None else state_of(touch),
         "opens": None if opens is None else state_of(opens) | {"stage": opens.stage},
     }
@@ -192,12 +193,12 @@ def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Answ
     """
     ranges: list[Answer] = []
     end = 0
-    for is_closed, group in groupby(rows, lambda row: bool(vars(row)[f"force_{name}_N"] > threshold)):
+    for is_closed, group in groupby(rows, lambda row: bool(row[f"force_{name}_N"] > threshold)):
         part = list(group)
         end += len(part)
         if is_closed:
             ends = {side: state_of(row) | {"stage": row.stage} for side, row in (("from", part[0]), ("to", part[-1]))}
-            share = max(vars(row)[f"active_{name}_percent"] for row in part)
+            share = max(row[f"active_{name}_percent"] for row in part)
             ranges.append(ends | {"closed_percent": share, "lasts": end == len(rows)})
     return ranges
 
@@ -258,18 +259,18 @@ def _asked_tension(stages: Sequence[Stage]) -> float | None:
 
 def _yielding_row(rows: Sequence[Row], limit: float, stress: str) -> int | None:
     """The first row with a `stress` above the elastic limit [Pa]."""
-    return next((k for k, row in enumerate(rows) if vars(row)[stress] > limit), None)
+    return next((k for k, row in enumerate(rows) if row[stress] > limit), None)
 
 
 def first_yield(run: Rows, limit: float, stress: str) -> Answer | None:
     """The first record whose `stress`, a column, is above the elastic limit [Pa], and the place; None if there is none."""
     k = _yielding_row(run.rows, limit, stress)
-    return None if k is None else run.first(k) | _peak(run.rows[k]) | {"stress_max_Pa": vars(run.rows[k])[stress]}
+    return None if k is None else run.first(k) | _peak(run.rows[k]) | {"stress_max_Pa": run.rows[k][stress]}
 
 
 def _peak(row: Row) -> Answer:
     """Where the stress is largest, and how large."""
-    return {"stress_max_Pa": row.stress_max_Pa} | {name: vars(row).get(name) for name in PEAK}
+    return {"stress_max_Pa": row.stress_max_Pa} | {name: row.get(name) for name in PEAK}
 
 
 # --- heat
@@ -288,7 +289,7 @@ def _heated(run: Rows, part: Sequence[Row], by_tension: Sequence[bool]) -> Answe
     jump = next((both for both in pairwise(part) if run.is_jump(*both)), None)
     return {
         "stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension],
-        **{name: [vars(row)[name] for row in (part[0], part[-1])] for name in HEATED},
+        **{name: [row[name] for row in (part[0], part[-1])] for name in HEATED},
         "peak": {"stress_max_Pa": peak.stress_max_Pa, "temperature_K": peak.temperature_K},
         "jump": jump is not None,
         "jump_between": None if jump is None else [state_of(row) for row in jump],

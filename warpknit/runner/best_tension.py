@@ -8,8 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..results.row import Row
 from .branches import HELD_TENSION, STATE, Answer, Rows, state_of
-from .history import Row, mean_tension, stages_of
+from .history import mean_tension, stages_of
 
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 SAME = 1e-9  # of a tension: round-off
@@ -52,7 +53,7 @@ def _best_of(run: Rows, limit: float, stress: str) -> Answer | None:
 
     def share(row: Row) -> float:
         tensile = row.tension_weft_N_per_m > 0.0 and row.tension_warp_N_per_m > 0.0
-        return float(row.active_percent) if tensile and vars(row)[stress] <= limit else 0.0
+        return float(row.active_percent) if tensile and row[stress] <= limit else 0.0
 
     shares = [share(row) for row in rows]
     if max(shares) == 0.0:
@@ -79,7 +80,7 @@ def _best_of(run: Rows, limit: float, stress: str) -> Answer | None:
             f"{name}_between": _sorted(sides) if sides and not run.is_near(*sides) else None,
         }  # fmt: skip
     return found | {
-        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": vars(best)[stress],
+        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": best[stress],
         "stress_with_grips_Pa": best.stress_max_Pa, "stage": best.stage, "grows": grows,
         "next_jump": None if following is None else [state_of(row) for row in following],
         "jumps": [_sorted(pair) for pair in passed],
@@ -104,7 +105,7 @@ def _middle(run: Rows, stress: str) -> Row:
 
 def row_between(before: Row, after: Row, share: float, *names: str) -> Row:
     """State, largest stress and columns `names` at a share of the way from one row to the next; contacts of the nearer one."""
-    values = {name: (1.0 - share) * vars(before)[name] + share * vars(after)[name] for name in (*STATE, "stress_max_Pa", *names)}
+    values = {name: (1.0 - share) * before[name] + share * after[name] for name in (*STATE, "stress_max_Pa", *names)}
     return Row(**values, stage=after.stage, active_percent=(before if share < 0.5 else after).active_percent)
 
 

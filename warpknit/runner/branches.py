@@ -12,7 +12,8 @@ import numpy as np
 from ..base.text import both, engineering
 from ..measure import MeshModel, energy_scale
 from ..measure.jumps import STORED_FLOOR, jumps
-from .history import Row, mean_tension, stages_of, work_terms
+from ..results.row import Row
+from .history import mean_tension, stages_of, work_terms
 
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
 HEAT_JUMP = 20.0  # strain of a mesh over that of free wire, beyond which another equilibrium was found
@@ -25,12 +26,12 @@ Answer = dict[str, Any]
 
 def state_of(row: Row) -> Answer:
     """Strains, tensions and temperature of a row."""
-    return {name: vars(row)[name] for name in STATE}
+    return {name: row[name] for name in STATE}
 
 
 def takes_up_slack(before: Row, after: Row) -> bool:
     """Whether the mesh strains freely for most of the way from one row to the next."""
-    step = max(abs(vars(after)[name] - vars(before)[name]) for name in ("strain_weft", "strain_warp"))
+    step = max(abs(after[name] - before[name]) for name in ("strain_weft", "strain_warp"))
     return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
 
 
@@ -82,8 +83,8 @@ def is_heated(part: Sequence[Row]) -> bool:
 def _is_held(part: Sequence[Row], side: str) -> bool:
     """Whether the load along a side is the same at begin and end of a stage: no strain but that of a frame, or no tension."""
     begin, end = part[0], part[-1]
-    strain = abs(vars(end)[f"strain_{side}"] - vars(begin)[f"strain_{side}"])
-    tension = [vars(row)[f"tension_{side}_N_per_m"] for row in (begin, end)]
+    strain = abs(end[f"strain_{side}"] - begin[f"strain_{side}"])
+    tension = [row[f"tension_{side}_N_per_m"] for row in (begin, end)]
     return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
 
 
@@ -116,7 +117,7 @@ def jumps_along(model: MeshModel, rows: Sequence[Row], path: np.ndarray) -> list
         place,
         stored=np.array([row.stored for row in rows]),
         dissipated=np.array([row.dissipated_J - row.edge_work_J for row in rows]),
-        values=[np.array([[vars(row)[name] for name in names] for row in rows]) for names in FOLLOWING],
+        values=[np.array([[row[name] for name in names] for row in rows]) for names in FOLLOWING],
         floor=STORED_FLOOR * energy_scale(model),
     )
     return [(rows[k], rows[k + 1]) for k in np.flatnonzero(found).tolist()]

@@ -15,9 +15,10 @@ from ..measure import MeshModel
 from ..mechanics.numerics import FOLLOWED_INCREMENT, few_nodes
 from ..mesh.layout import smaller_scene
 from ..mesh.tight_loops import is_tight
+from ..results.finding import ResultWarning
+from ..results.row import Row
 from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS
-from .history import Row
 from .strength import strength_text
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
@@ -26,16 +27,12 @@ BARE_KELVIN = 100.0  # [K] a colder temperature without a unit was probably mean
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the error of its minimum
-SEVERAL = (
-    "a tight knit without friction has several equilibria under one load, and this is one of them: compare with other"
-    " model.nodes_per_loop and output.frames"
-)
 FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields throughout, over that of first yield
 SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
 CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
 
-def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
+def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Warnings, one line each."""
     yield from scene_cautions(model.scene, model.cloth)
     yield from preset_cautions(model.scene)
@@ -43,18 +40,18 @@ def cautions(model: MeshModel, rows: list[Row]) -> Iterator[str]:
         yield from _about_ramp(rows)
 
 
-def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
     """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
     if scene.is_empty:
-        yield "the scene file is empty: all values that no override gives are defaults"
+        yield ResultWarning("W21", "the scene file is empty: all values that no override gives are defaults")
     if scene.even_chains:
-        yield f"chains in even numbers count half needles: {', '.join(scene.even_chains)}"
+        yield ResultWarning("W22", f"chains in even numbers count half needles: {', '.join(scene.even_chains)}")
     yield from _about_bars(scene)
     yield from _about_constants(scene)
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
-        yield "no load is given: [load] has neither strain nor tension nor temperature"
+        yield ResultWarning("W24", "no load is given: [load] has neither strain nor tension nor temperature")
     if cloth is not None:
-        yield from few_nodes(scene.model.nodes_per_loop)
+        yield from (ResultWarning("W25", text) for text in few_nodes(scene.model.nodes_per_loop))
         yield from _about_tension(scene, cloth, scene.stages)
         yield from _about_strain(scene, cloth, scene.stages)
         if scene.model.kind == "spatial" and not scene.depends_on_path and smaller_scene(scene) is None:
@@ -63,17 +60,15 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         yield from _about_friction(scene)
 
 
-def _about_bars(scene: Scene) -> Iterator[str]:
+def _about_bars(scene: Scene) -> Iterator[ResultWarning]:
     """Bars that are given twice."""
     for first, second in combinations(range(len(scene.knit.bars)), 2):
         if scene.knit.bars[first] == scene.knit.bars[second]:
-            yield (
-                f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires; for one yarn of"
-                " parallel wires set wire.ends"
-            )
+            text = f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires"
+            yield ResultWarning("W23", text, "for one yarn of parallel wires set wire.ends", link="; ")
 
 
-def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
     """Warning where no wire of this strength holds the loops against its natural curvature.
 
     The wire keeps its turns, so its moment is EI (1 - set_fraction) times its mean curvature on average.
@@ -85,10 +80,12 @@ def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     needed, held = (1.0 - wire.set_fraction) * bent, FULLY_PLASTIC * wire.tensile_strength
     if needed > held:
         least = 1.0 - FULLY_PLASTIC * wire.yield_stress / bent
-        yield (
+        yield ResultWarning(
+            "W36",
             f"wire.set_fraction = {wire.set_fraction:g} is too small for the {strength_text(scene)}: the loops need a bending"
-            f" stress of {engineering(needed, 'Pa')}, the wire holds at most {engineering(held, 'Pa')};"
-            f" set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more"
+            f" stress of {engineering(needed, 'Pa')}, the wire holds at most {engineering(held, 'Pa')}",
+            f"set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more",
+            link="; ",
         )
 
 
@@ -99,17 +96,21 @@ def _is_loaded(scene: Scene, stage: Stage) -> bool:
     return strained or pulled or heated
 
 
-def preset_cautions(scene: Scene) -> Iterator[str]:
+def preset_cautions(scene: Scene) -> Iterator[ResultWarning]:
     """What `plan` says of the accuracy of tight knits, beside a result or a card of one."""
     if scene.hook is not None or scene.wires is not None or not is_tight(scene):
         return
     if scene.preset_caveat:
-        yield f"preset {scene.preset_in_force}: {scene.preset_caveat}"
+        yield ResultWarning("W37", f"preset {scene.preset_in_force}: {scene.preset_caveat}")
     elif scene.model.kind == "spatial" and not scene.depends_on_path:
-        yield SEVERAL
+        yield ResultWarning(
+            "W38",
+            "a tight knit without friction has several equilibria under one load, and this is one of them",
+            "compare with other model.nodes_per_loop and output.frames",
+        )
 
 
-def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
+def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
     """Warnings about the largest loads of a sweep, one line each; none without one."""
     if cloth is not None and scene.sweep is not None:
         largest = [scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1])]
@@ -117,7 +118,7 @@ def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         yield from _about_strain(scene, cloth, largest)
 
 
-def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[str]:
+def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
     """Tensions that no arrangement of elastic wires carries.
 
     The sum of weft and warp is the mean axial force of the wires times their length in an area, which extension makes smaller.
@@ -127,13 +128,14 @@ def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterat
     most = wire.yield_stress * wire.ends * math.pi * radius**2 * cloth.wire_per_area
     largest = max((load.tension_weft or 0.0) + (load.tension_warp or 0.0) for load in loads)
     if largest > most:
-        yield (
+        yield ResultWarning(
+            "W26",
             f"the given tensions of weft and warp add up to {engineering(largest, 'N/m')}; with all wires straight and at"
-            f" their elastic limit of {engineering(wire.yield_stress, 'Pa')} the mesh carries {engineering(most, 'N/m')} at most"
+            f" their elastic limit of {engineering(wire.yield_stress, 'Pa')} the mesh carries {engineering(most, 'N/m')} at most",
         )
 
 
-def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[str]:
+def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
     """Strains that no arrangement of wires below their strength reaches, of the first load that has one.
 
     The bound is for points of hooking; between two of them a wire is shorter by its thickness at most. A direction under a given
@@ -149,14 +151,15 @@ def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterato
         shear = load.shear if weft and warp else 0.0
         needed = least_length(cloth, np.array([[weft, shear], [0.0, warp]]), enough=most)
         if needed > most:
-            yield (
+            yield ResultWarning(
+                "W27",
                 f"the strain of stage {load.name!r} is beyond that of straight wires: from one place of hooking to the next they"
-                f" would need {needed / longest:.3g} times the length at which they break, however they slide"
+                f" would need {needed / longest:.3g} times the length at which they break, however they slide",
             )
             return
 
 
-def _about_constants(scene: Scene) -> Iterator[str]:
+def _about_constants(scene: Scene) -> Iterator[ResultWarning]:
     wire = scene.wire
     for name, value, unit, (low, high) in (
         ("youngs_modulus", wire.youngs_modulus, "Pa", METAL_STIFFNESS),
@@ -164,19 +167,18 @@ def _about_constants(scene: Scene) -> Iterator[str]:
     ):
         if not low <= value <= high:
             metals = f"{exact(low, unit)} to {exact(high, unit)}"
-            yield f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals})"
+            yield ResultWarning("W28", f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals})")
     temperatures = [wire.reference_temperature, *(stage.temperature for stage in scene.stages)]
     for bare in sorted({temperature for temperature in scene.bare_temperatures if temperature < BARE_KELVIN}):
-        yield f"a temperature without a unit is in kelvin: {bare:g} is {celsius(bare)}; write '{bare:g} degC' or '{bare:g} K'"
+        text = f"a temperature without a unit is in kelvin: {bare:g} is {celsius(bare)}"
+        yield ResultWarning("W29", text, f"write '{bare:g} degC' or '{bare:g} K'", link="; ")
     hottest, melting = max(temperatures), MATERIALS[wire.material].melting if wire.material in MATERIALS else float("inf")
     if hottest > melting:
-        yield f"{wire.material} melts at {celsius(melting)}, below the given {celsius(hottest)}"
+        yield ResultWarning("W30", f"{wire.material} melts at {celsius(melting)}, below the given {celsius(hottest)}")
     for temperature in (min(temperatures), hottest):
         if not CONSTANTS_HOLD[0] <= temperature <= CONSTANTS_HOLD[1]:
-            yield (
-                f"the result uses stiffness, expansion and strength at 20 degC, which differ at {celsius(temperature)}:"
-                " give wire.youngs_modulus, wire.expansion, wire.yield_stress"
-            )
+            text = f"the result uses stiffness, expansion and strength at 20 degC, which differ at {celsius(temperature)}"
+            yield ResultWarning("W31", text, "give wire.youngs_modulus, wire.expansion, wire.yield_stress")
 
 
 def _largest_change(scene: Scene) -> float:
@@ -185,34 +187,33 @@ def _largest_change(scene: Scene) -> float:
     return max(float(np.abs(after - before).max()) for before, after in pairwise(strains))
 
 
-def _about_increments(scene: Scene) -> Iterator[str]:
+def _about_increments(scene: Scene) -> Iterator[ResultWarning]:
     largest, frames = _largest_change(scene), scene.output.frames
     if not isinstance(frames, str) and largest > FOLLOWED_INCREMENT * frames * (1.0 + 1e-6) and is_tight(scene):
-        yield (
-            f"load increments of {percent(largest / frames)} strain may skip to another equilibrium of a tight knit:"
-            f" set output.frames = 'auto', or {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more"
+        yield ResultWarning(
+            "W32",
+            f"load increments of {percent(largest / frames)} strain may skip to another equilibrium of a tight knit",
+            f"set output.frames = 'auto', or {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more",
         )
 
 
-def _about_friction(scene: Scene) -> Iterator[str]:
+def _about_friction(scene: Scene) -> Iterator[ResultWarning]:
     largest = _largest_change(scene)
     if largest > CONVERGED_INCREMENT * scene.output.levels * (1.0 + 1e-6):
         frames = math.ceil(largest / CONVERGED_INCREMENT - 1e-6)
-        yield (
+        yield ResultWarning(
+            "W33",
             f"with a friction of {scene.contact.friction:g} the tension depends on the load increment, by up to about 5 %"
-            f" where contacts close, more where wires slide far: set output.frames = {frames}"
+            " where contacts close, more where wires slide far",
+            f"set output.frames = {frames}",
         )
 
 
-def _about_ramp(rows: list[Row]) -> Iterator[str]:
+def _about_ramp(rows: Sequence[Row]) -> Iterator[ResultWarning]:
     moving = max((row.energy_kinetic_J / row.stored for row in rows if row.load_factor > 0.1 and row.stored > 0.0), default=0.0)
     if not rows[-1].steady and rows[-1].load_factor == 1.0:
-        yield (
-            f"the ramp did not reach equilibrium (residual {rows[-1].residual:.2g}), so the result is not static:"
-            " raise solver.loading_time or solver.damping"
-        )
+        text = f"the ramp did not reach equilibrium (residual {rows[-1].residual:.2g}), so the result is not static"
+        yield ResultWarning("W34", text, "raise solver.loading_time or solver.damping")
     if moving > QUASI_STATIC:
-        yield (
-            f"the load is too fast for a quasi-static result: the kinetic energy reached {moving:.2g} of the stored energy;"
-            " raise solver.loading_time"
-        )
+        text = f"the load is too fast for a quasi-static result: the kinetic energy reached {moving:.2g} of the stored energy"
+        yield ResultWarning("W35", text, "raise solver.loading_time", link="; ")

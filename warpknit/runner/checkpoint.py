@@ -8,31 +8,29 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..base.files import write_arrays
 from ..compute.ranks import Ranks
 from ..errors import RunDirectoryError
+from ..results.row import Row, Values
 from ..solve.drive import under
 from ..solve.simulate import Progress, Simulation
 
 FILE = Path("checkpoint") / "checkpoint.npz"
-UNUSABLE = (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
+UNUSABLE = (OSError, ValueError, AttributeError, KeyError, TypeError, zipfile.BadZipFile)
 
 
-def write_checkpoint(
-    directory: Path, simulation: Simulation, scene_hash: str, wall: float, stages: Sequence[dict[str, Any]] = ()
-) -> None:
-    """Save state, solver variables, progress and the summaries of the `stages` so far; `wall` [s] is the wall time so far."""
+def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, wall: float, rows: Sequence[Row] = ()) -> None:
+    """Save state, solver variables, progress and the rows of the records so far; `wall` [s] is the wall time so far."""
     ranks = simulation.model.ranks
     turn = ranks.from_first(lambda: 1 - _valid_turn(directory))
     header = {
         "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn,
-        "stages": list(stages),
+        "rows": [vars(row) for row in rows],
     }  # fmt: skip
     kept = {f"state_{name}": value for name, value in simulation.state.arrays(copied=False).items()}
     kept |= {f"solver_{name}": value for name, value in simulation.state_dict().items()}
@@ -44,8 +42,8 @@ def write_checkpoint(
         _write(directory / FILE, header, kept)
 
 
-def _write(path: Path, header: dict[str, Any], kept: dict[str, Any]) -> None:
-    write_arrays(path, {"about": np.array(json.dumps(header))} | kept)
+def _write(path: Path, header: Mapping[str, object], kept: Mapping[str, np.ndarray]) -> None:
+    write_arrays(path, {"about": np.array(json.dumps(header, default=lambda value: value.item())), **kept})
 
 
 def _strip_file(directory: Path, turn: int, rank: int) -> Path:
@@ -55,15 +53,14 @@ def _strip_file(directory: Path, turn: int, rank: int) -> Path:
 def _valid_turn(directory: Path) -> int:
     """Turn of the checkpoint in a directory; 0 where none is readable."""
     try:
-        return int(_header(directory / FILE)["turn"])
+        return int(_header(directory / FILE).turn)
     except UNUSABLE:
         return 0
 
 
-def _header(path: Path) -> dict[str, Any]:
+def _header(path: Path) -> Values:
     with np.load(path, allow_pickle=False) as file:
-        header: dict[str, Any] = json.loads(str(file["about"]))
-    return header
+        return Values(**json.loads(str(file["about"])))
 
 
 def has_checkpoint(directory: Path) -> bool:
@@ -77,11 +74,11 @@ class Checkpoint:
         path = directory / FILE
         try:
             header = _header(path)
-            count, scene = header["ranks"], header["scene"]
-            self.progress = Progress.from_dict(header["progress"])
-            self.stages: list[dict[str, Any]] = header["stages"]
+            count, scene = header.ranks, header.scene
+            self.progress = Progress.from_dict(header.progress)
+            self.rows = [Row(**row) for row in header.rows]
             if count == ranks.count and not ranks.is_first:
-                path = _strip_file(directory, header["turn"], ranks.rank)
+                path = _strip_file(directory, header.turn, ranks.rank)
             with np.load(path, allow_pickle=False) as file:
                 self._arrays = {name: file[name] for name in file.files if name != "about"}
         except UNUSABLE as error:
@@ -95,7 +92,7 @@ class Checkpoint:
             raise RunDirectoryError(
                 f"{path}: written by {count} ranks, not {ranks.count}; run with mpirun -n {count}, or start over with --force"
             )
-        self.wall = float(header["wall_s"])
+        self.wall = float(header.wall_s)
 
     def restore(self, simulation: Simulation) -> None:
         """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""

@@ -2,68 +2,69 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
-from ..base.files import write_aside
+from .. import measure
 from ..measure import MeshModel, table
+from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
-
-
-class Row(SimpleNamespace):
-    """One recorded state in SI units: the columns of history.csv by their names (measure/table.py), in their order."""
-
-    @property
-    def stored(self) -> float:
-        """[J]"""
-        return float(self.energy_stretch_J + self.energy_bend_J + self.energy_contact_J)
-
-    @property
-    def is_hook(self) -> bool:
-        """Whether the row is of two hooked wires."""
-        return "displacement_m" in vars(self)
-
-    @property
-    def hook_is_closed(self) -> bool:
-        """Whether both contacts of the hook carry force."""
-        return bool(self.force_left_N > 0.0 and self.force_right_N > 0.0)
+from ..results.row import Row, write_rows
 
 
 def row_of(record: Record) -> Row:
-    """The row of a record; `add_work` (work.py) and `add_sliding` fill in work and sliding distance."""
-    found = ((line, line.value(record)) for line in table.MEASURES if line.history)
+    """The row of a record; `with_sums` adds what depends on the rows before."""
+    found = ((line, line.value(record)) for line in table.MEASURES)
     return Row(**{line.name: value for line, value in found if value is not None or line.may_be_empty})
 
 
-def extra_columns(names: Iterable[str]) -> list[str]:
-    """Columns that are no measures: those of probes."""
-    known = {line.name for line in table.MEASURES}
-    return [name for name in names if name not in known]
+def ends_of(rows: Sequence[Row]) -> list[Row]:
+    """The last row of each stage."""
+    return list({row.stage: row for row in rows}.values())
 
 
-def history_columns(path: Path) -> list[str]:
-    """Headings of a history.csv."""
-    with open(path, newline="", encoding="utf-8") as file:
-        return next(csv.reader(file), [])
+def with_slides(row: Row, before: Row) -> Row:
+    """The row of a hook with the sliding distance of its contact, from that of the row before."""
+    slides = before.hook_is_closed and row.hook_is_closed
+    left, right = (
+        before[f"slide_{side}_m"] + slides * abs(row[f"arc_{side}_m"] - before[f"arc_{side}_m"]) for side in ("left", "right")
+    )
+    return row.changed(slide_left_m=left, slide_right_m=right)
 
 
-def add_sliding(rows: Sequence[Row]) -> None:
-    """Fill in the sliding distance of a hook's contact in the last row."""
-    if len(rows) < 2 or not rows[-1].is_hook:
-        return
-    before, now = rows[-2:]
-    slides = before.hook_is_closed and now.hook_is_closed
-    now.slide_left_m = before.slide_left_m + slides * abs(now.arc_left_m - before.arc_left_m)
-    now.slide_right_m = before.slide_right_m + slides * abs(now.arc_right_m - before.arc_right_m)
+def with_sums(rows: Sequence[Row], model: MeshModel) -> Row:
+    """The last row with what is computed over all rows so far."""
+    row = rows[-1]
+    return row.changed(
+        kinetic_to_internal=kinetic_to_internal(rows, model),
+        energy_balance=missing_work(row, model) / max(row.stored, measure.energy_scale(model)),
+        energy_balance_of_stored=energy_balance_of_stored(rows, model),
+        penetration_max=max(each.penetration for each in rows),
+        stress_max_so_far_Pa=max(each.stress_max_Pa for each in rows),
+    )
+
+
+def kinetic_to_internal(rows: Sequence[Row], model: MeshModel) -> float:
+    """Largest kinetic over stored energy: of equilibria, or of a ramp after a tenth of its load."""
+    counted = [row for row in rows if (row.steady or row.load_factor > 0.1) and row.stored > 0.0 and row.load_factor > 0.0]
+    floor = 1e-12 * measure.energy_scale(model)
+    return max((row.energy_kinetic_J / max(row.stored, floor) for row in counted), default=0.0)
+
+
+def energy_balance_of_stored(rows: Sequence[Row], model: MeshModel) -> float:
+    """Missing work of the last row over the largest stored energy so far; 0 where almost none was stored."""
+    largest = max(row.stored for row in rows)
+    least = STORED_FLOOR * measure.energy_scale(model)
+    return missing_work(rows[-1], model) / largest if largest > least else 0.0
 
 
 def missing_work(row: Row, model: MeshModel) -> float:
-    """[J] work in less stored, dissipated and kinetic energy; a relaxation has no kinetic one."""
+    """[J] work in less stored, dissipated and kinetic energy; a relaxation has no kinetic one.
+
+    The damping of a ramp counts as dissipated; a relaxation follows equilibria, where damping dissipates nothing.
+    """
     kinetic = row.energy_kinetic_J if model.scene.solver.drive == "ramp" else 0.0
     return float(row.work_J - row.stored - row.dissipated_J - kinetic)
 
@@ -92,20 +93,7 @@ def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray
     return force, place
 
 
-def write_history(path: Path, rows: list[Row]) -> None:
-    """Write all rows, atomically."""
-    with write_aside(path) as file:
-        writer = csv.DictWriter(file, list(vars(rows[0])))
-        writer.writeheader()
-        writer.writerows(vars(row) for row in rows)
-
-
-def read_history(path: Path) -> list[Row]:
-    """Rows of a history.csv that `write_history` wrote, bit-identical; columns of probes are numbers or None."""
-    kinds = {line.name: line.kind for line in table.MEASURES}
-
-    def value(name: str, text: str) -> Any:
-        return kinds.get(name, table.number_or_none)(text)
-
-    with open(path, newline="", encoding="utf-8") as file:
-        return [Row(**{name: value(name, text) for name, text in row.items()}) for row in csv.DictReader(file)]
+def write_history(path: Path, rows: Sequence[Row]) -> None:
+    """Write all rows, atomically: the measures of the first one that are columns, then the probes."""
+    columns = [line.name for line in table.MEASURES if line.history and line.name in rows[0]]
+    write_rows(path, [row.changed(**row.probes) for row in rows], [*columns, *rows[0].probes])

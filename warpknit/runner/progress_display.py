@@ -55,10 +55,10 @@ class Course:
         return f"{duration(elapsed * (1.0 - self.done) / gained)} left{self.of_stage}"
 
 
-class Progress:
+class Display:
     """The interface; this one shows nothing."""
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> Display:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
@@ -72,7 +72,7 @@ class Progress:
         that is applied (0 to 1); what is done now, where that is not the whole."""
 
 
-class StageLines(Progress):
+class StageLines(Display):
     """Log lines, without a terminal: one a stage and one every LINE_INTERVAL."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class StageLines(Progress):
             _log.info("  %sload %s%s, %s%s", share, percent(course.load_factor, 0), rate, course.time, part)
 
 
-class ProgressBar(Progress):
+class TerminalBar(Display):
     """A bar on the terminal: stage, load, node-steps a second, time left."""
 
     def __init__(self) -> None:
@@ -113,7 +113,7 @@ class ProgressBar(Progress):
         self._task: Any = None
         self._course = Course()
 
-    def __enter__(self) -> ProgressBar:
+    def __enter__(self) -> TerminalBar:
         self._bar.start()
         return self
 
@@ -134,7 +134,7 @@ class ProgressBar(Progress):
         self._bar.update(self._task, completed=course.done, load_factor=course.load_factor, rate=rate, time=course.time)
 
 
-class NotebookBar(Progress):
+class NotebookBar(Display):
     """A bar in the output of a notebook's cell; it goes when the work is done."""
 
     def __init__(self) -> None:
@@ -165,10 +165,10 @@ def in_notebook() -> bool:
     return kernel is not None and bool(kernel.IPKernelApp.initialized())
 
 
-def progress_for(*, quiet: bool) -> Progress:
+def progress_for(*, quiet: bool) -> Display:
     """A bar on a terminal or in a notebook, else a line a stage; nothing when `quiet`, or in one of several processes."""
     if quiet or multiprocessing.parent_process() is not None:
-        return Progress()
+        return Display()
     if in_notebook():
         return NotebookBar()
-    return ProgressBar() if sys.stderr.isatty() else StageLines()
+    return TerminalBar() if sys.stderr.isatty() else StageLines()

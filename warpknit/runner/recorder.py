@@ -5,13 +5,11 @@ Every file is written aside and renamed.
 
 from __future__ import annotations
 
-import json
-import math
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .. import measure
 from ..base.files import write_aside, write_table
@@ -21,17 +19,18 @@ from ..measure import MeshModel
 from ..measure.table import Record
 from ..mesh.layout import contact_classes
 from ..results.frame import Frame, WireLayout
+from ..results.row import Columns, Row, write_json
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import Checkpoint
-from .history import Row, add_sliding, extra_columns, read_history, row_of, write_history
-from .panel_report import cord_summary, report_panel
+from .history import row_of, with_slides, with_sums, write_history
+from .panel_report import PanelValues, cord_summary, report_panel
 from .probes import Probes
-from .progress_display import Progress as Display
+from .progress_display import Display
 from .run_directory import CommandResult
-from .summary import Estimate, run_summary, stage_summary
+from .summary import Estimate, Summary, run_summary
 from .watch import Watch
-from .work import add_work
+from .work import with_work
 
 if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
@@ -92,7 +91,7 @@ class Recorder:
         self.error_estimator = error_estimator
         self.probes = probes or Probes()
         self.rows: list[Row] = []
-        self.stages: list[dict[str, Any]] = []  # summaries at the last record of each stage
+        self.panels: dict[int, Mapping[str, Columns]] = {}  # tables of the panel at the ends of stages, by record
         self._last: Record | None = None
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
@@ -104,8 +103,7 @@ class Recorder:
             recorded=self._recorded,
         )
         if checkpoint is not None:
-            self._load_rows()
-            self.stages = checkpoint.stages
+            self._take_up(checkpoint.rows)
         else:
             with write_aside(out / "scene.toml") as file:
                 file.write(resolved_toml(self.scene))
@@ -115,7 +113,7 @@ class Recorder:
         with self.watch.interrupts.handled():  # an interrupt that is raised while USD is imported is lost
             self.frames = open_frames(self.scene, self.model.layout(), out, resume=checkpoint is not None, hold=hold)
 
-    def run(self) -> CommandResult:
+    def run(self) -> CommandResult[Summary | None]:
         with self.frames:
             try:
                 loop = self.watch.run(self._write_record)
@@ -135,12 +133,8 @@ class Recorder:
             summary = self._write_summary("finished" if is_unconverged else loop.reason, message, estimate)
             self.frames.close(complete=code == 0)
         self._reserve.unlink(missing_ok=True)
-        if self.scene.output.figures and self.rows:
-            self._draw()
-        if self.scene.output.vtk and self.rows:
-            from ..export import export_run
-
-            export_run(self.out, "vtk")
+        if self.rows:
+            self._export(summary)
         if code == 0:
             shutil.rmtree(self.out / "checkpoint", ignore_errors=True)
         return CommandResult(code, summary, message)
@@ -150,35 +144,31 @@ class Recorder:
     def _write_record(self, record: Record) -> None:
         """Write the state, the USD frame, the maps and last the row of a record, which counts from then on."""
         self._reserve_memory()
-        row = row_of(record)
-        vars(row).update(self.probes.values(record))
+        row = row_of(record).changed(probes=self.probes.values(record))
         self.frames.add_frame(frame_of(record))
-        rows = [*self.rows, row]
-        add_work(rows, self.simulation.model)
-        add_sliding(rows)
-        edge = self._write_panel(record) if record.load_factor == 1.0 else cord_summary(record)
-        stage = stage_summary(record, rows, edge, self.probes.names)
+        if self.rows and row.is_hook:
+            row = with_slides(row, self.rows[-1])
+        rows = with_work([*self.rows, row], self.simulation.model)
+        panel = self._write_panel(record) if record.load_factor == 1.0 else cord_summary(record)
+        rows[-1] = with_sums(rows, self.model).changed(panel=panel)
         write_history(self.out / "history.csv", rows)
         self.rows = rows
-        self.stages = [one for one in self.stages if one["name"] != record.stage] + [stage]
         if self.error_estimator is not None:
             self._last = record  # else its fields are not kept while the next one is solved
 
-    def _recorded(self) -> list[dict[str, Any]]:
-        """Summaries of the stages so far, for a checkpoint, whose frames are on the disk then."""
+    def _recorded(self) -> list[Row]:
+        """The rows so far, for a checkpoint, whose frames are on the disk then."""
         self.frames.flush()
-        return self.stages
+        return self.rows
 
-    def _write_panel(self, record: Record) -> dict[str, Any] | None:
+    def _write_panel(self, record: Record) -> PanelValues | None:
         """Write the maps of a panel at the end of a stage; return its part of the summary."""
         report = report_panel(record)
         if report is None:
             return cord_summary(record)
-        folder = self.out / "panel"
-        write_table(folder / f"map_{record.index:06d}.csv", report.map_table())
-        write_table(folder / f"edge_{record.index:06d}.csv", report.edge)
-        if report.surface is not None:
-            write_table(folder / f"surface_{record.index:06d}.csv", report.surface_table())
+        self.panels[record.index] = report.tables
+        for name, table in report.tables.items():
+            write_table(self.out / "panel" / f"{name}_{record.index:06d}.csv", table)
         return report.summary
 
     def _reserve_memory(self) -> None:
@@ -189,11 +179,10 @@ class Recorder:
                 f"memory ran out: a record needs {needed / 2**20:,.0f} MiB, {available / 2**20:,.0f} MiB are available"
             )
 
-    def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> dict[str, Any]:
+    def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> Summary:
         summary = run_summary(
             self.model,
             self.rows,
-            self.stages,
             stop_reason=reason,
             wall=self.watch.wall,
             compile_time=self.compile_time,
@@ -202,25 +191,21 @@ class Recorder:
             notes=self.simulation.notes,
             estimate=estimate,
         )
-        with write_aside(self.out / "summary.json") as file:
-            json.dump(_finite(summary), file, indent=2, allow_nan=False)
+        write_json(self.out / "summary.json", summary.json())
         return summary
 
-    def _load_rows(self) -> None:
-        """Load the rows up to the checkpoint, and remove later ones from history.csv: their records are solved again."""
-        count, path = self.simulation.progress.records, self.out / "history.csv"
-        self.rows = read_history(path)[:count] if count else []
-        if len(self.rows) < count:
-            raise RunDirectoryError(f"{self.out}: history.csv is shorter than the checkpoint; start over with --force")
-        probed = extra_columns(vars(self.rows[0])) if self.rows else self.probes.names
-        if probed != self.probes.names:
+    def _take_up(self, rows: list[Row]) -> None:
+        """Go on behind the rows of a checkpoint."""
+        began = list(rows[0].probes) if rows else self.probes.names
+        if began != self.probes.names:
             raise RunDirectoryError(
-                f"{self.out}: the run began with the probes {probed}, not {self.probes.names}; give those, or --force"
+                f"{self.out}: the run began with the probes {began}, not {self.probes.names}; give those, or --force"
             )
-        if self.rows:
-            write_history(path, self.rows)
+        self.rows = rows
+        if rows:  # those behind it are solved again
+            write_history(self.out / "history.csv", rows)
         else:
-            path.unlink(missing_ok=True)
+            (self.out / "history.csv").unlink(missing_ok=True)
 
     # --- while it runs ---
 
@@ -249,23 +234,19 @@ class Recorder:
 
     # --- exports ---
 
-    def _draw(self) -> None:
-        from ..export import export_run
+    def _export(self, summary: Summary) -> None:
+        """Draw the figures and write the VTK files that the scene asks for."""
+        from ..export import RunRecord, export_record
+        from ..export.writer_process import state_file
 
-        export_run(self.out, "png")
-        if self.model.cloth is not None:
+        scene, limit = self.scene, self.rows[-1].yield_stress_Pa
+        states = tuple(state_file(self.out, row.index) for row in self.rows)
+        about = (scene.name, scene.hash, summary.version, summary.stop_reason, limit, summary.jumps)
+        run = RunRecord(self.out, self.model.layout(), states, *about, self.rows, self.panels)
+        for to in ("png",) * scene.output.figures + ("vtk",) * scene.output.vtk:
+            export_record(run, to)
+        if scene.output.figures and self.model.cloth is not None:
             from ..export.knit_figure import knit_figure
 
             classes = contact_classes(self.scene)
             knit_figure(self.model.cloth, self.scene.wire.thickness, self.out / "figures" / "knit.png", classes=classes)
-
-
-def _finite(tree: Any) -> Any:
-    """The tree with None in place of numbers that are not finite."""
-    if isinstance(tree, dict):
-        return {key: _finite(value) for key, value in tree.items()}
-    if isinstance(tree, list | tuple):
-        return [_finite(value) for value in tree]
-    if isinstance(tree, float) and not math.isfinite(tree):
-        return None
-    return tree

@@ -18,24 +18,25 @@ from ..compute.ranks import One, Ranks
 from ..errors import RunDirectoryError
 from ..mechanics.protocols import Model
 from ..mesh.layout import mesh_nodes
+from ..results.row import Values, read_rows
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
-from .history import history_columns
 from .probes import Probe, Probes
-from .progress_display import Progress as Display
+from .progress_display import Display
 from .recorder import ErrorEstimator, Recorder
 from .run_directory import (
     CommandResult,
     check_directory,
     clear,
-    finished_result,
+    finished_summary,
     holds_killed_run,
     make_directory,
     refuse_other_scene,
 )
+from .summary import Summary
 from .watch import Watch
 
 _log = logging.getLogger(__name__)
@@ -55,7 +56,7 @@ def run_scene(
     ranks: Ranks | None = None,
     error_estimator: ErrorEstimator | None = None,
     probes: Mapping[str, Probe] | None = None,
-) -> CommandResult:
+) -> CommandResult[Summary | None]:
     """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
     `error_estimator` estimates the error of the last state of a finished run; `probes` are further columns of history.csv.
 
@@ -89,12 +90,12 @@ def run_scene(
             ranks.from_first(lambda: clear(out))
         if not ranks.is_first:
             loop = Watch(simulation, out).run(lambda _record: None)
-            return CommandResult(loop.exit_code, {}, loop.message)
+            return CommandResult(loop.exit_code, None, loop.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
         return Recorder(simulation, *where, error_estimator, own).run()
 
 
-def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> CommandResult | None:
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> CommandResult[Summary | None] | None:
     """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used.
 
     A run that was killed may still write its last frame: --resume and --force wait for it, a new run does not.
@@ -102,10 +103,10 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
     if out.is_dir():
         with _locked(out, LOCK_TIMEOUT if resume or force else 0.0):
             pass
-    if resume and (finished := finished_result(out, "summary.json", scene.hash, "run")) is not None:
-        if missing := set(probes) - set(history_columns(out / "history.csv") if probes else ()):
+    if resume and (finished := finished_summary(out, "summary.json", scene.hash, "run")) is not None:
+        if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
             raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; run it again with --force")
-        return finished
+        return CommandResult(0, Summary.of(finished))
     check_directory(out, "run", resume=resume, force=force)
     if resume and not force and holds_killed_run(out):
         refuse_other_scene(out, "run", resolved_toml(scene))

@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from ..base.files import write_aside
 from ..errors import RunDirectoryError
 from ..scene.scene import RESOLVED
 from ..scene.units import shown
 
+Tree: TypeAlias = Mapping[str, Any]  # of a JSON file
+Result = TypeVar("Result")
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "map.csv", "map.json", "map_details.csv", "seeds",
@@ -26,13 +29,13 @@ SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}
 TABLES = {"checkpoint/checkpoint.npz": "run", "map.csv": "map", "trade.csv": "trade"}  # of unfinished ones
 
 
-def read_summary(out: Path, name: str) -> dict[str, Any] | None:
+def read_summary(out: Path, name: str) -> Tree | None:
     """The summary `name` of a converged or finished run in `out`, or None."""
     summary = _read_json(out / name)
     return summary if summary.get("stop_reason") in ("steady", "finished") else None
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> Tree:
     """The table in a JSON file; empty where there is none."""
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
@@ -42,16 +45,16 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class CommandResult:
+class CommandResult(Generic[Result]):
     """Exit code, summary and message of a run, map or trade."""
 
     exit_code: int
-    summary: dict[str, Any]
+    summary: Result
     message: str = ""
 
 
-def finished_result(out: Path, name: str, scene_hash: str, command: str) -> CommandResult | None:
-    """The finished result in `out` by its summary `name`, or None. command: that asks for it.
+def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tree | None:
+    """The summary `name` of the finished result in `out`, or None. command: that asks for it.
 
     Raises RunDirectoryError where it is of another scene.
     """
@@ -64,7 +67,7 @@ def finished_result(out: Path, name: str, scene_hash: str, command: str) -> Comm
             f"{out}: holds the {held} of another scene, or of this one with other --set, --preset or --error;"
             f" {_alternatives(out, command, held)}"
         )
-    return CommandResult(0, summary)
+    return summary
 
 
 def continues_earlier(

@@ -2,157 +2,135 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 
 from ..base.text import alike, celsius, duration, engineering, is_at_grips, percent, short_percent
+from ..results.finding import Finding, warning_lines
+from ..results.row import Row, Values
 from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_rows, unreached_text
 from .strength import assumed_note
+from .summary import Summary
 from .warnings_of import CARRIED, fragment_share
 
+SIDES = ("weft", "warp")
 # contacts that are counted in pairs, and the others
 PLACES = {"knit": ("at clasps", "between stitches"), "wires": ("at crossings", "elsewhere")}
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
 
 
-def summary_rows(summary: Mapping[str, Any], directory: Path) -> Iterator[tuple[str, str]]:
-    """Rows of the table: pairs of a heading and a text, for the keys that `summary.json` has."""
-
-    def value(*keys: str) -> Any:
-        entry: Any = summary
-        for key in keys:
-            entry = entry.get(key) if isinstance(entry, Mapping) else None
-        return entry
-
-    of_model = value("model", "warnings") or []
-    yield from (("warning", warning) for warning in of_model)
-    yield from model_rows(value("model"))
-    stages = value("stages") or []
-    diverged = value("stop_reason") == "diverged"
-    if len(stages) > 1:
+def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
+    """The lines of the table of a run, for the measures that it has."""
+    end, model, solver, answers = result.end, result.model, result.solver, result.answers
+    yield from warning_lines(result.model_warnings)
+    yield from model_findings(model)
+    diverged = result.stop_reason == "diverged"
+    if len(result.stages) > 1:
         place = "last record in stage" if diverged else "at the end of stage"
-        temperature = value("mesh", "temperature_K")
-        at = "" if temperature is None else f", at {celsius(temperature)}"
-        yield place, f"{stages[-1].get('name')}{at} ({len(stages)} stages; summary.json has all)"
-        for stage in stages[:-1]:
+        at = "" if "temperature_K" not in end else f", at {celsius(end.temperature_K)}"
+        yield Finding(place, end.stage, where=f"{at} ({len(result.stages)} stages; summary.json has all)")
+        for stage in result.stages[:-1]:
             yield from _earlier_stage(stage)
-    if diverged and (reached := value("answers")) is not None:
-        yield "load not reached", unreached_text(reached)
-    hook = value("hook")
-    if hook is not None:
-        yield from _hook_rows(hook)
-    if hook is None and (strain := value("mesh", "strain_weft")) is not None:
-        yield "strain, weft / warp", f"{percent(strain, 2)} / {percent(value('mesh', 'strain_warp') or 0.0, 2)}"
-    here, between = PLACES.get(value("model", "source"), PLACES["wires"])
-    if hook is None and value("contacts", "active") is not None:
-        yield "active contacts", _active(value("contacts"), here, between)
-    if hook is None and (tension := value("mesh", "tension_weft_N_per_m")) is not None:
-        warp = value("mesh", "tension_warp_N_per_m") or 0.0
-        least = max(LEAST_SHARE * max(abs(tension), abs(warp)), value("answers", "tension_tolerance_N_per_m") or 0.0)
-        yield "tension, weft / warp", " / ".join(alike([part if abs(part) > least else 0.0 for part in (tension, warp)], "N/m"))
-        if max(fragment_share(value("mesh"), side) for side in ("weft", "warp")) > CARRIED:
-            parts = [value("mesh", f"fragment_tension_{side}_N_per_m") for side in ("weft", "warp")]
-            yield "  of pieces at the grips", " / ".join(alike(parts, "N/m"))
-        medians = [value("panel", f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
-        if None not in medians:
-            yield "  median of the panel", " / ".join(alike(medians, "N/m"))
-    if hook is None and (force := value("contacts", "force_max_N")) is not None:
-        others = value("contacts", "elsewhere_force_max_N")
-        more = f" {here}; {engineering(others, 'N')} {between}" if others else ""
-        yield "largest contact force", engineering(force, "N") + more
-    if (stress := value("wire", "stress_max_Pa")) is not None:
-        limit = value("wire", "yield_stress_Pa")
-        of_limit = f", {percent(stress / limit, 0)} of the elastic limit" if limit else ""
-        stress *= stress > LEAST_STRESS * (limit or 0.0)
-        note = assumed_note("wire.yield_stress", bool(value("wire", "yield_stress_assumed")))
-        yield "largest stress", engineering(stress, "Pa") + of_limit + note
-        has_grips = hook is not None or value("model", "boundary") == "gripped"
-        interior = value("wire", "stress_interior_max_Pa") if has_grips else None
-        if interior is not None and is_at_grips(interior, stress):
-            yield "  away from the grips", engineering(interior, "Pa")
-    if (peak := value("wire", "stress_max_so_far_Pa")) is not None and stress is not None and peak > 1.01 * stress:
-        yield "  largest so far", engineering(peak, "Pa")
-    if (above := value("wire", "yield_fraction")) and value("wire", "plastic_fraction") is None:
-        yield "  above the elastic limit", f"{short_percent(above)} of the wire; elastic, without a permanent set"
-    if plastic := value("wire", "plastic_fraction"):
-        strain = value("wire", "plastic_strain_max") or 0.0
-        yield "yielded", f"{short_percent(plastic)} of the wire, plastic strain up to {short_percent(strain)}"
-    if (answers := value("answers")) is not None:
-        ends_at_top = diverged and value("mesh", "tension_warp_N_per_m") == answers["largest_tension"]["tension_warp_N_per_m"]
-        yield from answer_rows(answers, value("wire", "yield_stress_Pa"), gave_up=ends_at_top)
-    if (error := value("quality", "estimated_error")) is not None:
-        yield "estimated error", short_percent(error)
-    if (steps := value("solver", "steps")) is not None:
-        yield "time steps", f"{steps:,} of {value('model', 'nodes') or 0:,} nodes"
-    if (wall := value("solver", "wall_s")) is not None:
-        compiling = value("solver", "compile_s")
-        before = f"; before it {duration(compiling, 3)} to compile the kernels" if compiling and compiling > 1.0 else ""
-        yield "wall time", f"{duration(wall, 3)} {TIMED}{before}"
-    yield "stopped", str(value("stop_reason"))
-    yield from (("warning", str(warning)) for warning in value("warnings") or [] if warning not in of_model)
-    yield "results in", str(directory)
+    if diverged and answers is not None:
+        yield Finding("load not reached", unreached_text(answers))
+    here, between = PLACES.get(model.source, PLACES["wires"])
+    if end.is_hook:
+        yield from _hook_findings(end)
+    elif "strain_weft" in end:
+        yield from _mesh_findings(result, here, between)
+    if "stress_max_Pa" in end:
+        yield from _stress_findings(end, end.is_hook or model.boundary == "gripped")
+    if answers is not None:
+        ends_at_top = diverged and end.tension_warp_N_per_m == answers["largest_tension"]["tension_warp_N_per_m"]
+        yield from (Finding(*row) for row in answer_rows(answers, end.yield_stress_Pa, gave_up=ends_at_top))
+    if result.estimate.error is not None:
+        yield Finding("estimated error", short_percent(result.estimate.error))
+    yield Finding("time steps", f"{solver.steps:,} of {model.nodes:,} nodes")
+    before = f"; before it {duration(solver.compile_s, 3)} to compile the kernels" if solver.compile_s > 1.0 else ""
+    yield Finding("wall time", f"{duration(solver.wall_s, 3)} {TIMED}", where=before)
+    yield Finding("stopped", result.stop_reason)
+    yield from warning_lines(result.other_warnings)
+    yield Finding("results in", str(directory))
 
 
-def _active(contacts: Mapping[str, Any], here: str, between: str) -> str:
-    """Share and number of the active contacts, from the section `contacts` of a summary, and the number of others."""
-    count, share, others = (
-        f"{contacts['active']} of {contacts['pairs']} pairs",
-        contacts.get("active_percent"),
-        contacts.get("elsewhere"),
-    )
-    if others:
-        count += f" {here}; {others} more contact{'s' * (others != 1)} {between}"
-    return count if share is None else f"{share:.3g} % ({count})"
+def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding]:
+    """Strain, contacts and tension of a mesh; here, between: where its contacts are that are counted in pairs, and the others."""
+    end, panel = result.end, result.end.get("panel") or {}
+    yield Finding("strain, weft / warp", " / ".join(percent(strain, 2) for strain in (end.strain_weft, end.strain_warp)))
+    others = end.get("elsewhere")
+    more = f"; {others} more contact{'s' * (others != 1)} {between}" if others else ""
+    count = f"{end.active} of {end.pairs} pairs" + (f" {here}" if others else "")
+    yield Finding("active contacts", f"{end.active_percent:.3g} %", where=f" ({count}{more})")
+    zero = 0.0 if result.answers is None else result.answers["tension_tolerance_N_per_m"]
+    least = max(LEAST_SHARE * max(map(abs, end.tension)), zero)
+    yield Finding("tension, weft / warp", tuple(part if abs(part) > least else 0.0 for part in end.tension), "N/m")
+    if max(fragment_share(end, side) for side in SIDES) > CARRIED:
+        parts = tuple(end[f"fragment_tension_{side}_N_per_m"] for side in SIDES)
+        yield Finding("  of pieces at the grips", parts, "N/m")
+    if "tension_median_weft_N_per_m" in panel:
+        yield Finding("  median of the panel", tuple(panel[f"tension_median_{side}_N_per_m"] for side in SIDES), "N/m")
+    if force := end.get("elsewhere_force_max_N"):
+        more = f" {here}; {engineering(force, 'N')} {between}"
+    yield Finding("largest contact force", end.force_max_N, "N", where=more if force else "")
 
 
-def _earlier_stage(stage: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Row of a stage before the last one, from its part of `stages` in a summary; none of two hooked wires."""
-    mesh, contacts, wire = (stage.get(part) or {} for part in ("mesh", "contacts", "wire"))
-    if "strain_weft" not in mesh or "active_percent" not in contacts or "stress_max_Pa" not in wire:
+def _stress_findings(end: Row, has_grips: bool) -> Iterator[Finding]:
+    """Largest stress, and what of the wire has yielded."""
+    stress, limit = end.stress_max_Pa, end.yield_stress_Pa
+    note = assumed_note("wire.yield_stress", end.yield_stress_assumed)
+    shown = stress * (stress > LEAST_STRESS * limit)
+    yield Finding("largest stress", shown, "Pa", where=f", {percent(stress / limit, 0)} of the elastic limit", sure=note)
+    if has_grips and is_at_grips(end.stress_interior_max_Pa, shown):
+        yield Finding("  away from the grips", end.stress_interior_max_Pa, "Pa")
+    if end.stress_max_so_far_Pa > 1.01 * shown:
+        yield Finding("  largest so far", end.stress_max_so_far_Pa, "Pa")
+    if end.yield_fraction and end.get("plastic_fraction") is None:
+        where = " of the wire; elastic, without a permanent set"
+        yield Finding("  above the elastic limit", short_percent(end.yield_fraction), where=where)
+    if plastic := end.get("plastic_fraction"):
+        where = f" of the wire, plastic strain up to {short_percent(end.plastic_strain_max or 0.0)}"
+        yield Finding("yielded", short_percent(plastic), where=where)
+
+
+def _earlier_stage(end: Row) -> Iterator[Finding]:
+    """The line of a stage before the last one; none of two hooked wires."""
+    if end.is_hook:
         return
-    strains = " / ".join(percent(mesh[f"strain_{side}"], 2) for side in ("weft", "warp"))
-    tensions = " / ".join(alike([mesh[f"tension_{side}_N_per_m"] for side in ("weft", "warp")], "N/m"))
-    share, stress = contacts["active_percent"], engineering(wire["stress_max_Pa"], "Pa")
-    text = f"{strains}, {tensions}, {percent(0.01 * share)} active, {stress}"
-    yield f"  end of {stage.get('name')}", f"{text}, at {celsius(mesh['temperature_K'])}"
+    strains, tensions = " / ".join(percent(end[f"strain_{side}"], 2) for side in SIDES), " / ".join(alike(end.tension, "N/m"))
+    text = f"{strains}, {tensions}, {percent(0.01 * end.active_percent)} active, {engineering(end.stress_max_Pa, 'Pa')}"
+    yield Finding(f"  end of {end.stage}", text, where=f", at {celsius(end.temperature_K)}")
 
 
-def model_rows(model: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
-    """Row of the kind of model, from the section `model` of a summary; none for one without a reason."""
-    if model is not None and "kind_reason" in model:
-        yield "model", f"{model['kind']} ({model['kind_reason']})"
+def model_findings(model: Values) -> Iterator[Finding]:
+    """The kind of model and why it is of this kind."""
+    yield Finding("model", model.kind, where=f" ({model.kind_reason})")
 
 
-def _hook_rows(hook: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Rows of two hooked wires."""
-    yield "displacement", f"{engineering(hook['displacement_m'], 'm')}, by a force of {engineering(hook['drive_force_N'], 'N')}"
-    left, right = hook["force_left_N"], hook["force_right_N"]
-    yield "contact force", f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right one"
+def _hook_findings(hook: Row) -> Iterator[Finding]:
+    """The lines of two hooked wires."""
+    by = f", by a force of {engineering(hook.drive_force_N, 'N')}"
+    yield Finding("displacement", hook.displacement_m, "m", where=by)
+    left, right = hook.force_left_N, hook.force_right_N
+    both = f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right one"
+    yield Finding("contact force", both)
     if min(left, right) <= 0.0:
-        yield "contact at", "none: the wires do not touch"
+        yield Finding("contact at", "none: the wires do not touch")
         return
     places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
-    yield "contact at", f"{places[0]}, {places[1]} from the lower clamp"
-    slides = alike([hook[f"slide_{side}_m"] for side in ("left", "right")], "m")
-    yield "slid since it closed", " / ".join(slides)
-    if hook["ground_force_N"] > 0.0:
-        yield "force from the ground", engineering(hook["ground_force_N"], "N")
+    yield Finding("contact at", ", ".join(places), where=" from the lower clamp")
+    yield Finding("slid since it closed", (hook.slide_left_m, hook.slide_right_m), "m")
+    if hook.ground_force_N > 0.0:
+        yield Finding("force from the ground", hook.ground_force_N, "N")
 
 
-def print_summary(summary: Mapping[str, Any], directory: Path) -> None:
-    """Print the table to stdout."""
-    print_table(summary_rows(summary, directory))
-
-
-def print_table(rows: Iterable[tuple[str, str]]) -> None:
-    """Print headings and texts to stdout."""
+def print_table(findings: Iterable[Finding]) -> None:
+    """Print names and texts to stdout."""
     from rich.console import Console
     from rich.table import Table
 
-    console, lines = Console(highlight=False, markup=False), list(rows)
+    console, lines = Console(highlight=False, markup=False), [(finding.name, finding.text) for finding in findings]
     if not console.is_terminal:
         width = max((len(heading) for heading, _text in lines), default=0)
         for heading, text in lines:

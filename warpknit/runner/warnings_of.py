@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -13,9 +13,11 @@ from ..base.text import alike, celsius, engineering, is_at_grips, percent, short
 from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
 from ..mechanics.protocols import TOO_THICK
+from ..results.finding import ResultWarning
+from ..results.row import Row
 from .branches import jumps_of, takes_up_slack, tensions_text
 from .cautions import cautions
-from .history import Row, missing_work
+from .history import ends_of, missing_work
 from .strength import limit_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
@@ -29,17 +31,16 @@ CLOSED = -0.1  # strain under tension below which the release of the wires count
 EVEN_LOAD = 0.5  # least tension there over the largest, as a larger one across contracts a mesh too
 UNEVEN = 0.25  # relative difference between the median tension of a panel and the mean at its edges
 
-Stages = Sequence[dict[str, Any]]
 
-
-def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[str]:
-    """Warnings, one line each, from the rows of history.csv and the stages of summary.json, beside those of the model."""
+def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
+    """Warnings from the rows of a run, beside those of the model."""
+    stages = ends_of(rows)
     return [
-        *model.panel.notes,
+        *(ResultWarning("W03", note) for note in model.panel.notes),
         *_overstressed(model, rows, stages),
         *_taut_between_grips(model, stages),
         *_compressed(model, rows),
-        *cautions(model, list(rows)),
+        *cautions(model, rows),
         *_unevenly_pulled(model, stages),
         *_out_of_range(stages),
         *_contacts_as_knitted(model, rows),
@@ -49,138 +50,143 @@ def warnings_of(model: MeshModel, rows: Sequence[Row], stages: Stages) -> list[s
     ]
 
 
-def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
+def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
     wire = model.scene.wire
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
-    interior = max((stage["wire"]["stress_interior_max_Pa"] for stage in stages), default=largest)
+    interior = max((end.stress_interior_max_Pa for end in stages), default=largest)
     is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
     where = f" (away from the grips {engineering(interior, 'Pa')})" if is_gripped and is_at_grips(interior, largest) else ""
     stressed = f"largest wire stress {engineering(largest, 'Pa')}{where}, above the"
     if largest > wire.tensile_strength:
         law = "the model has no fracture" if wire.plastic else "the model is elastic"
-        yield f"{stressed} {strength_text(model.scene)}: the wire would break; {law}"
+        yield ResultWarning("W04", f"{stressed} {strength_text(model.scene)}: the wire would break; {law}")
     elif largest > wire.yield_stress:
-        yield f"{stressed} {limit_text(model.scene)}: {_yielding(model, stages)}"
+        yield ResultWarning("W04", f"{stressed} {limit_text(model.scene)}: {_yielding(model, stages)}")
 
 
-def _taut_between_grips(model: MeshModel, stages: Stages) -> Iterator[str]:
+def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
     """Whether wires of less than a loop, which two grips pull apart, carry the largest stress, or a large part of the tension."""
     if not stages or model.cloth is None or model.panel.boundary == "periodic":
         return
-    wire, mesh, length = stages[-1]["wire"], stages[-1]["mesh"], model.panel.wire_length
-    largest, interior = wire["stress_max_Pa"], wire["stress_interior_max_Pa"]
+    end, length = stages[-1], model.panel.wire_length
+    largest, interior = end.stress_max_Pa, end.stress_interior_max_Pa
     is_short = length < model.cloth.stitch_length
-    sides = {side: fragment_share(mesh, side) for side in ("weft", "warp")}
+    sides = {side: fragment_share(end, side) for side in ("weft", "warp")}
     carried = " and ".join(f"{percent(share, 0)} in {side}" for side, share in sides.items() if share > CARRIED)
-    is_taut = is_short[wire["stress_max_wire"]] and largest > TAUT * interior
+    is_taut = is_short[end.stress_max_wire] and largest > TAUT * interior
     if not is_taut and not carried:
         return
     found = [f"they carry {carried} of the tension"] if carried else []
     if is_taut:
         found.append(f"one is taut with {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips)")
-    yield (
+    yield ResultWarning(
+        "W05",
         f"{np.count_nonzero(is_short)} of {len(length)} wires have less than a loop between two grips, which strains pull"
-        f" apart: {'; '.join(found)}; the tension of the mesh includes them, the larger the mesh the less: compare with"
-        " model.boundary = 'periodic'"
+        f" apart: {'; '.join(found)}; the tension of the mesh includes them, the larger the mesh the less",
+        "compare with model.boundary = 'periodic'",
     )
 
 
-def fragment_share(mesh: Mapping[str, Any], side: str) -> float:
-    """Share of the tension in weft or warp that wires of less than a loop between two grips carry; by the section `mesh`."""
-    tension, part = mesh.get(f"tension_{side}_N_per_m") or 0.0, mesh.get(f"fragment_tension_{side}_N_per_m") or 0.0
+def fragment_share(end: Row, side: str) -> float:
+    """Share of the tension in weft or warp that wires of less than a loop between two grips carry."""
+    tension, part = end.get(f"tension_{side}_N_per_m") or 0.0, end.get(f"fragment_tension_{side}_N_per_m") or 0.0
     return part / tension if tension > 0.0 else 0.0
 
 
-def _yielding(model: MeshModel, stages: Stages) -> str:
-    """What the model computes of yield, by the same keys as summary.json."""
+def _yielding(model: MeshModel, stages: Sequence[Row]) -> str:
+    """What the model computes of yield."""
     if not model.scene.wire.plastic:
         return "a real wire would yield and keep a set; the model is elastic and computes none (wire.plastic)"
-    share = max((stage["wire"]["plastic_fraction"] for stage in stages), default=None)
+    share = max((end.plastic_fraction or 0.0 for end in stages), default=None)
     if share is None:
         return "wires yield in bending"
     if share == 0.0:
         return "a real wire would yield under tension and bending together; the model yields in bending alone, which stays below"
-    strain = max(stage["wire"]["plastic_strain_max"] for stage in stages)
+    strain = max(end.plastic_strain_max or 0.0 for end in stages)
     return f"{short_percent(share)} of the wire has yielded in bending, to a plastic strain of up to {short_percent(strain)}"
 
 
-def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     tensions = [np.zeros(2) if row.is_hook else np.array([row.tension_weft_N_per_m, row.tension_warp_N_per_m]) for row in rows]
     largest = max((float(np.abs(tension).max()) for tension in tensions), default=0.0)
     for row, tension in zip(rows, tensions, strict=True):
         imposed = ~_driven_by_tension(model, row.stage)
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
-            yield f"the mesh is compressed: a real mesh would {model.when_compressed}"
+            yield ResultWarning("W06", f"the mesh is compressed: a real mesh would {model.when_compressed}")
             return
         # the tension of a ramp has inertia in it
         if model.scene.solver.drive == "relax" and np.any(pushed := imposed & (tension < PUSHED * largest)):
             sides = " and ".join(side for side, is_pushed in zip(("weft", "warp"), pushed, strict=True) if is_pushed)
             shown = " / ".join(alike(tension.tolist(), "N/m"))
-            yield f"the mesh pushes along {sides}, its tension is {shown}: a real mesh would {model.when_compressed}"
+            text = f"the mesh pushes along {sides}, its tension is {shown}: a real mesh would {model.when_compressed}"
+            yield ResultWarning("W07", text)
             return
 
 
-def _unevenly_pulled(model: MeshModel, stages: Stages) -> Iterator[str]:
+def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
     """Panels whose median tension is far below the tension at the edges."""
-    membrane_residual = max((stage["quality"]["membrane_left_out"] for stage in stages), default=0.0)
+    membrane_residual = max((end.membrane_left_out for end in stages), default=0.0)
     if membrane_residual > 0.0:
-        yield (
+        yield ResultWarning(
+            "W08",
             "the mesh is slack or uneven: its equilibrium as a membrane did not converge, and its stress may be out of balance by"
-            f" {percent(membrane_residual)} of the tension"
+            f" {percent(membrane_residual)} of the tension",
         )
-    for stage in stages:
-        driven = _driven_by_tension(model, stage["name"])
-        median = [stage.get("panel", {}).get(f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
-        mean = [stage["mesh"][f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
-        uneven = [m is not None and abs(m - t) > UNEVEN * abs(t) for m, t in zip(median, mean, strict=True)]
+    for end in stages:
+        driven, panel = _driven_by_tension(model, end.stage), end.get("panel") or {}
+        median: list[Any] = [panel.get(f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
+        uneven = [m is not None and abs(m - t) > UNEVEN * abs(t) for m, t in zip(median, end.tension, strict=True)]
         if np.any(driven & np.array(uneven)):
             shown = " / ".join(alike(median, "N/m"))
-            yield (
+            yield ResultWarning(
+                "W09",
                 f"the edges carry the given tension, but half of the panel carries less than {shown} in weft / warp: short wires"
-                " between grips carry more than their share; use a larger mesh or model.boundary = 'periodic'"
+                " between grips carry more than their share",
+                "use a larger mesh or model.boundary = 'periodic'",
+                link="; ",
             )
             return
 
 
-def _out_of_range(stages: Stages) -> Iterator[str]:
-    steep = max((stage.get("panel", {}).get("surface", {}).get("slope_max", 0.0) for stage in stages), default=0.0)
+def _out_of_range(stages: Sequence[Row]) -> Iterator[ResultWarning]:
+    surfaces = [(end.get("panel") or {}).get("surface", {}) for end in stages]
+    steep = max((surface.get("slope_max", 0.0) for surface in surfaces), default=0.0)
     if steep > STEEP:
-        yield f"the slope of the paraboloid reaches {steep:.2g} at the edge of the panel: the shape is computed for small slopes"
-    ends = max((stage["contacts"]["at_reach_end"] for stage in stages), default=0)
-    if ends:
-        yield f"{ends} active contacts are at the end of their sliding range: their forces are not valid"
+        text = f"the slope of the paraboloid reaches {steep:.2g} at the edge of the panel: the shape is computed for small slopes"
+        yield ResultWarning("W10", text)
+    if ends := max((end.at_reach_end for end in stages), default=0):
+        yield ResultWarning("W11", f"{ends} active contacts are at the end of their sliding range: their forces are not valid")
 
 
-def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     if release := _release(model, rows):
-        yield release
+        yield ResultWarning("W12", *release, link="; ")
     elif model.scene.wires is not None:
         yield from _prestressed(rows)
     elif rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
         cause = "wire.set_fraction lets the loops spring open" if released else TOO_THICK
-        yield (
+        yield ResultWarning(
+            "W14",
             f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
-            f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}"
+            f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}",
         )
 
 
-def _release(model: MeshModel, rows: Sequence[Row]) -> str:
-    """What `wire.set_fraction` does before any load, if that exceeds the strength or closes the knit; empty otherwise."""
+def _release(model: MeshModel, rows: Sequence[Row]) -> tuple[str, str] | None:
+    """What `wire.set_fraction` does before any load, if that exceeds the strength or closes the knit, and what to do."""
     wire = model.scene.wire
     if wire.set_fraction == 1.0 or not rows or rows[0].load_factor > 0.0 or not rows[0].steady:
-        return ""
+        return None
     stress, closed = rows[0].stress_max_Pa, _contraction(model, rows)
     breaks = stress > wire.tensile_strength
     if not breaks and not closed:
-        return ""
+        return None
     above = f", above the {strength_text(model.scene)}" if breaks else ""
     least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / stress)) / 100.0
-    return (
-        f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load"
-        f"{above}{closed};"
-        + (f" set wire.set_fraction = {least:g} or more" if least > wire.set_fraction else " raise wire.set_fraction")
-    )
+    text = f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load"
+    more = f"set wire.set_fraction = {least:g} or more" if least > wire.set_fraction else "raise wire.set_fraction"
+    return f"{text}{above}{closed}", more
 
 
 def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
@@ -196,7 +202,7 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
     return f", and shortens the mesh by {' and '.join(sides)}" if sides else ""
 
 
-def _prestressed(rows: Sequence[Row]) -> Iterator[str]:
+def _prestressed(rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Whether wires of a file carry tension before they are loaded, as pushing them apart leaves it."""
     if not rows or rows[0].load_factor > 0.0:
         return
@@ -204,24 +210,26 @@ def _prestressed(rows: Sequence[Row]) -> Iterator[str]:
     largest = max(max(abs(row.tension_weft_N_per_m), abs(row.tension_warp_N_per_m)) for row in rows)
     if max(map(abs, tension)) > PRESTRESS * largest:
         shown = " / ".join(alike(tension, "N/m"))
-        yield (
+        yield ResultWarning(
+            "W13",
             f"the mesh is prestressed before it is loaded: {shown} in weft / warp, with a wire stress of"
             f" {engineering(rows[0].stress_max_Pa, 'Pa')}, from wires that overlap in the file or are not in equilibrium there;"
-            " all results include this"
+            " all results include this",
         )
 
 
-def _lost_contact(rows: Sequence[Row]) -> Iterator[str]:
+def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Whether two hooked wires have lost contact."""
     force = [min(row.force_left_N, row.force_right_N) for row in rows]
     if not force or force[-1] > 0.0 or max(force) == 0.0:
         return
     largest = int(np.argmax(force))
     where = f"the wires lost contact after {engineering(rows[largest].displacement_m, 'm')}"
-    yield f"{where}, at a contact force of {engineering(force[largest], 'N')}: the contact slid off its target"
+    text = f"{where}, at a contact force of {engineering(force[largest], 'N')}: the contact slid off its target"
+    yield ResultWarning("W15", text)
 
 
-def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
+def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
     if found := jumps_of(model, rows):
         a, b = found[0]
@@ -230,10 +238,11 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[str]:
         there = f"mean of weft and warp {tensions_text(a, b)}"
         if a.temperature_K != b.temperature_K:
             there = f"{celsius(a.temperature_K)} and {celsius(b.temperature_K)}"
-        yield (
+        yield ResultWarning(
+            "W18",
             f"the mesh jumps to another equilibrium between {_between(a, b)} ({there}){others}: several"
-            " equilibria exist there, and the result depends on the load history: compare with other output.frames,"
-            " solver.residual_tolerance=1e-4 and more knit.repeats"
+            " equilibria exist there, and the result depends on the load history",
+            "compare with other output.frames, solver.residual_tolerance=1e-4 and more knit.repeats",
         )
 
 
@@ -243,18 +252,19 @@ def _between(a: Row, b: Row) -> str:
     return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of the load of stage {b.stage!r}"
 
 
-def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Stages) -> Iterator[str]:
+def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
     """Work that is not stored, and the neighbouring records between which most of it is missing; slack does not count."""
-    balance = stages[-1]["quality"]["energy_balance_of_stored"] if stages else 0.0
+    balance = stages[-1].get("energy_balance_of_stored", 0.0) if stages else 0.0
     if abs(balance) <= UNBALANCED or model.scene.output.levels < LEVELS_FOLLOWED:
         return
     missing = [0.0 if takes_up_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
     share = np.array(missing) / max(row.stored for row in rows)
     if abs(share.sum()) > UNBALANCED:
         k = int(np.argmax(np.sign(share.sum()) * share))
-        yield (
+        yield ResultWarning(
+            "W19",
             f"work and stored energy differ by {percent(share.sum(), 0)} of the largest stored energy, by {percent(share[k], 0)}"
-            f" between {_between(rows[k], rows[k + 1])}: the mesh snapped through there, or output.frames is too small"
+            f" between {_between(rows[k], rows[k + 1])}: the mesh snapped through there, or output.frames is too small",
         )
 
 

@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ..errors import Diverged
 from ..measure.table import Record
+from ..results.row import Row
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
@@ -41,9 +41,9 @@ class Watch:
         *,
         wall_before: float = 0.0,
         show: Callable[[Progress], None] = lambda _progress: None,
-        recorded: Callable[[], list[dict[str, Any]]] = list,
+        recorded: Callable[[], list[Row]] = list,
     ) -> None:
-        """recorded: the summaries of the stages so far, for a checkpoint."""
+        """recorded: the rows so far, for a checkpoint."""
         self.simulation = simulation
         self.out = out
         self._scene = simulation.model.scene

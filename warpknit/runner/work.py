@@ -16,23 +16,25 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from ..measure import MeshModel
+from ..results.row import Row
 from .branches import jumps_of
-from .history import Row, stages_of, work_terms
+from .history import stages_of, work_terms
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the fifth degree: a cubic force times the slope of a cubic
 
 
-def add_work(rows: Sequence[Row], model: MeshModel) -> None:
-    """Fill in the work of a relaxation, along each branch of equilibria and from one to the next."""
+def with_work(rows: Sequence[Row], model: MeshModel) -> list[Row]:
+    """The rows of a relaxation with their work, along each branch of equilibria and from one to the next."""
     if model.scene.solver.drive != "relax" or not rows:
-        return
+        return list(rows)
     behind = {id(after) for _, after in jumps_of(model, rows)}
-    rows[0].work_J = rows[0].stored
+    done = [rows[0].changed(work_J=rows[0].stored)]
     for part in stages_of(rows):
         force, place = work_terms(part, model.panel.area)
         jumps = np.array([id(row) in behind for row in part[1:]])
-        for before, after, step in zip(part, part[1:], work_steps(force, place, jumps).tolist(), strict=False):
-            after.work_J = before.work_J + step + after.edge_work_J - before.edge_work_J
+        for after, step in zip(part[1:], work_steps(force, place, jumps).tolist(), strict=True):
+            done.append(after.changed(work_J=done[-1].work_J + step + after.edge_work_J - done[-1].edge_work_J))
+    return done
 
 
 def work_steps(force: NDArray[np.float64], place: NDArray[np.float64], jumps: NDArray[np.bool_]) -> NDArray[np.float64]:

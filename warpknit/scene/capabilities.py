@@ -11,7 +11,7 @@ planar/model.py, spatial/.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
@@ -59,7 +59,7 @@ class Trait:
     words: str
     key: str  # that requests it
     asked: Asked  # the keys that request it in a case; empty if none does
-    example: dict[str, Any] = field(default_factory=dict)  # tables of a scene that requests it
+    example: Mapping[str, Any] = field(default_factory=dict)  # tables of a scene that requests it
     needs: tuple[str, ...] = ()  # traits that it implies
 
 
@@ -143,7 +143,7 @@ def _choice(key: str, value: str) -> Trait:
 def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
     """Requested by a key with a value other than `nothing`, such as `value`."""
     *above, last = key.split(".")
-    example: dict[str, Any] = {last: value}
+    example = {last: value}
     for part in reversed(above):
         example = {part: example}
     return Trait(words, key, _given(key, *nothing), example, needs)
@@ -154,7 +154,7 @@ def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ..
     return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
 
 
-def _command(words: str, *commands: str, needs: tuple[str, ...] = (), example: dict[str, Any] | None = None) -> Trait:
+def _command(words: str, *commands: str, needs: tuple[str, ...] = (), example: Mapping[str, Any] | None = None) -> Trait:
     asked: Asked = lambda case: [((case.command,), Words("a scene"))] if case.command in commands else []  # noqa: E731
     return Trait(words, commands[0], asked, example or {}, needs)
 

@@ -194,7 +194,7 @@ class Source:
     """The source of the values, as written, for messages."""
 
     path: Path
-    table: dict[str, Any]
+    table: Mapping[str, Any]
 
     def refusal(self, location: Sequence[int | str], value: Any, wrong: str, instead: str) -> SceneError:
         """The error for a value that conflicts with another, such as "is above 1"; `value` is shown if none was written."""

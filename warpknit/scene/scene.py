@@ -67,7 +67,7 @@ class SceneFile(Table):
         return tuple(stages)
 
 
-def checked_file(table: dict[str, Any]) -> SceneFile:
+def checked_file(table: Mapping[str, Any]) -> SceneFile:
     """The file of a table as read from TOML. Raises pydantic's `ValidationError`."""
     return _ADAPTER.validate_python(table)
 

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic_core import PydanticCustomError
@@ -48,26 +47,26 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
         given = given_values(table)
         given.pop("name", None)
         if "displacement" in given:
-            load |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
+            given |= _displaced(source, (*location, "displacement"), given.pop("displacement"), knit)
         for side in ("weft", "warp"):
             if f"strain_{side}" in given or f"tension_{side}" in given:
-                load |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
+                given |= _direction(side, given.pop(f"strain_{side}", None), given.pop(f"tension_{side}", None))
         if "pull" in given:
             for index, pull in enumerate(given["pull"]):
                 _check_pull(source, file, (*location, "pull", index), pull, outline)
-        load |= given
+        load = replace(load, name=name, **given)
         _check_warmth(source, location, load, outline)
-        yield Stage(name=name, **load)
+        yield load
 
 
-def _check_warmth(source: Source, location: tuple[int | str, ...], load: dict[str, Any], outline: Outline) -> None:
+def _check_warmth(source: Source, location: tuple[int | str, ...], load: Stage, outline: Outline) -> None:
     """Refuse a gradient that gives temperatures out of range."""
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
-    there = load["temperature"] + from_middle @ np.array(load["temperature_gradient"])
+    there = load.temperature + from_middle @ np.array(load.temperature_gradient)
     if there.min() <= 0.0 or there.max() > 4000.0:
         wrong = f"gives temperatures from {there.min():.6g} K to {there.max():.6g} K at the edge"
         instead = "write one that keeps them above 0 K and at most at 4000 K"
-        raise source.refusal((*location, "temperature_gradient"), load["temperature_gradient"], wrong, instead)
+        raise source.refusal((*location, "temperature_gradient"), load.temperature_gradient, wrong, instead)
 
 
 def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...], pull: Pull, outline: Outline) -> None:
@@ -88,23 +87,17 @@ def _check_pull(source: Source, file: SceneFile, location: tuple[int | str, ...]
         raise source.refusal((*location, "width"), pull.width or "a width", wrong, instead)
 
 
-def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:
-    """The stages of a hook."""
-    for load in hook_loads(source, _named_stages(source, file), wire, hook):
-        yield Stage(**{**_unloaded(wire), **load})
-
-
-def _unloaded(wire: Wire) -> dict[str, Any]:
+def _unloaded(wire: Wire) -> Stage:
     """Defaults of the first stage."""
-    return {
-        **_direction("weft", 0.0, None),
-        **_direction("warp", 0.0, None),
-        "shear": 0.0,
-        "clamp_rotation": 0.0,
-        "temperature": wire.reference_temperature,
-        "temperature_gradient": (0.0, 0.0),
-        "pull": (),
-    }
+    return Stage(
+        strain_weft=0.0,
+        strain_warp=0.0,
+        shear=0.0,
+        clamp_rotation=0.0,
+        temperature=wire.reference_temperature,
+        temperature_gradient=(0.0, 0.0),
+        pull=(),
+    )
 
 
 def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int | str, ...], str, Stage]]:
@@ -183,22 +176,18 @@ def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire,
     return distance
 
 
-def hook_loads(
-    source: Source, stages: Iterator[tuple[tuple[int | str, ...], str, Stage]], wire: Wire, hook: Hook
-) -> Iterator[dict[str, Any]]:
-    """Name, displacement, temperature and shear of the frame of each stage, given where it stands in the file, its name and its
-    table; a stage takes over from the one before what it leaves out."""
+def hook_stages(source: Source, file: SceneFile, wire: Wire, hook: Hook) -> Iterator[Stage]:
+    """The stages of a hook, with the shear of its frame; a missing key keeps the value of the stage before."""
     displacement, temperature = 0.0, wire.reference_temperature
-    for location, name, table in stages:
-        given = given_values(table)
-        given.pop("name", None)
-        displacement, temperature = given.get("displacement", displacement), given.get("temperature", temperature)
+    for location, name, table in _named_stages(source, file):
+        displacement = displacement if table.displacement is None else table.displacement
+        temperature = temperature if table.temperature is None else table.temperature
         if abs(displacement) > hook.length:
             wrong = "is above the length of a wire"
             instead = f"write at most {at_most(hook.length, 'm')}"
             raise source.refusal((*location, "displacement"), displacement, wrong, instead)
         shear = displacement / hook.height
-        yield {"name": name, "displacement": displacement, "temperature": temperature, "shear": shear}
+        yield replace(_unloaded(wire), name=name, displacement=displacement, temperature=temperature, shear=shear)
 
 
 def file_diameter(source: Source, file: SceneFile) -> float | None:

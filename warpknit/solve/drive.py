@@ -13,11 +13,12 @@ from .. import measure
 from ..errors import Diverged
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
+from ..measure.table import Record
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.protocols import Mechanics
 from ..mesh.rim import LoadPoint, Rim
 from ..scene import Stage
-from .progress import LoadStart, Progress, Record
+from .progress import LoadStart, Progress
 from .stage_load import load_at, temperature_at
 
 

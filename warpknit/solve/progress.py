@@ -1,44 +1,15 @@
-"""Progress of a run, as plain numbers for displays and checkpoints, and records of its states."""
+"""Progress of a run, as plain numbers for displays and checkpoints."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numpy as np
-
-from ..base.text import short_repr
 from .tension import TensionSearch
 
 MOST_SHARE = 0.9  # of the way to convergence that a level which has not converged is said to be
-
-
-@dataclass(frozen=True)
-class Record:
-    """A recorded state: its place in the load history and its observables.
-
-        record = next(Simulation(build_model(scene)).run())
-        record.load_factor, record.observables.node_position         # 0 to 1 within the stage, (node, 3) [m]
-
-    The observables are the state on the host, the same quantities in both models (measure/observables.py).
-    """
-
-    __repr__ = short_repr
-
-    index: int
-    stage: str
-    stage_index: int
-    load_factor: float
-    temperature: float  # [K]
-    steps: int
-    steady: bool
-    work: float  # [J] done by the boundary since the start (ramp; a relaxation leaves it 0)
-    dissipated: float  # [J] since the start, by damping of a ramp, friction and yield; else 0
-    membrane_residual: float  # out-of-balance membrane stress over the tension; 0 where converged
-    edge_work: float  # [J] work of pulls at the edge, cords and uneven thermal strain
-    stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it follows the load
-    observables: Any  # the state on the host (measure/observables.py)
 
 
 @dataclass
@@ -103,9 +74,9 @@ class Progress:
         share = 1.0 - math.log(ratio) / math.log(self.largest_ratio)
         self.level_share = max(self.level_share, min(share, MOST_SHARE))
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Progress:
+    def from_dict(cls, values: Mapping[str, Any]) -> Progress:
         return cls(**{**values, "search": TensionSearch.from_dict(values["search"]), "start": LoadStart(**values["start"])})

@@ -21,12 +21,12 @@ import numpy as np
 
 from ..compute.steering import Steering
 from ..measure import tension_scale
+from ..measure.table import Record
 from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import advance
 from ..mesh.rim import LoadPoint
 from ..scene import Stage
 from .drive import Drive
-from .progress import Record
 
 TENSION_RATE = 60.0  # [1/loading time] gain of the tension control
 MOMENTUM_RATE = 100.0  # [1/loading time] inverse time constant of the strain rate

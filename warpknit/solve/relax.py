@@ -19,6 +19,7 @@ from ..errors import Diverged, NoProgress, StepLimitExceeded
 from ..measure import energy_scale, tension_scale
 from ..measure.events import Level, happens, level_of
 from ..measure.strain import clamp_rotation, rotation, stretch
+from ..measure.table import Record
 from ..mechanics.numerics import FOLLOWED_INCREMENT
 from ..mechanics.protocols import Mechanics
 from ..mesh.layout import smaller_scene
@@ -27,7 +28,7 @@ from ..mesh.tight_loops import is_tight
 from ..scene import Stage
 from .drive import Drive, under
 from .equilibrium import Equilibrium
-from .progress import Progress, Record
+from .progress import Progress
 from .stage_load import history_steps
 from .tension import MAX_STATES, TensionSearch, relative_miss
 

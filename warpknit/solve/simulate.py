@@ -12,13 +12,14 @@ from ..base.text import engineering, percent
 from ..compute import device_of_mesh
 from ..compute.ranks import One, Ranks
 from ..errors import InputError, ModelError
+from ..measure.table import Record
 from ..mechanics.protocols import Model, MultilevelMechanics
 from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
 from ..scene import Scene
 from .drive import Drive
 from .model import build_model, initial_state, mechanics_of
 from .multilevel import MultilevelRelaxation
-from .progress import LoadStart, Progress, Record
+from .progress import LoadStart, Progress
 from .ramp import Ramp
 from .relax import Relaxation
 

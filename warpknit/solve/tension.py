@@ -13,6 +13,7 @@ in a row have not changed sides.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -103,7 +104,7 @@ class TensionSearch:
     level: LevelSearch = field(default_factory=LevelSearch)
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> TensionSearch:
+    def from_dict(cls, values: Mapping[str, Any]) -> TensionSearch:
         return cls(SecantTangent(**values["tangent"]), LevelSearch(**values["level"]))
 
     def begin_level(self) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -148,7 +147,7 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
     points, first, count = rods.position[:, :2], rods.wire_first, rods.wire_count
     site_wire = placed.site_wire[len(places) :, 0]
     nearest = first[site_wire] + placed.site_seed[len(places) :, 0].astype(int)
-    none: dict[str, Any] = dict.fromkeys(EMPTY_INDEX_FIELDS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(
+    none: dict[str, np.ndarray] = dict.fromkeys(EMPTY_INDEX_FIELDS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(
         EMPTY_VECTOR_FIELDS, np.zeros((0, 2))
     )
     clamps = (points[placed.held_node] - placed.held_lever)[::2]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -532,7 +531,7 @@ class SpatialMechanics:
 
     def state_dict(self) -> dict[str, np.ndarray]:
         world = self.world
-        kept: dict[str, Any] = self.contact.state_dict(world) | self.relaxation.state_dict(world)
+        kept = self.contact.state_dict(world) | self.relaxation.state_dict(world)
         kept |= self.stepper.yielding.state_dict(world) | self.stability.state_dict(world)
         kept |= {"untested": np.array(self._untested), "overlap": np.array(self.group.overlap[world])}
         kept |= self.multipliers.state_dict(world) if self.multipliers is not None else {}

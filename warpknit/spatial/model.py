@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,9 @@ from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import panel_of
+from ..results.finding import ResultWarning
 from ..results.frame import WireLayout, curve_parts
+from ..results.row import Row
 from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
@@ -128,7 +129,7 @@ class SpatialModel:
         """Behaviour under compression that the model cannot show."""
         return "wrinkle over many repeats, for which this one is too small"
 
-    def warnings(self, stages: Sequence[dict[str, Any]]) -> Iterator[str]:
+    def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
         """Where results are outside the validity of the model: nowhere."""
         yield from ()
 

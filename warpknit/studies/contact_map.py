@@ -5,22 +5,21 @@ Rows of map.csv and map_details.csv, the mean over meshes of scattered loops, an
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from ..base.files import write_aside
 from ..base.text import alike, between, both
 from ..measure import Observables, energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
 from ..mechanics.protocols import Model
+from ..results.finding import ResultWarning
+from ..results.row import Row, read_rows, write_rows
 from ..runner.best_tension import DRIFT
 
 STEADY = "steady"
@@ -29,6 +28,7 @@ SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active con
 
 
 TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
+STRAINS = tuple(f"strain_{side}" for side in SIDES)
 Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
 
 
@@ -38,27 +38,24 @@ def levels_of_pairs(pairs: Sequence[Pair], levels: int) -> list[int]:
     return [max(1, math.ceil(max(map(abs, pair)) / largest * levels - 1e-9)) for pair in pairs]
 
 
-class MapRow(SimpleNamespace):
+class MapRow(Row):
     """One load of a map: the columns of map.csv and map_details.csv (measure/table.py); None where not converged."""
+
+    stop_reason: str
+    message: str  # why the load did not converge
+    seeds: int  # number of converged meshes in the row
+    active_percent_deviation: float | None  # standard deviation over the seeds
 
     @property
     def by_tension(self) -> bool:
         """Whether the load is a pair of tensions, at which the strains were found."""
-        return TARGETS[0] in vars(self)
+        return TARGETS[0] in self
 
     @property
     def load(self) -> Pair:
         """Strains, or tensions [N/m], that the map prescribes in weft and warp."""
-        first, second = (vars(self)[name] for name in (TARGETS if self.by_tension else ("strain_weft", "strain_warp")))
+        first, second = (self[name] for name in (TARGETS if self.by_tension else STRAINS))
         return first, second
-
-    @property
-    def tension(self) -> Pair:
-        """[N/m] in weft and warp."""
-        return self.tension_weft_N_per_m, self.tension_warp_N_per_m
-
-
-TEXTS, COUNTS = ("stop_reason", "message"), ("seeds", "steps")
 
 
 def measures_of(part: str) -> list[Measure]:
@@ -79,52 +76,32 @@ def map_row(load: Pair, observables: Observables | None, *, steps: int, message:
     strains: Sequence[float | None] = (None, None) if by_tension else load
     if by_tension and observables is not None:
         strains = (np.diag(observables.stretch) - 1.0).tolist()
-    targets = dict(zip(TARGETS, load, strict=True)) if by_tension else {}
-    lines = measures_of("map") + measures_of("details")
-    measures = {
-        line.name: None if observables is None else line.of(observables) for line in lines if not isinstance(line.of, str)
-    }
+    names = [line.name for part in ("map", "details") for line in measures_of(part)]
     return MapRow(
-        strain_weft=strains[0],
-        strain_warp=strains[1],
+        **dict(zip(STRAINS, strains, strict=True)),
         stop_reason="diverged" if observables is None else STEADY,
-        active_percent_deviation=None,  # standard deviation over the seeds
-        seeds=0 if observables is None else 1,  # number of converged meshes in the row
+        active_percent_deviation=None,
+        seeds=0 if observables is None else 1,
         steps=steps,
-        message=message,  # why the load did not converge
-        **measures,
-        **targets,
+        message=message,
+        **(dict.fromkeys(names) if observables is None else table.values(observables, names)),
+        **(dict(zip(TARGETS, load, strict=True)) if by_tension else {}),
     )
 
 
 def write_map(rows: Sequence[MapRow], path: Path, details: Path) -> None:
     """Write both tables, atomically."""
+    by_tension = any(row.by_tension for row in rows)
     for target, part in ((path, "map"), (details, "details")):
-        with write_aside(target) as file:
-            by_tension = any(row.by_tension for row in rows)
-            writer = csv.DictWriter(file, columns_of(part, by_tension), extrasaction="ignore")
-            writer.writeheader()
-            writer.writerows(vars(row) for row in rows)
+        write_rows(target, rows, columns_of(part, by_tension))
 
 
 def read_map(path: Path, details: Path) -> list[MapRow]:
     """Rows that `write_map` wrote; none where the files are absent. Values are bit-identical."""
     if not (path.exists() and details.exists()):
         return []
-    more = {MapRow(**row).load: row for row in _read(details)}
-    return [MapRow(**row | more[load]) for row in _read(path) if (load := MapRow(**row).load) in more]
-
-
-def _read(path: Path) -> list[dict[str, Any]]:
-    def value(name: str, text: str) -> Any:
-        if name in TEXTS:
-            return text
-        if name in COUNTS:
-            return int(text)
-        return float(text) if text else None
-
-    with open(path, newline="", encoding="utf-8") as file:
-        return [{name: value(name, text) for name, text in row.items()} for row in csv.DictReader(file)]
+    more = {row.load: row for row in read_rows(details, MapRow)}
+    return [row.changed(**vars(more[row.load])) for row in read_rows(path, MapRow) if row.load in more]
 
 
 def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
@@ -141,12 +118,12 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} seeds steady" if steady else "diverged"
 
     def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
-        values: list[Any] = [vars(row).get(name) for row in steady]
+        values = [row.get(name) for row in steady]
         return float(how(values)) if values and None not in values else None
 
     measures = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
     targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
-    strains = {f"strain_{side}": over(f"strain_{side}", np.mean) if targets else rows[0].load[k] for k, side in enumerate(SIDES)}
+    strains = {name: over(name, np.mean) if targets else rows[0].load[k] for k, name in enumerate(STRAINS)}
     return MapRow(
         **strains,
         stop_reason=reason,
@@ -159,11 +136,6 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     )
 
 
-def model_warnings(mesh: Model, rows: Sequence[MapRow]) -> list[str]:
-    """Where the states of a map are outside the validity of their model, a sentence each."""
-    return list(mesh.warnings([{"wire": {"slid_max_m": vars(row).get("slid_max_m") or 0.0}} for row in rows]))
-
-
 def axes_of(rows: Sequence[MapRow]) -> tuple[list[float], list[float]]:
     """Strains, or tensions [N/m], of a map in weft and in warp, in their order."""
     weft, warp = (sorted({row.load[side] for row in rows}) for side in (0, 1))
@@ -172,7 +144,7 @@ def axes_of(rows: Sequence[MapRow]) -> tuple[list[float], list[float]]:
 
 def grid(rows: Sequence[MapRow], name: str, weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:
     """Values (warp, weft) of a column of map.csv or map_details.csv; nan where there is none."""
-    values = {row.load: vars(row).get(name) for row in rows}  # an earlier version had fewer columns
+    values = {row.load: row.get(name) for row in rows}
     cells = [[values.get((x, y)) for x in weft] for y in warp]
     return np.array([[math.nan if value is None else float(value) for value in line] for line in cells])
 
@@ -215,28 +187,30 @@ def load_text(load: Pair, by_tension: bool) -> str:
     return " / ".join(alike(load, "N/m") if by_tension else (f"{100.0 * value:.3g} %" for value in load))
 
 
-def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> str | None:
-    """What the jumps of a map mean, in a line; None without any."""
+def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[ResultWarning]:
+    """What the jumps of a map mean."""
     if not found:
-        return None
+        return
     loads = both(*(load_text(load, by_tension) for load in found[0]))
     kind = "tensions" if by_tension else "strains"
     where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
-    return (
+    yield ResultWarning(
+        "W40",
         f"the results jump between {where} (weft / warp): several equilibria exist there, and the values on either side belong"
-        " to different ones"
+        " to different ones",
     )
 
 
-def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> str | None:
-    """How many pairs of loads did not converge, or None."""
-    failed = sum(row.stop_reason != STEADY for row in rows)
-    quantity = "tensions" if by_tension else "strains"
-    return f"{failed} of {len(rows)} pairs of {quantity} did not converge; map_details.csv has the reasons" if failed else None
+def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> Iterator[ResultWarning]:
+    """How many pairs of loads did not converge."""
+    failed, quantity = sum(row.stop_reason != STEADY for row in rows), "tensions" if by_tension else "strains"
+    if failed:
+        text = f"{failed} of {len(rows)} pairs of {quantity} did not converge"
+        yield ResultWarning("W39", text, "map_details.csv has the reasons", link="; ")
 
 
 @dataclass(frozen=True)
-class Drift:
+class TensionRange:
     """How far the tension may drift from the optimum, cell by cell: tensions [N/m] in weft and warp of the last good cells."""
 
     along: str  # weft | warp | both: the load that drifts
@@ -249,26 +223,25 @@ class Drift:
     jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium that ends the range
 
 
-def drift_text(drift: Mapping[str, Any]) -> str:
-    """A `Drift`, as a table of its fields, in words."""
-    jumps = "; ".join(between(*(load_text(side, by_tension=True) for side in jump)) for jump in drift.get("jumps", ()))
+def drift_text(drift: TensionRange) -> str:
+    """A `TensionRange` in words."""
+    jumps = "; ".join(between(*(load_text(side, by_tension=True) for side in jump)) for jump in drift.jumps)
     snaps = f"; beyond it the mesh jumps {jumps}" if jumps else ""
-    if drift["low"] == drift["high"]:
-        reasons = {"open": "beyond the edge of the map", "diverged": "where the next pair did not converge"}
+    open_, diverged = (drift.open_low, drift.open_high), (drift.diverged_low, drift.diverged_high)
+    if drift.low == drift.high:
+        reasons = ((open_, "beyond the edge of the map"), (diverged, "where the next pair did not converge"))
         unknown = " and ".join(
             f"{' and '.join(sides)}, {why}"
-            for name, why in reasons.items()
-            if (sides := [side for side, end in (("below", "low"), ("above", "high")) if drift.get(f"{name}_{end}")])
+            for found, why in reasons
+            if (sides := [side for side, is_so in zip(("below", "above"), found, strict=True) if is_so])
         )
         return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "") + snaps
     ends = []
-    for end, at in (("low", "at most "), ("high", "at least ")):
-        text = load_text(drift[end], by_tension=True)
-        if drift.get(f"diverged_{end}"):
-            text = f"{at}{text}, where the next pair did not converge"
-        ends.append(text + (" (the edge of the map)" if drift[f"open_{end}"] else ""))
-    comma = "," if drift.get("diverged_low") else ""
-    return f"from {ends[0]}{comma} to {ends[1]}{snaps}"
+    for end, at, is_open, failed in zip((drift.low, drift.high), ("at most ", "at least "), open_, diverged, strict=True):
+        text = load_text(end, by_tension=True)
+        text = f"{at}{text}, where the next pair did not converge" if failed else text
+        ends.append(text + (" (the edge of the map)" if is_open else ""))
+    return f"from {ends[0]}{',' if drift.diverged_low else ''} to {ends[1]}{snaps}"
 
 
 @dataclass(frozen=True)
@@ -284,26 +257,26 @@ class Optimum:
     stress_margin: float  # 1 - stress over yield stress
     at_edge: tuple[str, ...] = ()  # directions (weft, warp) in which the map ends there: a wider one may have a better optimum
     load: Pair | None = None  # strains, or tensions [N/m], of its cell
-    drift: tuple[Drift, ...] = ()  # with at most DRIFT fewer active contacts, and below the elastic limit
+    drift: tuple[TensionRange, ...] = ()  # with at most DRIFT fewer active contacts, and below the elastic limit
 
-    @property
-    def edge_warning(self) -> str | None:
-        """What it means that the optimum is at the edge of the map."""
-        if not self.at_edge:
-            return None
-        return f"the optimum is at the edge of the map in {' and '.join(self.at_edge)}: a wider [sweep] may have a better one"
+    @classmethod
+    def of(cls, tree: Mapping[str, Any]) -> Optimum:
+        """The optimum of map.json."""
+        return cls(**{**tree, "load": tuple(tree["load"]), "drift": tuple(TensionRange(**drift) for drift in tree["drift"])})
 
 
-def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator[str]:
+def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator[ResultWarning]:
     """What limits the optimum: the edge of the map, and jumps to another equilibrium beside it."""
     if optimum is None:
         return
-    if optimum.edge_warning is not None:
-        yield optimum.edge_warning
+    if optimum.at_edge:
+        text = f"the optimum is at the edge of the map in {' and '.join(optimum.at_edge)}"
+        yield ResultWarning("W43", text, "a wider [sweep] may have a better one")
     if _is_beside_jump(optimum.load, jumps):
-        yield (
+        yield ResultWarning(
+            "W44",
             "the optimum is beside a jump to another equilibrium: a mesh with little other strains, or loaded otherwise, may have"
-            " fewer active contacts"
+            " fewer active contacts",
         )
 
 
@@ -353,7 +326,7 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Ju
     return None if best is None else replace(best[1], drift=tuple(_drifts(rows, best[1], yield_stress, jumps)))
 
 
-def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps: Sequence[Jump]) -> Iterator[Drift]:
+def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps: Sequence[Jump]) -> Iterator[TensionRange]:
     """Ranges about the optimum along weft, along warp, and along both together."""
     weft, warp = axes_of(rows)
     cells = {row.load: row for row in rows}
@@ -387,7 +360,7 @@ def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps
             beyond.append(row)
         open_low, open_high = (row is None for row in beyond)
         diverged_low, diverged_high = (row is not None and row.stop_reason != STEADY for row in beyond)
-        yield Drift(along, ends[0], ends[1], open_low, open_high, diverged_low, diverged_high, tuple(passed))
+        yield TensionRange(along, ends[0], ends[1], open_low, open_high, diverged_low, diverged_high, tuple(passed))
 
 
 def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:

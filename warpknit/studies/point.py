@@ -38,7 +38,7 @@ class Results:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class PointOutcome:
     """Settings, results and cost of a point; `results` is None where the run did not finish."""
 
     settings: dict[str, object]
@@ -61,7 +61,7 @@ def run_point(
     device: str = "cpu",
     max_node_steps: float = math.inf,
     watch: Callable[[Progress], None],
-) -> Outcome:
+) -> PointOutcome:
     """Run the scene that `load` returns; `watch` may raise to stop it.
 
     A refused scene, a diverged run and one that exceeds `max_node_steps` are outcomes, not errors.
@@ -71,7 +71,7 @@ def run_point(
         simulation = Simulation(build_model(load(), device))
         simulation.compile()
     except InputError as error:
-        return Outcome(settings, None, "refused", str(error))
+        return PointOutcome(settings, None, "refused", str(error))
     settings = settings_of(simulation.model)
 
     def check_cost(progress: Progress) -> None:
@@ -93,7 +93,7 @@ def run_point(
         reason, message, record = "diverged", str(error), None
     if record is not None and not record.steady:
         reason = "finished"
-    return Outcome(
+    return PointOutcome(
         settings=settings,
         results=None if record is None else results_of(record.observables),
         stop_reason=reason,

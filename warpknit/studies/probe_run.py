@@ -15,7 +15,7 @@ from ..mechanics.trial import Setting, edge_of
 from ..mesh.layout import of_repeats
 from ..scene import Scene
 from ..solve.model import build_model, trials_of
-from .point import Errors, Outcome, Results, Scales, errors_of, run_point, scales_of
+from .point import Errors, PointOutcome, Results, Scales, errors_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
 LEVELS = 2  # of a mesh whose state does not depend on the load history
@@ -73,7 +73,7 @@ class ProbeRun:
         one = replace(results, contact_force_sum_N=results.contact_force_sum_N / repeats)
         return errors_of(one, self.fine, self.scales)
 
-    def _run(self, setting: Setting) -> Outcome:
+    def _run(self, setting: Setting) -> PointOutcome:
         outcome = run_point(lambda: with_setting(self.small, setting), watch=lambda _progress: None)
         self.node_steps += outcome.node_steps
         return outcome

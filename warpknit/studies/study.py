@@ -5,35 +5,34 @@ DIR holds trade.csv, trade_knobs.csv (effect of each parameter alone), trade.jso
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..base.files import write_aside, write_table
+import numpy as np
+
+from ..base.files import write_table
 from ..base.text import rounded
 from ..compute.device import find_device
 from ..errors import Diverged, InputError
 from ..mechanics.numerics import slowest_rate
 from ..mechanics.trial import Varied
 from ..mesh.layout import mesh_nodes
+from ..results.row import Values, write_json
 from ..runner.interrupts import Interrupted, Interrupts
-from ..runner.progress_display import Progress as Display
-from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..runner.progress_display import Display
+from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.model import build_model, trials_of
 from . import parameters
-from .extrapolation import extrapolate
 from .parameters import Overrides, Point
-from .pareto import pareto
-from .point import Errors, Outcome, Results, errors_of, run_point, scales_of, settings_of_scene
-from .trade_summary import columns_of, parameter_table, point_summary
-from .trade_table import TradeRow, read_rows, write_rows
+from .point import Errors, PointOutcome, Results, errors_of, run_point, scales_of, settings_of_scene
+from .trade_table import TradeRow, TradeSummary, parameter_table, read_trade, write_trade
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +40,7 @@ Loader = Callable[[Overrides, str | None], Scene]
 
 RATIO = math.sqrt(2.0)  # ratio of successive node counts of the references
 COST_LIMIT = 4.0  # times the node-steps of the reference: limit of a point
+MIN_ORDER, MAX_ORDER = 1.0, 4.0  # accepted orders of convergence; outside, the differences are too small or too noisy
 RAMP_NODES = 2_000  # largest mesh on which ramps in real time are tried: they take a hundred times the steps
 
 
@@ -53,7 +53,7 @@ def run_trade(
     resume: bool = False,
     force: bool = False,
     progress: Display | None = None,
-) -> CommandResult:
+) -> CommandResult[TradeSummary]:
     """Measure speed against accuracy of a scene into the directory `out`.
 
     `load` returns the scene with more overrides and a preset; `against` is the `model.kind` of the reference. Raises
@@ -64,8 +64,8 @@ def run_trade(
     refuse(scene, "trade")
     of_reference: Overrides = (("model.kind", against),) if against else ()
     load(of_reference, None)  # refused before anything is written
-    if resume and (finished := finished_result(out, "trade.json", scene.hash, "trade")) is not None:
-        return finished
+    if resume and (finished := finished_summary(out, "trade.json", scene.hash, "trade")) is not None:
+        return CommandResult(0, TradeSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
     name = find_device(device, nodes=lambda: mesh_nodes(scene))
@@ -83,13 +83,13 @@ class _Study:
         self.of_reference = of_reference
         self.scales = scales_of(base)
         self.path = out / "trade.csv"
-        self.rows = read_rows(self.path)
+        self.rows = read_trade(self.path)
         truth = load(of_reference, None)
         finest, self.tolerance = trials_of(truth).reference(truth, base.node_count)
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
-    def run(self) -> CommandResult:
+    def run(self) -> CommandResult[TradeSummary]:
         reason, code, message = "finished", 0, ""
         with self._interrupts.handled():
             try:
@@ -104,11 +104,12 @@ class _Study:
             except Interrupted:
                 reason, code, message = "interrupted", 130, f"interrupted; finished points are kept in {self.out}"
         summary = self._summary(reason)
-        with write_aside(self.out / "trade.json") as file:
-            json.dump(summary, file, indent=2, allow_nan=False)
+        write_json(self.out / "trade.json", summary.json())
         if code == 0:
-            write_table(self.out / "trade_knobs.csv", columns_of(summary["knobs"]))
-            self._draw()
+            knobs = [vars(row) for row in summary.knobs]
+            columns = {name: np.array(["" if row[name] is None else row[name] for row in knobs]) for name in knobs[0]}
+            write_table(self.out / "trade_knobs.csv", columns)
+            self._draw(summary.reference.own_error)
         return CommandResult(code, summary, message)
 
     # --- points ---
@@ -169,7 +170,7 @@ class _Study:
         limit, least = self._limit, self._least_work(point)
         if least > limit:
             message = f"not run: at least {rounded(least):,} node-steps, where the limit is {rounded(limit):,}"
-            outcome = Outcome(settings_of_scene(self._load(point)), None, "cost limit", message)
+            outcome = PointOutcome(settings_of_scene(self._load(point)), None, "cost limit", message)
         else:
             outcome = run_point(
                 lambda: self._load(point),
@@ -181,7 +182,7 @@ class _Study:
             raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {outcome.message}")
         self.rows.append(TradeRow(point.name, point.group, point.parameter, outcome))
         self._compute_errors()
-        write_rows(self.path, self.rows)
+        write_trade(self.path, self.rows)
 
     def _compute_errors(self) -> None:
         """Fill in errors against the finest reference; sums over a mesh are compared per repeat."""
@@ -195,61 +196,93 @@ class _Study:
 
     # --- results ---
 
-    def _summary(self, reason: str) -> dict[str, Any]:
-        from .. import __version__
-
+    def _summary(self, reason: str) -> TradeSummary:
         if self.rows:
             self._compute_errors()
-        counted = [row for row in self.rows if row.errors is not None and row.group != "reference"]
+        counted, scene = self._counted, self.base.scene
         reference = self._reference()
-        own = Errors(**reference["own_error"]).largest_percent if reference else 0.0
-        costs_and_errors = [(row.cost, row.errors.largest_percent) for row in counted if row.errors is not None]
-        return {
-            "scene": {"name": self.base.scene.name, "hash": self.base.scene.hash},
-            "version": __version__,
-            "stop_reason": reason,
-            "warnings": list(self.base.warnings([])),
-            "model": {"kind": self.base.scene.model.kind, "kind_reason": self.base.scene.kind_reason},
-            "points": len(self.rows),
-            "without_result": sum(row.outcome.results is None for row in self.rows),
-            "without_result_by": dict(Counter(row.outcome.stop_reason for row in self.rows if row.outcome.results is None)),
-            "reference": reference,
-            "front": [point_summary(counted[k]) for k in pareto(costs_and_errors, own)],
-            "presets": [point_summary(row) for row in self.rows if row.group == "preset"],
-            "knobs": parameter_table(self.rows),
-        }
+        own = reference.own_error.largest_percent if "own_error" in reference else 0.0
+        failed = [row.outcome.stop_reason for row in self.rows if row.outcome.results is None]
+        return TradeSummary(
+            scene=Values(name=scene.name, hash=scene.hash),
+            stop_reason=reason,
+            warnings=list(self.base.warnings([])),
+            model=Values(kind=scene.model.kind, kind_reason=scene.kind_reason),
+            points=len(self.rows),
+            without_result=len(failed),
+            without_result_by=dict(Counter(failed)),
+            reference=reference,
+            front=[counted[k].summary for k in pareto([(row.cost, row.largest_error or 0.0) for row in counted], own)],
+            presets=[row.summary for row in self.rows if row.group == "preset"],
+            knobs=parameter_table(self.rows),
+        )
 
-    def _reference(self) -> dict[str, Any]:
+    @property
+    def _counted(self) -> list[TradeRow]:
+        """The points with errors, without the reference."""
+        return [row for row in self.rows if row.errors is not None and row.group != "reference"]
+
+    def _reference(self) -> Values:
         """Results of the reference, and its own error by extrapolation from three node counts."""
         rows = [row for row in self.rows if row.group == "reference"]
         if len(rows) < len(self.finest):
-            return {}
+            return Values()
         results = [row.outcome.results for row in rows]
         first, second, third = (asdict(each) for each in results if each is not None)
-        nodes = [float(str(row.outcome.settings["nodes_per_loop"])) for row in rows]
         limits = {name: extrapolate(first[name], second[name], third[name], RATIO) for name in first}
         extrapolated = Results(**{name: limit.limit for name, limit in limits.items()})
         assert results[0] is not None
-        return {
-            "nodes_per_loop": nodes,
-            "found": first,
-            "order": {name: limit.order for name, limit in limits.items()},
-            "own_error": asdict(errors_of(results[0], extrapolated, self.scales)),
-            "node_steps": rows[0].outcome.node_steps,
-        }
+        return Values(
+            nodes_per_loop=[float(str(row.outcome.settings["nodes_per_loop"])) for row in rows],
+            found=results[0],
+            order={name: limit.order for name, limit in limits.items()},
+            own_error=errors_of(results[0], extrapolated, self.scales),
+            node_steps=rows[0].outcome.node_steps,
+        )
 
-    def _draw(self) -> None:
+    def _draw(self, own: Errors) -> None:
         from ..export.trade_figure import Mark, trade_figure
 
-        marks = [
-            Mark(row.cost, tuple(asdict(row.errors).values()), row.group, row.preset)
-            for row in self.rows
-            if row.errors is not None and row.group != "reference"
-        ]
-        own = self._reference()["own_error"]
-        trade_figure(self.out / "figures" / "trade.png", marks, tuple(own.values()), title=self.base.scene.name)
+        marks = [Mark(row.cost, astuple(row.errors), row.group, row.preset) for row in self._counted if row.errors is not None]
+        trade_figure(self.out / "figures" / "trade.png", marks, astuple(own), title=self.base.scene.name)
 
 
 def _repeats(row: TradeRow) -> int:
     """Number of repeats of the mesh of a point."""
     return math.prod(int(part) for part in str(row.outcome.settings["repeats"]).split("x"))
+
+
+@dataclass(frozen=True)
+class Extrapolated:
+    """Order of convergence, limit and error of one quantity."""
+
+    order: float  # p, clipped to the accepted range
+    limit: float  # f
+    error: float  # of the finest value: |f1 - f|, more where the order is clipped
+
+
+def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> Extrapolated:
+    """Richardson extrapolation to infinitely many nodes from values at n, n/ratio and n/ratio^2 nodes.
+
+        f(n) = f + C n^-p        (f1 - f2)/(f2 - f3) = r^-p        f = f1 + (f1 - f2)/(r^p - 1)
+
+    with f1 at the most nodes and r the ratio of successive node counts (Roache, J. Fluids Eng. 116 (1994) 405).
+    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped, and the error is
+    at least the larger difference.
+    """
+    first, second = finest - middle, middle - coarsest
+    apparent = math.log(second / first) / math.log(ratio) if first * second > 0.0 else 0.0
+    order = min(max(apparent, MIN_ORDER), MAX_ORDER)
+    step = first / (ratio**order - 1.0)
+    least = 0.0 if order == apparent else max(abs(first), abs(second))
+    return Extrapolated(order, finest + step, max(abs(step), least))
+
+
+def pareto(points: Sequence[tuple[float, float]], least: float = 0.0) -> list[int]:
+    """Indices of the non-dominated (cost, error) points, by increasing cost, up to the first whose error is below `least`."""
+    order = sorted(range(len(points)), key=lambda k: points[k])
+    front: list[int] = []
+    for k in order:
+        if not front or least <= points[front[-1]][1] > points[k][1]:
+            front.append(k)
+    return front

@@ -6,24 +6,24 @@ also the map of each seed, seeds/map_##.csv and seeds/details_##.csv. Every file
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..base.files import write_aside
 from ..base.text import celsius, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
 from ..mesh.layout import smaller_scene
+from ..results.finding import ResultWarning
+from ..results.row import Values, write_json
 from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
-from ..runner.progress_display import Progress as Display
-from ..runner.run_directory import CommandResult, continues_earlier, finished_result, open_directory
+from ..runner.progress_display import Display
+from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
 from .contact_map import (
@@ -37,13 +37,13 @@ from .contact_map import (
     levels_of_pairs,
     map_row,
     mean_map,
-    model_warnings,
     optimum_note,
     optimum_warnings,
     read_map,
     unconverged_warning,
     write_map,
 )
+from .map_table import MapSummary
 from .states import States, mesh_of, side_by_side, states_of
 
 _log = logging.getLogger(__name__)
@@ -77,15 +77,15 @@ def run_map(
     force: bool = False,
     progress: Display | None = None,
     command: str = "map",
-) -> CommandResult:
+) -> CommandResult[MapSummary]:
     """Run the sweep of `scene` into the directory `out`, for a command that messages name.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     sweep = _checked(scene, device)
-    if resume and (finished := finished_result(out, "map.json", scene.hash, command)) is not None:
-        return finished
+    if resume and (finished := finished_summary(out, "map.json", scene.hash, command)) is not None:
+        return CommandResult(0, MapSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     # errors of the model are raised before anything is removed
@@ -127,7 +127,7 @@ class _Mapper:
         self._interrupts = Interrupts()
         self._begin = self._saved = time.perf_counter()
 
-    def run(self) -> CommandResult:
+    def run(self) -> CommandResult[MapSummary]:
         reason, code, message = "finished", 0, ""
         with self._interrupts.handled():
             try:
@@ -141,9 +141,8 @@ class _Mapper:
         summary = self._summary(reason)
         if code == 0 and not any(row.active_percent is not None for row in self.rows):
             code, message = 3, f"no {self.sweep.quantity} of the sweep converged: {self.rows[0].message}"
-            summary["stop_reason"] = "diverged"
-        with write_aside(self.out / "map.json") as file:
-            json.dump(summary, file, indent=2, allow_nan=False)
+            summary = replace(summary, stop_reason="diverged")
+        write_json(self.out / "map.json", summary.json())
         if self.scene.output.figures and self.rows:
             self._draw(summary)
         return CommandResult(code, summary, message)
@@ -153,19 +152,17 @@ class _Mapper:
         return mean_map(self.maps)
 
     @property
-    def model_warnings(self) -> list[str]:
-        return model_warnings(self.meshes[0], self.rows)
+    def model_warnings(self) -> list[ResultWarning]:
+        return list(self.meshes[0].warnings(self.rows))
 
     @property
-    def _missing_warning(self) -> str | None:
-        """That pairs of an interrupted map are missing; None of a whole one."""
+    def _missing_warning(self) -> list[ResultWarning]:
+        """That pairs of an interrupted map are missing; none of a whole one."""
         done, wanted = len(self.rows), len(self.pairs)
         if done == wanted and all(len(rows) == wanted for rows in self.maps):
-            return None
-        return (
-            f"the map is incomplete: {done} of {wanted} pairs of {self.sweep.quantity} are done, and the optimum is the best of"
-            " these"
-        )
+            return []
+        pairs = f"{done} of {wanted} pairs of {self.sweep.quantity} are done"
+        return [ResultWarning("W42", f"the map is incomplete: {pairs}, and the optimum is the best of these")]
 
     # --- cells ---
 
@@ -225,55 +222,46 @@ class _Mapper:
         write_map(sorted_rows(self.rows), self.out / "map.csv", self.out / "map_details.csv")
         self._saved = time.perf_counter()
 
-    def _summary(self, reason: str) -> dict[str, Any]:
-        from .. import __version__
-
+    def _summary(self, reason: str) -> MapSummary:
         wall = time.perf_counter() - self._begin
-        rows, wire = self.rows, self.scene.wire
+        rows, wire, scene, by_tension = self.rows, self.scene.wire, self.scene, self.sweep.by_tension
         jumps = find_jumps(self.meshes[0], rows)
         optimum = find_optimum(rows, wire.yield_stress, jumps)
-        warnings = [*self.model_warnings, *sweep_cautions(self.scene, self.meshes[0].cloth)]
-        limits = unconverged_warning(rows, self.sweep.by_tension), jump_warning(jumps, self.sweep.by_tension)
-        warnings += [limit for limit in limits if limit is not None]
-        if len(self.scene.stages) > 1:
-            warnings.append(f"the map is at {celsius(self.scene.stages[0].temperature)}: it does not run the stages of [[path]]")
-        if (missing := self._missing_warning) is not None:
-            warnings.append(missing)
-        else:
-            warnings += optimum_warnings(optimum, jumps)
-        return {
-            "scene": {"name": self.scene.name, "hash": self.scene.hash},
-            "version": __version__,
-            "stop_reason": reason,
-            "warnings": warnings,
-            "path": f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
-            f" {self.scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
-            "loads": self.sweep.quantity,
-            "cells": {"wanted": len(self.pairs), "done": len(rows), "steady": sum(row.stop_reason == STEADY for row in rows)},
-            "seeds": self.sweep.seeds,
-            "model": {
-                "kind": self.scene.model.kind,
-                "kind_reason": self.scene.kind_reason,
-                "boundary": self.scene.model.boundary,
-                "nodes": self.nodes,
-                "bodies": self.meshes[0].panel.body_count,
-            },
-            "solver": {
-                "preset": self.scene.solver.preset,
-                "wall_s": wall,
-                "cell_steps": self.steps,
-                "cell_steps_per_s": self.steps / wall,
-                "node_steps_per_s": self.steps * self.nodes / wall,
-            },
-            "wire": {
-                "yield_stress_Pa": wire.yield_stress,
-                "yield_stress_assumed": "wire.yield_stress" in self.scene.assumed,
-            },
-            "optimum": None if optimum is None else asdict(optimum),
-            "jumps": jumps,
-        }
+        warnings = [*self.model_warnings, *sweep_cautions(scene, self.meshes[0].cloth)]
+        warnings += [*unconverged_warning(rows, by_tension), *jump_warning(jumps, by_tension)]
+        if len(scene.stages) > 1:
+            text = f"the map is at {celsius(scene.stages[0].temperature)}: it does not run the stages of [[path]]"
+            warnings.append(ResultWarning("W41", text))
+        warnings += self._missing_warning or optimum_warnings(optimum, jumps)
+        return MapSummary(
+            scene=Values(name=scene.name, hash=scene.hash),
+            stop_reason=reason,
+            warnings=warnings,
+            path=f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
+            f" {scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
+            loads=self.sweep.quantity,
+            cells=Values(wanted=len(self.pairs), done=len(rows), steady=sum(row.stop_reason == STEADY for row in rows)),
+            seeds=self.sweep.seeds,
+            model=Values(
+                kind=scene.model.kind,
+                kind_reason=scene.kind_reason,
+                boundary=scene.model.boundary,
+                nodes=self.nodes,
+                bodies=self.meshes[0].panel.body_count,
+            ),
+            solver=Values(
+                preset=scene.solver.preset,
+                wall_s=wall,
+                cell_steps=self.steps,
+                cell_steps_per_s=self.steps / wall,
+                node_steps_per_s=self.steps * self.nodes / wall,
+            ),
+            wire=Values(yield_stress_Pa=wire.yield_stress, yield_stress_assumed="wire.yield_stress" in scene.assumed),
+            optimum=optimum,
+            jumps=jumps,
+        )
 
-    def _draw(self, summary: dict[str, Any]) -> None:
+    def _draw(self, summary: MapSummary) -> None:
         from ..export.map_figure import Marks, map_figure
 
         weft, warp = self.sweep.axes
@@ -282,16 +270,19 @@ class _Mapper:
         def column(name: str, factor: float = 1.0) -> Any:
             return factor * grid(rows, name, weft, warp)
 
-        optimum = summary["optimum"]
+        load = None if summary.optimum is None else summary.optimum.load
         marks = Marks(
             stress=column("stress_max_Pa"),
             yield_stress=self.scene.wire.yield_stress,
-            optimum=None if optimum is None else optimum["load"],
-            jumps=summary["jumps"],
-            optimum_note="" if optimum is None else optimum_note(optimum["load"], summary["jumps"]),
+            optimum=load,
+            jumps=summary.jumps,
+            optimum_note=optimum_note(load, summary.jumps),
         )
-        wire, seeds, warnings = self.scene.wire, self.sweep.seeds, self.model_warnings
-        warnings += [] if (missing := self._missing_warning) is None else [missing]
+        wire, seeds, warnings = (
+            self.scene.wire,
+            self.sweep.seeds,
+            [str(one) for one in self.model_warnings + self._missing_warning],
+        )
         scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
         ends = f"{wire.ends} x " if wire.ends > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"

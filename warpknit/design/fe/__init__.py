@@ -12,7 +12,9 @@ import numpy as np
 
 from ...base.files import write_aside
 from ...base.text import engineering
-from ...runner.history import Row, mean_tension
+from ...results.finding import ResultWarning
+from ...results.row import Row
+from ...runner.history import mean_tension
 from ...scene import Scene
 from ..card import MaterialCard
 from ..card_files import card_warnings, mesh_values
@@ -383,7 +385,7 @@ def write_fe_cards(
     out: Path,
     *,
     codes: Sequence[str] = tuple(CODES),
-    warnings: Sequence[str] = (),
+    warnings: Sequence[ResultWarning] = (),
 ) -> dict[str, str]:
     """Write the file of each of `codes` into `out`; return its name, or why there is none.
 

@@ -29,7 +29,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.text import alike, celsius, percent
-from ...runner.history import Row
+from ...results.finding import ResultWarning
+from ...results.row import Row
 from ..card import MaterialCard
 
 THICKNESS = 1e-3  # [m] nominal; only products with it have a meaning: E t, density t, stress t
@@ -183,7 +184,7 @@ class FeCard:
     card: MaterialCard
     curves: tuple[YarnCurve, YarnCurve] | None  # weft, warp
     no_curves: str  # why there are none
-    warnings: Sequence[str]
+    warnings: Sequence[ResultWarning]
     made_of: Mapping[str, str]  # wire, knit and preset, in words
 
     @property

@@ -106,7 +106,7 @@ def set_clips(layer: Sdf.Layer, frames: Sequence[int], full_frames: Sequence[int
         _variant(layer, level).SetInfo("clips", {part.lower(): parts[part] for part in names})
 
 
-def _clips(part: str, frames: Sequence[int]) -> dict[str, Any]:
+def _clips(part: str, frames: Sequence[int]) -> dict[str, object]:
     """Clips of one part. Where frames are left out the last one before stands still: nothing is made up in between."""
     times: list[tuple[int, int]] = []
     for number, index in enumerate(frames):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpknit.base.files import path_aside
-from warpknit.export.run_record import RunRecord, item
+from warpknit.export.run_record import RunRecord
 from warpknit.export.usd.scene import (
     CONTACTS,
     FRAMES,
@@ -395,7 +395,7 @@ def _elsewhere(tile: str) -> Sdf.Path:
     return Sdf.Path(f"/{CONTACTS}/{tile}/ContactsElsewhere")
 
 
-def _load(frame: Frame) -> dict[str, Any]:
+def _load(frame: Frame) -> dict[str, object]:
     return {"stage": frame.stage, **{name: getattr(frame, source) for name, source in LOADS.items()}}
 
 
@@ -417,12 +417,12 @@ def export_usd(record: RunRecord) -> list[Path]:
     writer = StageWriter(
         record.directory,
         drawn_layout(record.layout),
-        scene_name=record.summary["scene"]["name"],
-        scene_hash=str(item(record.summary, ("scene", "hash")) or ""),
-        version=str(record.summary.get("version", "")),
-        colour_stress_max=record.quantity("wire", "yield_stress_Pa"),
+        scene_name=record.name,
+        scene_hash=record.scene_hash,
+        version=record.version,
+        colour_stress_max=record.yield_stress,
         streaming=True,
     )
     frames = [writer.add_frame(drawn_frame(record.layout, frame)) for frame in record.frames()]
-    writer.close(complete=record.summary.get("stop_reason") in ("steady", "finished"))
+    writer.close(complete=record.stop_reason in ("steady", "finished"))
     return [writer.path, *frames]

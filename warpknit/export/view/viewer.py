@@ -60,7 +60,7 @@ class Viewer:
         self.directory = directory
         self.run = read_run(directory, also_running=True)
         self.layout = self.run.layout
-        self.yield_stress = self.run.quantity("wire", "yield_stress_Pa")
+        self.yield_stress = self.run.yield_stress
         self.highest, self.largest_force = 1e-9, LEAST_FORCE  # [MPa] stress that few nodes exceed; [uN] force of a contact
         self.peak = 0.0  # [MPa] largest stress
         self._ranged = 0  # records of which these are
@@ -285,10 +285,10 @@ class Viewer:
     def _tension(self) -> tuple[float, float] | None:
         """[N/m] of the record in weft and warp; None where the history does not have it."""
         try:
-            rows = self.run.history()
+            history = self.run.history()
         except ExportError:  # a run that has just begun
             return None
-        return tension_of(next((row for row in rows if row.get("index") == str(self.frame.index)), None))
+        return tension_of(history, self.frame.index)
 
     def _contact_text(self, shown: Drawing, contact: int) -> str:
         number, bodies = int(shown.number[contact]), self.layout.body_count

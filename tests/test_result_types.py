@@ -1,0 +1,58 @@
+"""The types of results: rows that do not change, findings in words, warnings with a code."""
+
+import json
+import re
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import pytest
+
+from warpknit.results.finding import Finding, ResultWarning
+from warpknit.results.row import Row, Values, columns_of, plain, read_rows, valued, write_rows
+
+HOST = Path(__file__).parents[1] / "warpknit"
+
+
+def test_a_row_does_not_change() -> None:
+    row = Row(stage="load", strain_weft=0.1)
+    with pytest.raises(FrozenInstanceError, match="strain_weft"):
+        row.strain_weft = 0.2
+    assert row.changed(strain_weft=0.2).strain_weft == 0.2 and row["strain_weft"] == 0.1 and "shear" not in row
+
+
+def test_rows_of_a_file_are_those_that_were_written(tmp_path: Path) -> None:
+    """Bit-identical: numbers, counts, truth values, words and cells without a value."""
+    rows = [Row(index=0, stage="load", strain_weft=0.1 + 0.2, steady=True, active_rhombus_percent=None)]
+    write_rows(tmp_path / "rows.csv", rows, list(vars(rows[0])))
+    assert read_rows(tmp_path / "rows.csv", Row) == rows
+
+
+def test_columns_have_nan_where_a_row_has_no_number() -> None:
+    columns = columns_of([{"stage": "load", "a": 1, "b": None}, {"stage": "more", "a": 2.5}])
+    assert columns["stage"].tolist() == ["load", "more"] and columns["a"].tolist() == [1.0, 2.5]
+    assert all(value != value for value in columns["b"].tolist())
+
+
+def test_values_come_back_from_json() -> None:
+    """Tables in tables and lists of them; a number that is not finite is null."""
+    values = Values(name="a", more=Values(x=1.5, missing=float("nan")), rows=[Values(k=1)])
+    again = valued(json.loads(json.dumps(plain(values))))
+    assert again == values.changed(more=Values(x=1.5, missing=None))
+
+
+def test_a_finding_in_words() -> None:
+    assert Finding("largest stress", 1.48e8, "Pa", where=", 25 % of the elastic limit", sure=" (assumed)").text == (
+        "148 MPa, 25 % of the elastic limit (assumed)"
+    )
+    assert Finding("tension, weft / warp", (5.4, 5.39), "N/m").text == "5.40 N/m / 5.39 N/m"
+
+
+def test_a_warning_is_one_line_with_what_to_do() -> None:
+    assert str(ResultWarning("W38", "several equilibria", "compare")) == "several equilibria: compare"
+    assert str(ResultWarning("W04", "the wire would yield")) == "the wire would yield"
+
+
+def test_every_warning_has_a_code() -> None:
+    """W and two digits, given where the warning is made; one that is read from a file has none."""
+    found = [code for path in HOST.rglob("*.py") for code in re.findall(r'ResultWarning\(\s*"(.*?)"', path.read_text())]
+    assert len(found) > 50 and all(re.fullmatch(r"(W\d\d)?", code) for code in found)
