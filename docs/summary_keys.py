@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import ModuleType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from warpknit.measure import table
 from warpknit.results import row
 from warpknit.runner import answers, panel_report, summary
 
 PAGE = Path(__file__).parent / "reference" / "summary.md"
-LINE = re.compile(r"^    (?! )(\S+)  +(\S.*)$")
 FIELD = re.compile(r"^    (\w+): .*?  # (.*)$")
 KEY = re.compile(r'^ {8,12}"?(\w+)"?[=:] ?.*?,  # (.*)$')
 TABLE = re.compile(r'^ {8}(?:values\[)?"?(\w+)"?(?:\]? = \{|=Values\()$')
@@ -28,15 +28,23 @@ OF_CLASS = {
 }
 
 
-def meanings(module: ModuleType) -> list[tuple[str, str]]:
-    """Names and meanings that stand in the docstring of a module, line by line; a meaning may go on over lines."""
-    found: list[tuple[str, str]] = []
-    for line in (module.__doc__ or "").split("\n"):
-        if start := LINE.match(line):
-            found.append((start[1], start[2]))
-        elif found and line.startswith(" " * 8):
-            found[-1] = found[-1][0], f"{found[-1][1]} {line.strip()}"
-    return found
+def answers_rows(kind: type = answers.Answers, before: str = "") -> Iterator[tuple[str, str]]:
+    """Keys of the answers and their meanings, from the fields of their types and of the types in these."""
+    for part in reversed(kind.__mro__[: kind.__mro__.index(row.Row if issubclass(kind, row.Row) else row.Values)]):
+        types = get_type_hints(part)
+        for name, words in commented(part, FIELD).items():
+            yield f"{before}{name}", words
+            for inner, place in _types_in(types[name]):
+                if name != "first_yield_interior" and inner.__module__ != row.__name__:
+                    yield from answers_rows(inner, f"{before}{name}{place}.")
+
+
+def _types_in(hint: Any) -> Iterator[tuple[type, str]]:
+    """The types of values in a type: in a sequence at the place `[]`, else at ``."""
+    if isinstance(hint, type) and issubclass(hint, row.Values):
+        yield hint, ""
+    for inner in get_args(hint):
+        yield from ((one, "[]" if get_origin(hint) is Sequence else place) for one, place in _types_in(inner))
 
 
 def commented(item: object, pattern: re.Pattern[str]) -> dict[str, str]:
@@ -98,7 +106,7 @@ def summary_table() -> str:
 
 def answers_table() -> str:
     """The section `answers`."""
-    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in meanings(answers)])
+    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in answers_rows()])
 
 
 def history_table() -> str:
@@ -126,7 +134,8 @@ The values at the top level are those of the last stage; `stages` has the groups
 
 ## answers
 
-The section `answers` of `summary.json`. [How contacts close](../scenes.md#answers).
+The section `answers` of `summary.json`. [How contacts close](../scenes.md#answers). A state has `strain_weft`, `strain_warp`,
+`tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
 
 {answers_table}
 

@@ -150,7 +150,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     by_tension = [SimpleNamespace(name="cold", by_tension=(True, True))]
     rows = [row(0.3), *cold]
     (held,) = heat_of(rows, by_tension, jumps_in_heat(rows, EXPANSION))
-    text = dict(answer_rows(answers | {"heat": [held]}, LIMIT))
+    text = dict(answer_rows(answers.changed(heat=[held]), LIMIT))
     assert not held["jump"] and "on the way" not in text["heat, 20 to -190 degC"]
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
     # 4e-4 of the mesh as knitted, whose 6 % before it are in its length: 4e-4/1.06, to be compared with the expansion of a metal
@@ -159,8 +159,8 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         one.strain_weft += 0.05  # 42 K strain free wire by 0.02 %
     cold[3].stress_max_Pa = 500e6
     (jumped,) = heat_of(rows, by_tension, jumps_in_heat(rows, EXPANSION))
-    assert jumped["jump"] and jumped["peak"] == {"stress_max_Pa": 500e6, "temperature_K": pytest.approx(293.15 - 4 * 42.0)}
-    text = dict(answer_rows(answers | {"heat": [jumped]}, LIMIT))["heat, 20 to -190 degC"]
+    assert jumped["jump"] and jumped.peak == Values(stress_max_Pa=500e6, temperature_K=pytest.approx(293.15 - 4 * 42.0))
+    text = dict(answer_rows(answers.changed(heat=[jumped]), LIMIT))["heat, 20 to -190 degC"]
     assert [one["temperature_K"] for one in jumped["jump_between"]] == pytest.approx([293.15 - 84.0, 293.15 - 126.0])
     jump = "the mesh jumps to another equilibrium between -64 degC and -106 degC, which is not what heat alone does"
     assert f"500 MPa at -148 degC on the way, {jump}: +0.0094 / +0.0000 % up to there" in text

@@ -56,7 +56,7 @@ def test_a_range_goes_on_in_the_next_stage_that_loads(monkeypatch: pytest.Monkey
     one, two = ([row(t, stage="more" if split and t > 0.651 else "load") for t in tensions] for split in (False, True))
     whole, staged = (found(rows, monkeypatch)["best"] for rows in (one, two))
     assert whole["low"]["tension_weft_N_per_m"] == pytest.approx(0.615) and whole["stages"] == 1
-    assert staged | {"stage": "load", "stages": 1} == whole
+    assert staged.changed(stage="load", stages=1) == whole
     assert (staged["stage"], staged["stages"]) == ("more", 2)
     text = dict(answer_rows(found(two, monkeypatch), LIMIT))["best tension"]
     assert " in stage 'more', the middle of its range: " in text
@@ -157,7 +157,7 @@ def test_stresses_at_the_grips_do_not_decide_which_tension_is_best(monkeypatch: 
         one.stress_interior_max_Pa, one.stress_max_Pa = one.stress_max_Pa, 3.0 * one.stress_max_Pa
     best, answers = found(rows, monkeypatch)["best"], found(at_grips, monkeypatch, jumps=[(at_grips[3], at_grips[4])])
     with_grips = {"stress_with_grips_Pa": pytest.approx(3.0 * best["stress_with_grips_Pa"])}
-    assert found(at_grips, monkeypatch)["best"] == best | with_grips and best["active_percent"] == pytest.approx(25.0)
+    assert found(at_grips, monkeypatch)["best"] == best.changed(**with_grips) and best["active_percent"] == pytest.approx(25.0)
     assert answers["best"]["active_percent"] == pytest.approx(25.0) and answers["best"]["stress_max_Pa"] <= LIMIT
     assert answers["first_yield"]["tension_weft_N_per_m"] == pytest.approx(0.3)  # at 0.233 N/m
     assert answers["first_yield_interior"] is None

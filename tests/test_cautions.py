@@ -312,7 +312,7 @@ def test_a_tension_within_the_tolerance_is_zero_in_every_row(tmp_path: Path) -> 
     """3.58 mN/m beside 9.22 N/m, with a tolerance of 10 mN/m, as in the rows of the answers."""
     mesh = {"tension_weft_N_per_m": 9.22, "tension_warp_N_per_m": 3.58e-3, "strain_weft": 0.1, "strain_warp": 0.1}
     end = Row(stage="load", **mesh, active=1, pairs=2, active_percent=50.0, force_max_N=1.0)
-    result = replace(summary_of(end), answers={"tension_tolerance_N_per_m": 0.01})
+    result = replace(summary_of(end), answers=Values(tension_tolerance_N_per_m=0.01))
     assert table_of(_mesh_findings(result, "", ""))["tension, weft / warp"] == "9.22 N/m / 0 N/m"
 
 

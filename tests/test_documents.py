@@ -16,7 +16,6 @@ import pytest
 from warpknit.base.text import exact
 from warpknit.commands.cli import main
 from warpknit.measure import table
-from warpknit.runner import answers
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.scene.keys import keys_below
@@ -111,7 +110,7 @@ def test_every_key_of_a_scene_stands_once() -> None:
 
 def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
     """Meanings stand beside the code: none is missing, none is left of a key that is gone."""
-    names = Counter(name for name, _ in summary_keys.meanings(answers))
+    names = Counter(name for name, _ in summary_keys.answers_rows())
     assert names and max(names.values()) == 1
     measures = {line.name for line in table.MEASURES}
     assert set(summary_keys.meanings_of_measures()) == {*measures, "probes", "panel"}
@@ -143,7 +142,7 @@ def test_every_key_of_a_summary_is_in_its_reference(scene: str, overrides: tuple
     keys = {name for name in paths_of(found) if not name.startswith(("answers.", "contacts.central_rhombus."))}
     assert keys - known == set()
     if found["answers"] is not None:
-        of_answers = {name.partition("[")[0].partition(".")[0] for name, _ in summary_keys.meanings(answers)}
+        of_answers = {name.partition("[")[0].partition(".")[0] for name, _ in summary_keys.answers_rows()}
         assert set(found["answers"]) == of_answers
 
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from warpknit.export import design_figures
-from warpknit.results.row import columns_of
+from warpknit.results.row import Values, columns_of, valued
 
 
 def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):
@@ -52,7 +52,7 @@ def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch)
         for t in (1e-3, 1e-2, 1e-1, 1.0, 2.0, 4.0)
     ]
     answers = {"contacts": [], "best": None}
-    design_figures.tension_figure(columns_of(rows), answers, tmp_path / "tension.png", yield_stress=6e8)
+    design_figures.tension_figure(columns_of(rows), valued(answers), tmp_path / "tension.png", yield_stress=6e8)
     assert shown[0][0] == pytest.approx(0.5) and shown[0][1] > 4.0
 
 
@@ -72,12 +72,12 @@ def test_service_tensions_have_most_of_the_axis_of_tension(tmp_path, monkeypatch
     service = [{"tension_N_per_m": t, "state": state(t)} for t in (2.0, 3.4)] + [{"tension_N_per_m": 50.0, "state": None}]
     answers = {"contacts": [{"name": "A", "closes": state(2e-3)}], "best": None, "first_yield": state(6.0), "service": service}
     rows = [row | {"active_A_percent": row["active_percent"]} for row in rows]
-    design_figures.tension_figure(columns_of(rows), answers, tmp_path / "tension.png", yield_stress=6e8)
+    design_figures.tension_figure(columns_of(rows), valued(answers), tmp_path / "tension.png", yield_stress=6e8)
     end = design_figures.BEYOND_LIMIT * 6.0
     room = design_figures.LONGEST_AXIS**design_figures.ROOM
     assert shown[0] == pytest.approx((end / design_figures.LONGEST_AXIS, end * room))
     best = {**state(0.1), "low": state(0.05), "high": state(0.2)}
-    design_figures.tension_figure(columns_of(rows), answers | {"best": best}, tmp_path / "tension.png", yield_stress=6e8)
+    design_figures.tension_figure(columns_of(rows), valued(answers | {"best": best}), tmp_path / "tension.png", yield_stress=6e8)
     assert shown[1][0] == pytest.approx(design_figures.BEFORE * 0.1)  # the best tension is always shown
 
 
@@ -89,7 +89,7 @@ def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, mo
         {"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "active_percent": 10.0 * k, "stress_max_Pa": 1e8 * t}
         for k, t in enumerate(np.geomspace(least, 7.4, 9).tolist())
     ]
-    design_figures.tension_figure(columns_of(rows), {"contacts": [], "best": None}, tmp_path / "tension.png", yield_stress=6e8)
+    design_figures.tension_figure(columns_of(rows), Values(contacts=[], best=None), tmp_path / "tension.png", yield_stress=6e8)
     drawn[0].draw_without_rendering()
     axes = drawn[0].axes[0]
     low, high = axes.get_xlim()
@@ -111,7 +111,7 @@ def test_shares_of_classes_that_are_equal_show_beside_each_other(
     shares = {f"active_{name}_percent": 100.0 for name in names} | {"active_percent": 100.0}
     rows = [{"tension_weft_N_per_m": t, "tension_warp_N_per_m": t, "stress_max_Pa": 1e8 * t} | shares for t in (1.0, 2.0)]
     answers = {"contacts": [{"name": name, "closes": None} for name in names], "best": None}
-    design_figures.tension_figure(columns_of(rows), answers, tmp_path / "tension.png", yield_stress=6e8)
+    design_figures.tension_figure(columns_of(rows), valued(answers), tmp_path / "tension.png", yield_stress=6e8)
     lines = figures[0].axes[0].lines
     assert len(lines) == 1 + count and np.diff([line.get_linewidth() for line in lines]).max() < -0.5
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(lines)

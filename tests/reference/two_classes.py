@@ -1,14 +1,13 @@
 """Records of a mesh of two classes of contact, A and B, whose forces and stress are linear in its tension, and its answers."""
 
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from reference.in_words import ChangingRow as Row
 from warpknit.measure.contact_classes import ContactClass
 from warpknit.runner import answers as module
-from warpknit.runner.answers import answers_of
+from warpknit.runner.answers import Answers, answers_of
 
 CLOSES, SLOPE = {"A": 0.23, "B": 0.61}, 3e-5  # [N/m], and [m] force of a closed contact by tension beyond it
 LIMIT, STRESS = 700e6, 1e9  # [Pa] elastic limit, and [Pa m/N] stress by tension
@@ -37,7 +36,7 @@ def found(
     asked: float | None = None,
     error: float | None = None,
     tolerance: float = 0.02,
-) -> dict[str, Any]:
+) -> Answers:
     """The answers from rows of such a mesh. asked [N/m]: tension that its stages give; error [%]: of its tensions. tolerance:
     distance of two rows, over the load, that gives a place."""
     scene = SimpleNamespace(

@@ -12,9 +12,9 @@ from scipy.constants import inch
 from ..base.files import write_table
 from ..base.text import celsius, engineering, exact, percent
 from ..results.finding import ResultWarning
-from ..results.row import write_json
+from ..results.row import Row, write_json
 from ..runner.answers_table import ahead_texts
-from ..runner.branches import Answer, Jump, state_of
+from ..runner.branches import Event, Jump, state_of
 from ..runner.cautions import preset_cautions
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
@@ -94,16 +94,15 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
         yield ResultWarning("W56", f"at the tension of the card the largest wire stress is {stress}, {beyond}")
 
 
-def ahead_of_card(card: MaterialCard, first_yield: Answer | None, jumps: Sequence[Jump]) -> str:
+def ahead_of_card(card: MaterialCard, first_yield: Event | None, jumps: Sequence[Jump]) -> str:
     """How far its tension is from the next snap-through and from first yield, in words.
 
     first_yield, jumps: under equal tensions, from smaller to larger ones.
     """
-    here = {"tension_weft_N_per_m": card.tension_weft, "tension_warp_N_per_m": card.tension_warp} | {
-        "temperature_K": card.temperature
-    }
-    tension = 0.5 * (card.tension_weft + card.tension_warp)
-    following = next((jump for jump in jumps if mean_tension(jump[1]) > tension), None)
+    here = Row(
+        tension_weft_N_per_m=card.tension_weft, tension_warp_N_per_m=card.tension_warp, temperature_K=card.temperature
+    )  # fmt: skip
+    following = next((jump for jump in jumps if mean_tension(jump[1]) > mean_tension(here)), None)
     sides = None if following is None else [state_of(row) for row in following]
     return "; ".join(ahead_texts(here, first_yield, sides))
 

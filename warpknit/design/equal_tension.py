@@ -13,8 +13,8 @@ from itertools import takewhile
 from ..base.text import engineering
 from ..errors import Diverged
 from ..results.row import Row
-from ..runner.answers import SERVICE_TENSIONS
-from ..runner.branches import Answer, Jump, tensions_text
+from ..runner.answers import SERVICE_TENSIONS, Service
+from ..runner.branches import Jump, tensions_text
 from ..runner.history import mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
@@ -203,11 +203,6 @@ def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) ->
     return "the mesh jumps over it" if jumped else "the relaxation did not converge there"
 
 
-def with_service(answers: Answer, service: Sequence[ServicePoint]) -> Answer:
-    """Answers with these service points."""
-    return answers | {"service": [_point(point) for point in service]}
-
-
 def jump_text(jumps: Sequence[Jump]) -> str | None:
     """Sentence on jumps between several equilibria on the way of a load, or None."""
     if not jumps:
@@ -220,11 +215,12 @@ def jump_text(jumps: Sequence[Jump]) -> str | None:
     )
 
 
-def _point(point: ServicePoint) -> Answer:
+def service_answer(point: ServicePoint) -> Service:
     """A service point as the answers of a run have it."""
     tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), point.tension)
-    state = None if point.strains is None else dict(zip(("strain_weft", "strain_warp"), point.strains, strict=True)) | tensions
-    active = point.active_percent if state else None
-    why = {"why": point.why} if point.why else {}
-    place = {"stage": point.stage if state else None, "resolved": point.resolved, "jump": None}
-    return {"tension_N_per_m": point.tension, "active_percent": active, "state": state} | place | why
+    known = point.strains is not None
+    return Service(
+        tension_N_per_m=point.tension, active_percent=point.active_percent if known else None,
+        state=None if point.strains is None else Row(strain_weft=point.strains[0], strain_warp=point.strains[1], **tensions),
+        stage=point.stage if known else None, resolved=point.resolved, jump=None, **({"why": point.why} if point.why else {}),
+    )  # fmt: skip

@@ -9,8 +9,8 @@ from ..base.text import celsius, engineering, exact
 from ..measure import Observables
 from ..results.finding import Finding, ResultWarning
 from ..results.row import Row
+from ..runner.answers import Answers
 from ..runner.answers_table import answer_rows
-from ..runner.branches import Answer
 from ..runner.branches import Jump as RowJump
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
@@ -51,7 +51,7 @@ class Findings:
     equal_tension: EqualTension  # largest in the map
     path: EqualTensionPath
     path_jumps: Sequence[RowJump]
-    answers: Answer | None  # that it gives (runner/answers.py)
+    answers: Answers | None  # that it gives (runner/answers.py)
     heated: Sequence[HeatedMesh]  # at one tension, while its temperature changes
     no_heat: str  # why there is none
     service: Sequence[ServicePoint]

@@ -10,8 +10,8 @@ import numpy as np
 from ..base.text import celsius, exact
 from ..errors import Diverged
 from ..results.row import Row
-from ..runner.answers import heat_of
-from ..runner.branches import Answer, Jump, jumps_of
+from ..runner.answers import Heat, heat_of
+from ..runner.branches import Jump, jumps_of
 from ..runner.history import row_of
 from ..scene import Scene, Stage
 from .equal_tension import EqualTensionPath, levels_between
@@ -37,7 +37,7 @@ class HeatedMesh:
     ended: str = ""  # why, where it did not reach the last temperature
 
     @property
-    def answers(self) -> list[Answer]:
+    def answers(self) -> list[Heat]:
         """What heat does, as in the answers of a run."""
         return heat_of(self.rows, self.stages, self.jumps)
 

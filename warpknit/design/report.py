@@ -40,10 +40,10 @@ from .equal_tension import (
     EqualTensionPath,
     jump_text,
     load_equally,
+    service_answer,
     service_points,
     service_tensions,
     unreached_text,
-    with_service,
     with_state_at,
 )
 from .fe import CODES
@@ -163,11 +163,11 @@ def write_report(
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
     card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, begin("material card"))
     if card is not None and tension is not None:
-        yields = None if answers is None else answers["first_yield_interior"]
+        yields = None if answers is None else answers.first_yield_interior
         card = replace(card, ahead=ahead_of_card(card, yields, found_jumps))
     service = service_points(scene, path, found_jumps, tension, card)
-    best = None if answers is None else answers["best"]
-    held = tension_held(path, tension, None if best is None else mean_tension(Row(**best)))
+    best = None if answers is None else answers.best
+    held = tension_held(path, tension, None if best is None else mean_tension(best))
     heated, no_heat = heat(scene, path, held, begin("heat"))
     begin("openings and page")
     knitted = states_at(model, [np.eye(2)])[0]
@@ -184,7 +184,9 @@ def write_report(
         path_jumps=found_jumps,
         answers=None
         if answers is None
-        else with_service(answers, service) | {"heat": [one for case in heated for one in case.answers]},
+        else answers.changed(
+            service=[service_answer(point) for point in service], heat=[one for case in heated for one in case.answers]
+        ),
         heated=heated,
         no_heat=no_heat,
         service=service,

@@ -16,7 +16,7 @@ from scipy.constants import speed_of_light
 
 from warpknit.export.curves_figure import draw_line, jump_handles
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
-from warpknit.results.row import Columns
+from warpknit.results.row import Columns, Row, Values
 
 TITLES = {
     "equal": "equal strain in both directions",
@@ -43,7 +43,7 @@ SIDES: dict[str, LineLook] = {
 
 def tension_figure(
     history: Columns,
-    answers: Mapping[str, Any],
+    answers: Values,
     path: str | os.PathLike[str],
     *,
     yield_stress: float,
@@ -70,7 +70,7 @@ def tension_figure(
 
     figure = figure_of(10.5, 4.4)
     contacts, stress = figure.subplots(1, 2)
-    classes = [one["name"] for one in answers["contacts"]]
+    classes = [one.name for one in answers.contacts]
     widths = np.linspace(min(LAST_CLASS + WIDER_CLASS * len(classes), WIDEST_CLASS), LAST_CLASS, 1 + len(classes)).tolist()
     draw_line(contacts, abscissa, active, jumped, color=GREEN, linewidth=widths[0], label="all contacts")
     if len(classes) > 1:
@@ -94,10 +94,9 @@ def tension_figure(
         axes.set_xlabel(f"tension, weft and warp [{unit}]")
         for low, high in jumps:
             axes.axvspan(scale * low, scale * high, color="#BBBBBB", linewidth=0.0, zorder=0.5, label="jump")
-        if (best := answers["best"]) is not None:
+        if (best := answers.best) is not None:
             here, low, high = (
-                0.5 * scale * (one["tension_weft_N_per_m"] + one["tension_warp_N_per_m"])
-                for one in (best, best["low"], best["high"])
+                0.5 * scale * (one.tension_weft_N_per_m + one.tension_warp_N_per_m) for one in (best, best.low, best.high)
             )
             is_wide = np.log10(high / max(low, scale * begin)) > LEAST_DRIFT * decades
             label = "best tension" if is_wide else "best tension, its drift within the line"
@@ -109,23 +108,23 @@ def tension_figure(
     return save_figure(figure, path)
 
 
-def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Mapping[str, Any]) -> tuple[float, float]:
+def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Values) -> tuple[float, float]:
     """Ends [N/m] of the axis: from the first change of contacts to a little beyond first yield and the service tensions.
 
     At most LONGEST_AXIS times the lower end, but never beyond the best tension. tension, active: of the records that are drawn.
     """
 
-    def mean(state: Mapping[str, Any]) -> float:
-        return float(0.5 * (state["tension_weft_N_per_m"] + state["tension_warp_N_per_m"]))
+    def mean(state: Row) -> float:
+        return float(0.5 * (state.tension_weft_N_per_m + state.tension_warp_N_per_m))
 
-    best, first_yield = answers["best"], answers.get("first_yield")
+    best, first_yield = answers.best, answers.get("first_yield")
     end = float(tension.max())
     if first_yield is not None:
-        asked = [one["tension_N_per_m"] for one in answers.get("service", ()) if one["state"] is not None]
+        asked = [one.tension_N_per_m for one in answers.get("service", ()) if one.state is not None]
         asked += [] if best is None else [mean(best)]
         end = min(end, BEYOND_LIMIT * max([mean(first_yield), *asked]))
     changes = np.flatnonzero(np.diff(active))
-    told = [one["closes"] for one in answers["contacts"] if one["closes"] is not None] + ([] if best is None else [best["low"]])
+    told = [one.closes for one in answers.contacts if one.closes is not None] + ([] if best is None else [best.low])
     first = [0.5 * float(tension[changes[0]])] if len(changes) else [0.0]
     begin = max(min(first + [BEFORE * mean(one) for one in told]), float(tension.min()), end / LONGEST_AXIS)
     return (begin if best is None else min(begin, BEFORE * mean(best))), end

@@ -7,79 +7,6 @@ carry more than the threshold. The closing is the one that lasts up to the large
 yield if there is one among them: wires in space may graze each other, and part again, long before they carry load there.
 
 The best tension is found in best_tension.py. Tensions are known to a tolerance: smaller ones are zero.
-
-Keys. A state has `strain_weft`, `strain_warp`, `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
-
-    contacts                          classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
-                                      they stay open
-    contacts[].closes                 the first record in which half of the pairs carry more than the threshold, its `stage`, and
-                                      the records `between`
-    contacts[].closes.resolved        false where the records `between` are farther apart than `output.load_tolerance`, where the
-                                      mesh jumps between them, or where it takes up slack
-    contacts[].closes.jump            true where the mesh jumps to another equilibrium between them
-    contacts[].closes.slack           true where the mesh strains freely for most of the way between them
-    contacts[].closes.as_knitted      true where the class is closed in the first record
-    contacts[].closes.closed_percent  share of its pairs that are closed in the second record of `between`
-    contacts[].closes.first_touch     the record in which a class was closed before, and opened again; null without one
-    contacts[].closes.opens           the record behind in which less than half of its pairs are closed, with its `stage`; null
-                                      without one
-    contacts[].closed                 the ranges of records in which the class is closed: the state `from` which and `to` which,
-                                      each with its `stage`; more than one where it opened again, empty where it stays open
-    contacts[].closed[].closed_percent  largest share of its pairs that are closed in the range
-    contacts[].closed[].lasts         true where the last record is in the range
-    service                           `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp
-                                      first reaches it, and one more for each later stage that passes it, as on unloading; `why`
-                                      there is none, or what limits it
-    service[].stage                   the stage of this state; null without one
-    service[].resolved                false where the share is not the same in the records on both sides
-    service[].between                 then these two records, each with `active_percent`; null otherwise
-    service[].jump                    the records on both sides where the mesh jumps to another equilibrium at this tension,
-                                      each with `active_percent`, in place of a state; null without one
-    first_yield                       the first record whose largest stress `stress_max_Pa` is above the yield stress, the records
-                                      `between`, and the place of the stress; null if there is none
-    first_yield.resolved              false where the records `between` are farther apart than `output.load_tolerance`, where the
-                                      mesh jumps between them, or where it takes up slack
-    first_yield.jump                  true where the mesh jumps to another equilibrium between them
-    first_yield.slack                 true where the mesh strains freely for most of the way between them
-    first_yield.as_knitted            true where the stress of the first record is above the yield stress
-    first_yield_interior              the same away from the grips, which clamp wires twice; without a place
-    largest_stress                    the largest stress of the run, and its place
-    largest_tension                   the state of the largest tension
-    asked_tension_N_per_m             largest mean tension of weft and warp that a stage asks for; null without a stage by tension
-                                      in both
-    tension_tolerance_N_per_m         smaller tensions are zero within the tolerance of the equilibria
-    tension_error_percent             known error of tensions at the preset: of tight knits against the reference preset, at nine
-                                      of ten loads; else that of the double atlas mesh; null where it is not known
-    heat                              each stage that changes the temperature alone: values at its begin and end
-    heat[].held                       what it holds in weft and warp, `tension` or `strain` each
-    heat[].peak                       largest stress of its records, and the temperature there
-    heat[].jump                       true where the mesh jumps to another equilibrium in the stage: between records of `jumps`
-    heat[].jump_between               the records on both sides of the first of these jumps; null without one
-    best                              the state in the middle of the widest range of tension with the most active contacts, up to
-                                      first yield, with the largest stress, both away from the grips; what a single record alone
-                                      shows does not count. Stages that go on loading at one temperature count as one; one that
-                                      changes the temperature under a held tension does not count
-    best.stress_with_grips_Pa         the largest stress of this state, at the grips as well
-    best.stress_over_limit            the stress away from the grips over the elastic limit
-    best.first_yield_over_tension     mean tension of first yield away from the grips over that of this state; null where the wire
-                                      does not yield, at an unknown tension, a smaller one, or at another temperature
-    best.next_jump                    the states on both sides of the first snap-through at a larger tension, up to first yield;
-                                      null without one
-    best.stage                        the stage of this state
-    best.stages                       number of stages among the records up to first yield, all of which are searched
-    best.low                          the lower end of this range, in which at most one percentage point of contacts opens along
-                                      the load; that of `best` where the range is a single record
-    best.high                         the upper end
-    best.low_between                  the records on both sides of the lower end where they are farther apart than
-                                      `output.load_tolerance`; null where they are not, or the records end there
-    best.low_jump                     true where the mesh jumps to another equilibrium between them
-    best.high_between                 the same of the upper end
-    best.high_jump                    the same of the upper end
-    best.jumps                        the states on both sides of each jump to another equilibrium within the range
-    best.open_low                     true where the records begin there
-    best.open_high                    true where the records end there
-    best.grows                        true where no record but the last is known to be in the range: the state is the last one
-                                      then
 """
 
 from __future__ import annotations
@@ -92,11 +19,11 @@ from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import ContactClass, classes_of
 from ..mesh.tight_loops import tension_error
-from ..results.row import Row
+from ..results.row import Row, Values
 from ..scene import Stage
 from ..solve.tension import TOLERANCE
-from .best_tension import DRIFT, best_tension, margin, row_between
-from .branches import STATE, Answer, Jump, Rows, is_heated, state_of
+from .best_tension import DRIFT, Best, best_tension, row_between, with_margin
+from .branches import STATE, Event, Jump, Rows, is_heated, state_of
 from .history import mean_tension, stages_of
 
 SERVICE_TENSIONS = (2.0, 3.4, 4.9)  # [N/m] of meshes in orbit (VSOP-2, ASP Conf. Ser. 402, 66)
@@ -107,8 +34,82 @@ PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m
 ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the residual tolerance of this (solve/tension.py)
 
 
-def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> Answer | None:
-    """The section `answers` of summary.json, in SI units; None of two hooked wires, which have no tension.
+class Closing(Event):
+    """The first record in which half of the pairs of a class carry more than the threshold."""
+
+    closed_percent: float  # share of its pairs that are closed in the second record of `between`
+    first_touch: Row | None  # the record in which a class was closed before, and opened again; null without one
+    opens: Row | None  # the record behind in which less than half of its pairs are closed, with its `stage`; null without one
+
+
+class ClosedRange(Values):
+    """A range of records in which a class is closed: the state `from` which and `to` which, each with its `stage`."""
+
+    closed_percent: float  # largest share of its pairs that are closed in the range
+    lasts: bool  # true where the last record is in the range
+
+
+class ClassAnswer(Values):
+    """How a class of contact closes."""
+
+    name: str
+    pairs: int
+    active_percent: float
+    closes: Closing | None  # the first record in which half of the pairs carry more than the threshold, its `stage`, and the
+    # records `between`
+    closed: Sequence[ClosedRange]  # the ranges of records in which the class is closed: the state `from` which and `to` which,
+    # each with its `stage`; more than one where it opened again, empty where it stays open
+
+
+class Service(Values):
+    """The share of active contacts at a service tension."""
+
+    tension_N_per_m: float
+    active_percent: float | None
+    state: Row | None
+    resolved: bool  # false where the share is not the same in the records on both sides
+    stage: str | None  # the stage of this state; null without one
+    jump: Sequence[Row] | None  # the records on both sides where the mesh jumps to another equilibrium at this tension, each with
+    # `active_percent`, in place of a state; null without one
+    between: Sequence[Row] | None  # where it is not resolved, these two records, each with `active_percent`; null otherwise
+    why: str  # why there is no share, or what limits it; left out otherwise
+
+
+class Heat(Values):
+    """What a change of temperature does. The values of HEATED are pairs: those at its begin and end."""
+
+    stage: str
+    held: Sequence[str]  # what it holds in weft and warp, `tension` or `strain` each
+    peak: Row  # largest stress of its records, and the temperature there
+    jump: bool  # true where the mesh jumps to another equilibrium in the stage: between records of `jumps`
+    jump_between: Sequence[Row] | None  # the records on both sides of the first of these jumps; null without one
+
+
+class Answers(Values):
+    """The section `answers` of summary.json, in SI units."""
+
+    contacts: Sequence[ClassAnswer]  # classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
+    # they stay open
+    service: Sequence[Service]  # `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp first
+    # reaches it, and one more for each later stage that passes it, as on unloading
+    first_yield: Event | None  # the first record whose largest stress `stress_max_Pa` is above the yield stress, the records
+    # `between`, and the place of the stress; null if there is none
+    first_yield_interior: Event | None  # the same away from the grips, which clamp wires twice; without a place
+    largest_stress: Row  # the largest stress of the run, and its place
+    largest_tension: Row  # the state of the largest tension
+    asked_tension_N_per_m: float | None  # largest mean tension of weft and warp that a stage asks for; null without a stage by
+    # tension in both
+    tension_tolerance_N_per_m: float  # smaller tensions are zero within the tolerance of the equilibria
+    tension_error_percent: float | None  # known error of tensions at the preset: of tight knits against the reference preset, at
+    # nine of ten loads; else that of the double atlas mesh; null where it is not known
+    heat: Sequence[Heat]  # each stage that changes the temperature alone: values at its begin and end
+    best: Best | None  # the state in the middle of the widest range of tension with the most active contacts, up to first yield,
+    # with the largest stress, both away from the grips; what a single record alone shows does not count. Stages that go on
+    # loading at one temperature count as one; one that changes the temperature under a held tension does not count
+
+
+def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> Answers | None:
+    """The answers from the rows of a run; None of two hooked wires, which have no tension.
 
     jumps: neighbouring rows of different branches of equilibria (branches.py).
     """
@@ -125,36 +126,34 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
     best = best_tension(Rows(known, jumps, run.tolerance), limit, inner)
     service = [_service_share(run, tension, around, classes) for tension in wanted for around in _passages(rows, tension, error)]
-    return {
-        "contacts": [
-            {
-                "name": one.name,
-                "pairs": one.pairs,
-                "active_percent": rows[-1][f"active_{one.name}_percent"],
-                "closes": closing(run, one.name, threshold, yields),
-                "closed": closed_ranges(rows, one.name, threshold),
-            }
+    return Answers(
+        contacts=[
+            ClassAnswer(
+                name=one.name,
+                pairs=one.pairs,
+                active_percent=rows[-1][f"active_{one.name}_percent"],
+                closes=closing(run, one.name, threshold, yields),
+                closed=closed_ranges(rows, one.name, threshold),
+            )
             for one in classes
         ],
-        "service": [
-            one for one in service if given is not None or one["state"] or one["jump"] or one["tension_N_per_m"] <= (asked or 0.0)
-        ],
-        "first_yield": first_yield(run, limit, "stress_max_Pa"),
-        "first_yield_interior": inner_yield and {name: value for name, value in inner_yield.items() if name not in PEAK},
-        "largest_stress": _peak(max(rows, key=lambda row: row.stress_max_Pa)),
-        "largest_tension": state_of(max(rows, key=mean_tension)),
-        "asked_tension_N_per_m": asked,
-        "tension_tolerance_N_per_m": ZERO_TENSION * scene.solver.residual_tolerance * measure.tension_scale(model),
-        "tension_error_percent": tension_error(scene),
-        "heat": heat_of(rows, scene.stages, jumps),
-        "best": best and best | margin(best, limit, inner_yield),
-    }
+        service=[one for one in service if given is not None or one.state or one.jump or one.tension_N_per_m <= (asked or 0.0)],
+        first_yield=first_yield(run, limit, "stress_max_Pa"),
+        first_yield_interior=inner_yield and Event(**{n: value for n, value in vars(inner_yield).items() if n not in PEAK}),
+        largest_stress=_peak(max(rows, key=lambda row: row.stress_max_Pa)),
+        largest_tension=state_of(max(rows, key=mean_tension)),
+        asked_tension_N_per_m=asked,
+        tension_tolerance_N_per_m=ZERO_TENSION * scene.solver.residual_tolerance * measure.tension_scale(model),
+        tension_error_percent=tension_error(scene),
+        heat=heat_of(rows, scene.stages, jumps),
+        best=best and with_margin(best, limit, inner_yield),
+    )
 
 
 # --- closings
 
 
-def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -> Answer | None:
+def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -> Closing | None:
     """The first record in which a class of contact is closed; None if it stays open.
 
     threshold [N]: of an active pair. yields: the first row above the elastic limit.
@@ -166,11 +165,12 @@ def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -
         return None
     touch = next((row for row, one in zip(rows[:k], closed, strict=False) if one), None)
     opens = next((row for row, one in zip(rows[k:], closed[k:], strict=True) if not one), None)
-    return run.first(k) | {
-        "closed_percent": rows[k][f"active_{name}_percent"],
-        "first_touch": None if touch is None else state_of(touch),
-        "opens": None if opens is None else state_of(opens) | {"stage": opens.stage},
-    }
+    return Closing(
+        **vars(run.first(k)),
+        closed_percent=rows[k][f"active_{name}_percent"],
+        first_touch=None if touch is None else state_of(touch),
+        opens=None if opens is None else state_of(opens).changed(stage=opens.stage),
+    )
 
 
 def _closing_row(rows: Sequence[Row], closed: Sequence[bool], yields: int | None) -> int | None:
@@ -186,20 +186,20 @@ def _closing_row(rows: Sequence[Row], closed: Sequence[bool], yields: int | None
     return next((k for k, one in enumerate(closed) if one), None)
 
 
-def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Answer]:
+def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[ClosedRange]:
     """The ranges of records in which a class is closed: the first state and the last one of each, with their stages.
 
     threshold [N]: of an active pair. `closed_percent`: largest share of its pairs in the range; `lasts`: to the last record.
     """
-    ranges: list[Answer] = []
+    ranges: list[ClosedRange] = []
     end = 0
     for is_closed, group in groupby(rows, lambda row: bool(row[f"force_{name}_N"] > threshold)):
         part = list(group)
         end += len(part)
         if is_closed:
-            ends = {side: state_of(row) | {"stage": row.stage} for side, row in (("from", part[0]), ("to", part[-1]))}
+            ends = {side: state_of(row).changed(stage=row.stage) for side, row in (("from", part[0]), ("to", part[-1]))}
             share = max(row[f"active_{name}_percent"] for row in part)
-            ranges.append(ends | {"closed_percent": share, "lasts": end == len(rows)})
+            ranges.append(ClosedRange(**ends, closed_percent=share, lasts=end == len(rows)))
     return ranges
 
 
@@ -223,29 +223,30 @@ def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | 
     return passages or [None]
 
 
-def _service_share(run: Rows, tension: float, around: Jump | None, classes: Sequence[ContactClass]) -> Answer:
+def _service_share(run: Rows, tension: float, around: Jump | None, classes: Sequence[ContactClass]) -> Service:
     """The share between two rows, or in one that is given twice; None: the mesh does not reach the tension.
 
     `resolved`: whether both rows have the same share. Within a jump there is no state.
     """
-    point: Answer = {"tension_N_per_m": tension, "active_percent": None, "state": None, "resolved": True, "stage": None}
-    point |= {"jump": None, "between": None}
+    point = Service(
+        tension_N_per_m=tension, active_percent=None, state=None, resolved=True, stage=around and around[1].stage,
+        jump=None, between=None,
+    )  # fmt: skip
     if around is None:
         return point
     before, after = around
-    ends = [state_of(row) | {"active_percent": row.active_percent} for row in around]
-    point["stage"] = after.stage
+    ends = [state_of(row).changed(active_percent=row.active_percent) for row in around]
     if run.is_jump(before, after) and tension != mean_tension(after):
-        return point | {"resolved": False, "jump": ends}
+        return point.changed(resolved=False, jump=ends)
     there = after
     if before is not after:
         there = row_between(before, after, (tension - mean_tension(before)) / (mean_tension(after) - mean_tension(before)))
     if min(there.tension_weft_N_per_m, there.tension_warp_N_per_m) < -SCATTER * tension:
-        return point | {"why": COMPRESSED}
+        return point.changed(why=COMPRESSED)
     if tension != mean_tension(after) and abs(after.active_percent - before.active_percent) > DRIFT:
-        return point | {"state": state_of(there), "resolved": False, "between": ends}
+        return point.changed(state=state_of(there), resolved=False, between=ends)
     pairs = max(1, sum(one.pairs for one in classes))
-    return point | {"state": state_of(there), "active_percent": 100.0 * round(0.01 * pairs * there.active_percent) / pairs}
+    return point.changed(state=state_of(there), active_percent=100.0 * round(0.01 * pairs * there.active_percent) / pairs)
 
 
 def _asked_tension(stages: Sequence[Stage]) -> float | None:
@@ -262,35 +263,35 @@ def _yielding_row(rows: Sequence[Row], limit: float, stress: str) -> int | None:
     return next((k for k, row in enumerate(rows) if row[stress] > limit), None)
 
 
-def first_yield(run: Rows, limit: float, stress: str) -> Answer | None:
+def first_yield(run: Rows, limit: float, stress: str) -> Event | None:
     """The first record whose `stress`, a column, is above the elastic limit [Pa], and the place; None if there is none."""
     k = _yielding_row(run.rows, limit, stress)
-    return None if k is None else run.first(k) | _peak(run.rows[k]) | {"stress_max_Pa": run.rows[k][stress]}
+    return None if k is None else run.first(k).changed(**vars(_peak(run.rows[k])) | {"stress_max_Pa": run.rows[k][stress]})
 
 
-def _peak(row: Row) -> Answer:
+def _peak(row: Row) -> Row:
     """Where the stress is largest, and how large."""
-    return {"stress_max_Pa": row.stress_max_Pa} | {name: row.get(name) for name in PEAK}
+    return Row(stress_max_Pa=row.stress_max_Pa, **{name: row.get(name) for name in PEAK})
 
 
 # --- heat
 
 
-def heat_of(rows: Sequence[Row], stages: Sequence[Stage], jumps: Sequence[Jump]) -> list[Answer]:
+def heat_of(rows: Sequence[Row], stages: Sequence[Stage], jumps: Sequence[Jump]) -> list[Heat]:
     """Stages that change the temperature, and hold strain or tension in either direction: values at begin and end."""
     by_tension = {stage.name: stage.by_tension for stage in stages}
     run = Rows(rows, jumps)
     return [_heated(run, part, by_tension[part[-1].stage]) for part in stages_of(rows) if is_heated(part)]
 
 
-def _heated(run: Rows, part: Sequence[Row], by_tension: Sequence[bool]) -> Answer:
+def _heated(run: Rows, part: Sequence[Row], by_tension: Sequence[bool]) -> Heat:
     """The answer of one stage, from the record before it on."""
     peak = max(part, key=lambda row: row.stress_max_Pa)
     jump = next((both for both in pairwise(part) if run.is_jump(*both)), None)
-    return {
-        "stage": part[-1].stage, "held": ["tension" if one else "strain" for one in by_tension],
+    return Heat(
+        stage=part[-1].stage, held=["tension" if one else "strain" for one in by_tension],
         **{name: [row[name] for row in (part[0], part[-1])] for name in HEATED},
-        "peak": {"stress_max_Pa": peak.stress_max_Pa, "temperature_K": peak.temperature_K},
-        "jump": jump is not None,
-        "jump_between": None if jump is None else [state_of(row) for row in jump],
-    }  # fmt: skip
+        peak=Row(stress_max_Pa=peak.stress_max_Pa, temperature_K=peak.temperature_K),
+        jump=jump is not None,
+        jump_between=None if jump is None else [state_of(row) for row in jump],
+    )  # fmt: skip

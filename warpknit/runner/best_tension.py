@@ -9,14 +9,41 @@ from itertools import pairwise
 import numpy as np
 
 from ..results.row import Row
-from .branches import HELD_TENSION, STATE, Answer, Rows, state_of
+from .branches import HELD_TENSION, STATE, Event, Rows, state_of
 from .history import mean_tension, stages_of
 
 DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
 SAME = 1e-9  # of a tension: round-off
 
 
-def best_tension(run: Rows, limit: float, stress: str) -> Answer | None:
+class Best(Row):
+    """The state of the best tension, and the range of records in which it may drift."""
+
+    low: (
+        Row  # the lower end of this range, in which at most one percentage point of contacts opens along the load; that of `best`
+    )
+    # where the range is a single record
+    open_low: bool  # true where the records begin there
+    low_jump: bool  # true where the mesh jumps to another equilibrium between the records of `low_between`
+    low_between: Sequence[Row] | None  # the records on both sides of the lower end where they are farther apart than
+    # `output.load_tolerance`; null where they are not, or the records end there
+    high: Row  # the upper end
+    open_high: bool  # true where the records end there
+    high_jump: bool  # the same as `low_jump` of the upper end
+    high_between: Sequence[Row] | None  # the same as `low_between` of the upper end
+    stress_with_grips_Pa: float  # the largest stress of this state, at the grips as well
+    stage: str  # the stage of this state
+    grows: bool  # true where no record but the last is known to be in the range: the state is the last one then
+    next_jump: Sequence[Row] | None  # the states on both sides of the first snap-through at a larger tension, up to first yield;
+    # null without one
+    jumps: Sequence[Sequence[Row]]  # the states on both sides of each jump to another equilibrium within the range
+    stages: int  # number of stages among the records up to first yield, all of which are searched
+    stress_over_limit: float  # the stress away from the grips over the elastic limit
+    first_yield_over_tension: float | None  # mean tension of first yield away from the grips over that of this state; null where
+    # the wire does not yield, at an unknown tension, a smaller one, or at another temperature
+
+
+def best_tension(run: Rows, limit: float, stress: str) -> Best | None:
     """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
 
     run: up to the first row above the limit. stress: the column that counts. A range is a part of the path of one stage, or of
@@ -28,26 +55,25 @@ def best_tension(run: Rows, limit: float, stress: str) -> Answer | None:
     if not every:
         return None
 
-    def width(found: Answer) -> float:
-        return mean_tension(Row(**found["high"])) - mean_tension(Row(**found["low"]))
+    def width(found: Best) -> float:
+        return mean_tension(found.high) - mean_tension(found.low)
 
-    most = max(found["active_percent"] for found, _ in every)
-    good = [(found, part) for found, part in every if found["active_percent"] >= most - DRIFT]
+    most = max(found.active_percent for found, _ in every)
+    good = [(found, part) for found, part in every if found.active_percent >= most - DRIFT]
     best, _ = max(good, key=lambda one: (_temperatures(one[1]) == 1, width(one[0])))
-    return best | {"stages": len({row.stage for row in run.rows[1:]})}
+    return best.changed(stages=len({row.stage for row in run.rows[1:]}))
 
 
-def margin(best: Answer, limit: float, first_yield: Answer | None) -> Answer:
-    """How far the best tension is from yield: by its stress over the elastic `limit` [Pa], by the tension of `first_yield`."""
+def with_margin(best: Best, limit: float, first_yield: Event | None) -> Best:
+    """With its distance from yield: by its stress over the elastic `limit` [Pa], by the tension of `first_yield`."""
     times = None
-    if first_yield is not None and first_yield["resolved"]:
-        if first_yield["between"][1]["temperature_K"] == best["temperature_K"]:
-            times = mean_tension(Row(**first_yield)) / mean_tension(Row(**best))
-            times = times if times >= 1.0 - SAME else None  # it yields where it is unloaded, or compressed
-    return {"stress_over_limit": best["stress_max_Pa"] / limit, "first_yield_over_tension": times}
+    if first_yield is not None and first_yield.resolved and first_yield.between[1].temperature_K == best.temperature_K:
+        times = mean_tension(first_yield) / mean_tension(best)
+        times = times if times >= 1.0 - SAME else None  # it yields where it is unloaded, or compressed
+    return best.changed(stress_over_limit=best.stress_max_Pa / limit, first_yield_over_tension=times)
 
 
-def _best_of(run: Rows, limit: float, stress: str) -> Answer | None:
+def _best_of(run: Rows, limit: float, stress: str) -> Best | None:
     """The same of one part of the path. Contacts that only one record within it has do not count."""
     rows = run.rows
 
@@ -70,7 +96,7 @@ def _best_of(run: Rows, limit: float, stress: str) -> Answer | None:
     within = {id(row) for row in rows}
     following = min((jump for jump in above if id(jump[1]) in within), key=lambda jump: mean_tension(jump[1]), default=None)
     passed = [pair for pair in pairwise(rows[begin:end]) if run.is_jump(*pair)]
-    found: Answer = {}
+    found: dict[str, object] = {}
     for name, k in (("low", low), ("high", high)):
         beyond = k - 1 if k == begin else k + 1
         is_end = not 0 <= beyond < len(rows)
@@ -79,15 +105,15 @@ def _best_of(run: Rows, limit: float, stress: str) -> Answer | None:
             name: state_of(rows[k]), f"open_{name}": is_end, f"{name}_jump": bool(sides) and run.is_jump(*sides),
             f"{name}_between": _sorted(sides) if sides and not run.is_near(*sides) else None,
         }  # fmt: skip
-    return found | {
-        **state_of(best), "active_percent": best.active_percent, "stress_max_Pa": best[stress],
-        "stress_with_grips_Pa": best.stress_max_Pa, "stage": best.stage, "grows": grows,
-        "next_jump": None if following is None else [state_of(row) for row in following],
-        "jumps": [_sorted(pair) for pair in passed],
-    }  # fmt: skip
+    return Best(
+        **found, **vars(state_of(best)), active_percent=best.active_percent, stress_max_Pa=best[stress],
+        stress_with_grips_Pa=best.stress_max_Pa, stage=best.stage, grows=grows,
+        next_jump=None if following is None else [state_of(row) for row in following],
+        jumps=[_sorted(pair) for pair in passed],
+    )  # fmt: skip
 
 
-def _sorted(pair: Sequence[Row]) -> list[Answer]:
+def _sorted(pair: Sequence[Row]) -> list[Row]:
     """The states of two rows, the smaller tension first."""
     return [state_of(row) for row in sorted(pair, key=mean_tension)]
 

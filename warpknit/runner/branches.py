@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -21,12 +20,22 @@ HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; te
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
 SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over that of the next, as slack is taken up
 Jump = tuple[Row, Row]  # neighbouring states of different branches
-Answer = dict[str, Any]
 
 
-def state_of(row: Row) -> Answer:
+class Event(Row):
+    """What happens between two records: the state and the stage of the second one, and how well its place is known."""
+
+    as_knitted: bool  # true where it has happened in the first record
+    resolved: bool  # false where the records `between` are farther apart than `output.load_tolerance`, where the mesh jumps
+    # between them, or where it takes up slack
+    between: Sequence[Row]  # the records before and after it
+    jump: bool  # true where the mesh jumps to another equilibrium between them
+    slack: bool  # true where the mesh strains freely for most of the way between them
+
+
+def state_of(row: Row) -> Row:
     """Strains, tensions and temperature of a row."""
-    return {name: row[name] for name in STATE}
+    return Row(**{name: row[name] for name in STATE})
 
 
 def takes_up_slack(before: Row, after: Row) -> bool:
@@ -53,14 +62,14 @@ class Rows:
         is_narrow = after.load_factor - begin <= self.tolerance * (1.0 + 1e-9)
         return is_narrow and not self.is_jump(before, after) and not takes_up_slack(before, after)
 
-    def first(self, k: int) -> Answer:
-        """What happens between row k and the one before: the state of row k, and how well its place is known."""
+    def first(self, k: int) -> Event:
+        """What happens between row k and the one before."""
         before, after = self.rows[max(k - 1, 0)], self.rows[k]
-        return state_of(after) | {
-            "stage": after.stage, "as_knitted": k == 0, "resolved": k == 0 or self.is_near(before, after),
-            "between": [state_of(before), state_of(after)], "jump": self.is_jump(before, after),
-            "slack": k > 0 and takes_up_slack(before, after),
-        }  # fmt: skip
+        return Event(
+            **vars(state_of(after)), stage=after.stage, as_knitted=k == 0, resolved=k == 0 or self.is_near(before, after),
+            between=[state_of(before), state_of(after)], jump=self.is_jump(before, after),
+            slack=k > 0 and takes_up_slack(before, after),
+        )  # fmt: skip
 
 
 def jumps_of(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from .. import __version__
 from ..measure import MeshModel, table
 from ..results.finding import ResultWarning
-from ..results.row import Row, Values, plain
-from .answers import answers_of
-from .branches import Answer, jumps_of
+from ..results.row import Row, Values, plain, valued
+from .answers import Answers, answers_of
+from .branches import jumps_of
 from .history import ends_of
 from .run_directory import Tree
 from .warnings_of import warnings_of
@@ -47,7 +47,7 @@ class Summary:
     estimate: Estimate = field(default_factory=Estimate)
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records between which the mesh jumps to another
     # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
-    answers: Answer | None = None  # what a designer asks, see below; null for a `[hook]`
+    answers: Answers | None = None  # what a designer asks, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 
     @property
@@ -73,7 +73,7 @@ class Summary:
             "solver": plain(self.solver),
             **last,
             "jumps": self.jumps,
-            "answers": self.answers,
+            "answers": plain(self.answers),
             "stages": stages,
         }
 
@@ -90,7 +90,7 @@ class Summary:
             other_warnings=tuple(ResultWarning("", text) for text in tree["warnings"] if text not in of_model),
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
-            answers=tree["answers"],
+            answers=tree["answers"] and valued(tree["answers"]),
         )
 
 

@@ -43,7 +43,7 @@ def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
     if "stress_max_Pa" in end:
         yield from _stress_findings(end, end.is_hook or model.boundary == "gripped")
     if answers is not None:
-        ends_at_top = diverged and end.tension_warp_N_per_m == answers["largest_tension"]["tension_warp_N_per_m"]
+        ends_at_top = diverged and end.tension_warp_N_per_m == answers.largest_tension.tension_warp_N_per_m
         yield from (Finding(*row) for row in answer_rows(answers, end.yield_stress_Pa, gave_up=ends_at_top))
     if result.estimate.error is not None:
         yield Finding("estimated error", short_percent(result.estimate.error))
@@ -63,7 +63,7 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
     more = f"; {others} more contact{'s' * (others != 1)} {between}" if others else ""
     count = f"{end.active} of {end.pairs} pairs" + (f" {here}" if others else "")
     yield Finding("active contacts", f"{end.active_percent:.3g} %", where=f" ({count}{more})")
-    zero = 0.0 if result.answers is None else result.answers["tension_tolerance_N_per_m"]
+    zero = 0.0 if result.answers is None else result.answers.tension_tolerance_N_per_m
     least = max(LEAST_SHARE * max(map(abs, end.tension)), zero)
     yield Finding("tension, weft / warp", tuple(part if abs(part) > least else 0.0 for part in end.tension), "N/m")
     if max(fragment_share(end, side) for side in SIDES) > CARRIED:
