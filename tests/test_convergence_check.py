@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from warpknit.compute.kept import Owner, restore, save
 from warpknit.mechanics.protocols import Drift
 from warpknit.solve.convergence import PATIENCE, RESTART_RATIO, Convergence
 
@@ -99,7 +100,7 @@ def test_a_checkpoint_keeps_what_was_seen() -> None:
     made, again = convergence(Drift(3)), convergence(Drift(3))
     stresses = [np.diag([1.0 + 1e-4 * k, 1.0]) for k in range(12)]
     ratios(made, stresses[:7])
-    again.load_state_dict(made.state_dict(0), 0)
+    restore(save(Owner(made)), Owner(again))
     assert ratios(again, stresses[7:]) == ratios(made, stresses[7:])
 
 

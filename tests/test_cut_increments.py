@@ -54,7 +54,7 @@ def test_a_level_that_fails_is_reached_in_smaller_increments(kind: str, monkeypa
     assert [note for note in cut.notes if "in 4 increments, as larger ones failed" in note]
     assert records[-1].steps > whole.progress.steps  # those of the levels that failed count
     resumed = simulation_of(kind, 1)
-    resumed.load_state_dict(cut.state_dict())
+    resumed.drive.load_state_dict(cut.drive.state_dict())
     assert resumed.notes == cut.notes
 
 

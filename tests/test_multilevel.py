@@ -198,8 +198,7 @@ def test_interrupted_start_goes_on_to_the_same_bits(stop_at: int) -> None:
         state = initial_state(model)
         simulation = Simulation(model, state, progress=Progress.from_dict(kept["about"]) if kept else None)
         if kept:
-            state.restore(kept["state"])
-            simulation.load_state_dict(kept["memory"])
+            simulation.drive.load_state_dict(kept["memory"])
         looks = 0
 
         def watch(progress: Progress) -> None:
@@ -215,7 +214,7 @@ def test_interrupted_start_goes_on_to_the_same_bits(stop_at: int) -> None:
         except Stop:
             pass
         about = json.loads(json.dumps(simulation.progress.as_dict()))
-        return {"state": state.arrays(), "memory": simulation.state_dict(), "about": about}
+        return {"state": state.arrays(), "memory": simulation.drive.state_dict(), "about": about}
 
     expected = whole.arrays()
     part = run(None, run(stop_at, None))

@@ -124,8 +124,7 @@ def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
         simulation = Simulation(model, state, progress=Progress.from_dict(kept["progress"]) if kept else None)
         simulation.compile()
         if kept:
-            state.restore(kept["state"])
-            simulation.load_state_dict(kept["solver"])
+            simulation.drive.load_state_dict(kept["solver"])
         checks = 0
 
         def watch(_progress: Progress) -> None:
@@ -141,8 +140,7 @@ def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
         except Stop:
             pass
         about = json.loads(json.dumps(simulation.progress.as_dict()))
-        solver = {name: np.array(value) for name, value in simulation.state_dict().items()}
-        return {"state": state.arrays(), "solver": solver, "progress": about, "checks": checks}
+        return {"state": state.arrays(), "solver": simulation.drive.state_dict(), "progress": about, "checks": checks}
 
     expected = run(None, None)
     assert expected["checks"] > stop_at

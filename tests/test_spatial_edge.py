@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.compute.kept import Owner, restore, save
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
@@ -80,7 +81,7 @@ def test_an_edge_is_taken_up_where_it_was_left():
     edge.move_given(0.5)
     edge.relax_free(np.eye(2), relaxation.state.force.numpy() + 1e-6)
     other = Simulation(build_model(scene_of(*SMALL, *CORD)))
-    other.mechanics.edge.load_state_dict(edge.state_dict())
+    restore(save(Owner(edge)), Owner(other.mechanics.edge))
     force = np.random.default_rng(0).normal(size=(edge.model.rods.node_count, 3))
     assert np.array_equal(other.mechanics.edge.relax_free(np.eye(2), force), edge.relax_free(np.eye(2), force))
     assert np.array_equal(other.mechanics.edge.move_given(0.7), edge.move_given(0.7))

@@ -15,6 +15,7 @@ import pytest
 
 from reference.rods import SECTION, relaxed
 from warpknit import measure
+from warpknit.compute.kept import Owner, restore, save
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
@@ -56,8 +57,8 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     rest.set_thermal_strain(np.zeros(count))
     other = RodRelaxation(RodStepper(rods))
-    other.stepper.state.restore(rest.stepper.state.arrays())
-    other.load_state_dict(rest.state_dict())
+    kept = save(Owner(rest.stepper.state), Owner(rest))
+    restore(kept, Owner(other.stepper.state), Owner(other))
     for one in (rest, other):
         relaxed(one, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     assert np.array_equal(other.tension(), rest.tension())

@@ -19,6 +19,7 @@ import numpy as np
 from .. import __version__
 from ..base.files import write_arrays
 from ..base.text import exact
+from ..compute.kept import under
 from ..errors import Diverged
 from ..measure import Observables
 from ..measure.table import Record
@@ -29,7 +30,6 @@ from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import mean_tension, row_of
 from ..runner.progress_display import Display
 from ..scene import Scene, Stage
-from ..solve.drive import under
 from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
 from ..studies.states import Mesh, mesh_of
 from .card import MaterialCard, find_card

@@ -11,6 +11,8 @@ import numpy as np
 class EdgeWork:
     """Sum of the edge work over the records of a run."""
 
+    KEPT = ("_work", "_last")
+
     def __init__(self) -> None:
         self._work = 0.0
         self._last: list[np.ndarray] = []  # forces [N], displacements [m], forces [J] on thermal strains, thermal strains
@@ -24,12 +26,3 @@ class EdgeWork:
                 self._work += float(np.sum(mean * (now[force + 1] - self._last[force + 1])))
         self._last = now
         return self._work
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {"edge_work": np.array(self._work)} | {f"edge_work_{k}": value for k, value in enumerate(self._last)}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore a `state_dict`."""
-        self._work = float(kept["edge_work"])
-        self._last = [kept[f"edge_work_{k}"] for k in range(len(kept)) if f"edge_work_{k}" in kept]

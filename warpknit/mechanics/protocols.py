@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..base.text import engineering
+from ..compute.kept import Owner
 from ..compute.steering import Steering
 from ..measure import MeshModel
 from ..mesh.rim import LoadPoint, Rim
@@ -217,11 +218,9 @@ class Mechanics(Protocol):
     def edge_work_terms(self, observed: Any) -> list[tuple[np.ndarray, np.ndarray]]:
         """Pairs (force, displacement) of the edge work: clamps and uneven thermal strain."""
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Solver variables for a checkpoint, beside the state."""
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore a `state_dict`."""
+    @property
+    def owners(self) -> list[Owner]:
+        """What has variables of the mesh and its solver that outlast a step."""
 
 
 class Prolongation(Protocol):
@@ -230,9 +229,6 @@ class Prolongation(Protocol):
     def carry(self, response: Any) -> bool:
         """Add what changed on the smaller mesh since the last time; `response`: of the cloth at the load. False: the larger mesh
         cannot take it, and keeps its state."""
-
-    def state_dict(self) -> dict[str, np.ndarray]: ...
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None: ...
 
 
 class MembraneGrid(Protocol):

@@ -20,6 +20,8 @@ from .step import anchor_launch
 class HistoryVariables:
     """Updates the history variables, and sums the dissipated energy."""
 
+    KEPT = ("dissipated",)
+
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
         self.dissipated = 0.0  # [J]
@@ -57,11 +59,3 @@ class HistoryVariables:
     def _dissipate(self, energy: float) -> None:
         """Add dissipated energy [J] of all ranks."""
         self.dissipated += float(self.model.ranks.sum(np.array([energy]))[0])
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {"history_dissipated": np.array(self.dissipated)}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore a `state_dict`."""
-        self.dissipated = float(kept["history_dissipated"])

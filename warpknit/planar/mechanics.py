@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from .. import measure
 from ..compute.host import fetch
+from ..compute.kept import Owner
 from ..compute.launch import bind
 from ..compute.steering import Steering
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
@@ -49,6 +51,8 @@ def drift_of(nodes_per_loop: int) -> Drift:
 class PlanarMechanics:
     """Steps one state of a planar model."""
 
+    KEPT = ("notes", "_last")
+
     check_steps = CHECK_STEPS
     can_overlap = may_overlap = False
     release_parts = 1
@@ -67,7 +71,8 @@ class PlanarMechanics:
         self.diagnostics = Diagnostics(model, state, self.stepper)
         self.residual = Residual(model)
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
-        self._last: list[wp.array] = []  # values at the end of the previous level; none before the first
+        # values at the end of the previous level
+        self._last = [wp.zeros_like(value) for value in self._level_values()] if self._relaxes else []
         self._predictions: dict[int, list[wp.Launch]] = {}  # by parity
         self._active_as_knitted = 0  # pairs that carry force as knitted
 
@@ -136,7 +141,6 @@ class PlanarMechanics:
     def _record_prediction(self) -> list[wp.Launch]:
         """Record the launches of `predict` at the current parity."""
         values, s = self._level_values(), self.state
-        self._last = self._last or [wp.zeros_like(value) for value in values]
         # within the margin of the neighbour search, so that no body changes sides
         max_move = 0.5 * self.neighbours.margin / self.model.precision.unit
         if self.model.scene.hook is not None:
@@ -286,6 +290,13 @@ class PlanarMechanics:
     def checked_stress(self) -> np.ndarray:
         return self.sums.stress
 
+    @property
+    def owners(self) -> list[Owner]:
+        owners: list[Any] = [self.state, self.neighbours, self]
+        if self._relaxes:
+            owners += [self.history, self.multipliers.rules, self.slowest_mode]
+        return [Owner(one) for one in owners]
+
     # --- observation
 
     def observe(self) -> PlanarObservables:
@@ -294,21 +305,3 @@ class PlanarMechanics:
     def edge_work_terms(self, observed: PlanarObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         clamps = observed.edge_force, observed.clamp_shift
         return [clamps, (observed.thermal_strain_force, observed.thermal_strain)]
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        kept = self.neighbours.state_dict()
-        if self._relaxes:
-            kept |= self.history.state_dict() | self.multipliers.state_dict() | self.slowest_mode.state_dict()
-            kept |= {f"last_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
-        return kept
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self.neighbours.load_state_dict(kept)
-        if self._relaxes:
-            self.history.load_state_dict(kept)
-            self.multipliers.load_state_dict(kept)
-            self.slowest_mode.load_state_dict(kept)
-            if "last_0" in kept and not self._last:
-                self._last = [wp.zeros_like(value) for value in self._level_values()]
-            for k, value in enumerate(self._last):
-                value.assign(kept[f"last_{k}"]) if "last_0" in kept else value.zero_()

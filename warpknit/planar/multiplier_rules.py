@@ -37,6 +37,10 @@ Rows = np.ndarray | EllipsisType
 class MultiplierRules:
     """State of the rules over the updates."""
 
+    KEPT = (
+        "rate", "_best", "_stalled", "_penetration", "_deep_updates", "_stretched_updates", "_taut_updates", "_imposed"
+    )  # fmt: skip
+
     def __init__(self, model: Model, replicas: int | None = None) -> None:
         self.model = model
         lead = () if replicas is None else (replicas,)
@@ -57,25 +61,6 @@ class MultiplierRules:
         self._imposed = np.zeros(wires)  # mean stretch error at the last progress
         self._taut_patience = TAUT_PATIENCE * max(1.0, (model.scene.model.nodes_per_loop / TAUT_NODES) ** 2)
         self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        scalars = [self._penetration, self._deep_updates, self.rate, self._best, self._stalled]
-        return {
-            "multiplier_rules": np.array(scalars, dtype=float),
-            "stretched_updates": self._stretched_updates.copy(),
-            "taut_updates": self._taut_updates.copy(),
-            "imposed": self._imposed.copy(),
-        }
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore a `state_dict`."""
-        scalars = (self._penetration, self._deep_updates, self.rate, self._best, self._stalled)
-        for array, value in zip(scalars, kept["multiplier_rules"], strict=True):
-            array[...] = value
-        self._stretched_updates, self._taut_updates, self._imposed = (
-            kept[name].copy() for name in ("stretched_updates", "taut_updates", "imposed")
-        )
 
     def begin_level(self, rows: Rows = ...) -> None:
         """Reset the rate at the start of a level."""

@@ -42,13 +42,6 @@ class Multipliers:
         """Reset the rate at the start of a level."""
         self.rules.begin_level()
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return self.rules.state_dict()
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self.rules.load_state_dict(kept)
-
     def bound_softening(self) -> None:
         """Bound the softening of each wire by its shape."""
         model, panel = self.model, self.model.panel

@@ -20,6 +20,8 @@ MARGIN = 0.1  # in course spacings: largest approach of a body and a wire before
 class NeighbourSearch:
     """The search for the initial segment of each pair."""
 
+    KEPT = ("searches", "_expected", "_gradient")
+
     def __init__(self, model: Model, state: State) -> None:
         self.model = model
         self.state = state
@@ -29,14 +31,6 @@ class NeighbourSearch:
         self.searches = 0
         self._expected = 0.0
         self._gradient = np.array([1.0, 0.0, 0.0, 1.0])
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {"searches": np.array([self.searches]), "expected": np.array([self._expected, *self._gradient])}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self.searches = int(kept["searches"][0])
-        self._expected, self._gradient = float(kept["expected"][0]), kept["expected"][1:].copy()
 
     def follow(self, gradient: np.ndarray) -> None:
         """Search again when the load has used half of its reserve; see `expect`."""

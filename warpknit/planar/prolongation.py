@@ -16,19 +16,14 @@ from .state_variables import state_variables
 class Prolongation:
     """Brings a large mesh to the state of a small one."""
 
+    KEPT = ("_last",)
+
     def __init__(self, large: Model, large_state: State, small: Model, small_state: State) -> None:
         self.large, self.large_state = large, large_state
         self.small, self.small_state = small, small_state
         self._last = state_variables(small, small_state)
         self._repeats = RepeatProlongation(large, small, large.mesh, large.rest, large.constants)
         self._one = wp.full(len(large.panel.wire_first), 1.0, dtype=large.precision.real, device=large.device)
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {f"prolonged_{name}": value for name, value in self._last.items()}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
 
     def carry(self, response: Response) -> bool:
         """Bring the large mesh to the state of the small one; update its stiffnesses and masses.

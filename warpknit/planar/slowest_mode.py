@@ -17,6 +17,8 @@ from .step import ForceProbe, Stage, Stepper
 class SlowestMode:
     """Updates the damping at every convergence check, from the change since the last one."""
 
+    KEPT = ("_last",)
+
     def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
         self.model = model
         self.state = state
@@ -40,14 +42,6 @@ class SlowestMode:
                 ux=state.node_ux[state.parity], uy=state.node_uy[state.parity], partial=self.partial, **kept,
             )
         ]  # fmt: skip
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {f"slowest_mode_{k}": value.numpy().copy() for k, value in enumerate(self._last)}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        for k, value in enumerate(self._last):
-            value.assign(kept[f"slowest_mode_{k}"])
 
     def update(self, *then: Stage, use: bool) -> None:
         """Store the state, and run other stages of work; with `use`, set the damping from the change since the last check."""

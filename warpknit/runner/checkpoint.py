@@ -17,7 +17,6 @@ from ..base.files import write_arrays
 from ..compute.ranks import Ranks
 from ..errors import RunDirectoryError
 from ..results.row import Row, Values
-from ..solve.drive import under
 from ..solve.simulate import Progress, Simulation
 
 FILE = Path("checkpoint") / "checkpoint.npz"
@@ -32,8 +31,7 @@ def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, w
         "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn,
         "rows": [vars(row) for row in rows],
     }  # fmt: skip
-    kept = {f"state_{name}": value for name, value in simulation.state.arrays(copied=False).items()}
-    kept |= {f"solver_{name}": value for name, value in simulation.state_dict().items()}
+    kept = simulation.drive.state_dict(copied=False)
     (directory / FILE).parent.mkdir(parents=True, exist_ok=True)
     if not ranks.is_first:
         _write(_strip_file(directory, turn, ranks.rank), header, kept)
@@ -97,7 +95,6 @@ class Checkpoint:
     def restore(self, simulation: Simulation) -> None:
         """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
         try:
-            simulation.state.restore(under("state_", self._arrays))
-            simulation.load_state_dict(under("solver_", self._arrays))
+            simulation.drive.load_state_dict(self._arrays)
         except (AttributeError, KeyError, ValueError) as error:
             raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}); start over with --force") from error

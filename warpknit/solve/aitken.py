@@ -14,6 +14,8 @@ FACTORS = (0.1, 1.0)  # smallest and largest
 class Aitken:
     """Relaxation factor of one kind of correction."""
 
+    KEPT = ("factor", "_last")
+
     def __init__(self) -> None:
         self.factor = 1.0  # of the last correction
         self._last = np.zeros(0)
@@ -30,11 +32,3 @@ class Aitken:
             share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *FACTORS))
         self.factor = max_factor * share
         return self.factor
-
-    def state_dict(self, name: str) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint, with names that begin with `name`."""
-        return {f"{name}_factor": np.array(self.factor), f"{name}_last": self._last}
-
-    def load_state_dict(self, name: str, kept: dict[str, np.ndarray]) -> None:
-        """Restore what `state_dict` returned."""
-        self.factor, self._last = float(kept[f"{name}_factor"]), kept[f"{name}_last"]

@@ -29,14 +29,16 @@ def patience_of(nodes_per_loop: int) -> int:
 class Convergence:
     """Residual ratio and stress over the convergence checks."""
 
+    KEPT = ("_best", "_stalled", "_met", "_stress")
+
     def __init__(self, drift: Drift, count: int, *, tolerance: float, least_tension: float, nodes_per_loop: int) -> None:
         """`least_tension` [N/m]: lower bound of the tension in its relative change."""
         self.drift, self.tolerance, self.least_tension = drift, tolerance, least_tension
         self.patience = patience_of(nodes_per_loop)
-        self._best = np.full((2, count), np.inf)  # ratio of the residual criteria, and of the drift once these are met
+        self._best = np.full((count, 2), np.inf)  # ratio of the residual criteria, and of the drift once these are met
         self._stalled = np.zeros(count, dtype=int)  # checks since the ratio decreased
         self._met = np.zeros(count, dtype=int)  # checks in a row with all criteria met
-        self._stress = np.zeros((drift.required_checks + 1, count, 2, 2))  # [N/m] at the last of them
+        self._stress = np.zeros((count, drift.required_checks + 1, 2, 2))  # [N/m] at the last of them
 
     def begin(self, row: int) -> None:
         """A level of this mesh begins."""
@@ -45,7 +47,7 @@ class Convergence:
 
     def go_on(self, row: int) -> None:
         """A level goes on, to a smaller ratio."""
-        self._best[:, row], self._stalled[row] = np.inf, 0
+        self._best[row], self._stalled[row] = np.inf, 0
 
     def with_drift(
         self,
@@ -74,14 +76,14 @@ class Convergence:
 
     def _drift_ratio(self, rows: np.ndarray, stress: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """[row] extrapolated drift of the stress over its tolerance, `tolerance` times the usual one; 1 with too few checks."""
-        self._stress[:, rows] = np.roll(self._stress[:, rows], -1, axis=0)
-        self._stress[-1, rows] = stress
+        self._stress[rows] = np.roll(self._stress[rows], -1, axis=1)
+        self._stress[rows, -1] = stress
         self._met[rows] += 1
         span, largest = self.drift.checks, (1, 2)
-        now, before = self._stress[-1, rows], self._stress[-1 - span, rows]
+        now, before = self._stress[rows, -1], self._stress[rows, -1 - span]
         moved = np.abs(now - before).max(axis=largest)
         if self.drift.max_decay_ratio > 0.0:
-            earlier = np.abs(before - self._stress[-1 - 2 * span, rows]).max(axis=largest)
+            earlier = np.abs(before - self._stress[rows, -1 - 2 * span]).max(axis=largest)
             moved = moved / (1.0 - np.minimum(moved / np.maximum(earlier, 1e-300), self.drift.max_decay_ratio))
         scale = np.maximum(np.abs(now).max(axis=largest), self.least_tension)
         drift = moved / (tolerance * self.tolerance * scale)
@@ -96,23 +98,8 @@ class Convergence:
         met = self._met[rows]
         waits = (met > 0) & (met <= self.drift.required_checks)
         criterion = (met > 0).astype(int)
-        best = self._best[criterion, rows]
+        best = self._best[rows, criterion]
         better = ~waits & ((ratio < PROGRESS_RATIO * best) | (ratio > RESTART_RATIO * best))
-        self._best[criterion, rows] = np.where(better, ratio, best)
+        self._best[rows, criterion] = np.where(better, ratio, best)
         self._stalled[rows] = np.where(better, 0, self._stalled[rows] + ~waits)
         return np.asarray(self._stalled[rows] > self.patience)
-
-    def state_dict(self, row: int) -> dict[str, np.ndarray]:
-        """Arrays of a mesh for a checkpoint."""
-        return {
-            "convergence_best": self._best[:, row].copy(),
-            "convergence_stalled": np.array(self._stalled[row]),
-            "convergence_met": np.array(self._met[row]),
-            "convergence_stress": self._stress[:, row].copy(),
-        }
-
-    def load_state_dict(self, kept: dict[str, np.ndarray], row: int) -> None:
-        """Restore a `state_dict`."""
-        self._best[:, row], self._stalled[row], self._met[row], self._stress[:, row] = (
-            kept[f"convergence_{name}"] for name in ("best", "stalled", "met", "stress")
-        )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import measure
+from ..compute.kept import Kept, Owner, restore, save
 from ..errors import Diverged
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
@@ -22,15 +23,11 @@ from .progress import LoadStart, Progress
 from .stage_load import load_at, temperature_at
 
 
-def under(prefix: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The entries whose names begin with `prefix`, without it."""
-    return {name.removeprefix(prefix): value for name, value in kept.items() if name.startswith(prefix)}
-
-
 class Drive(ABC):
     """Runs the stages of a scene. `watch` is called after every convergence check and may raise to stop."""
 
     rate_key: str  # the scene key to raise for slower loading
+    KEPT: tuple[str, ...] = ("membrane_residual", "edge_work")
 
     def __init__(self, mechanics: Mechanics, progress: Progress, watch: Callable[[Progress], None]) -> None:
         self.mechanics, self.progress, self.watch = mechanics, progress, watch
@@ -79,28 +76,25 @@ class Drive(ABC):
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Host copies of the state, the solver variables and the progress."""
-        state = {f"state_{name}": value for name, value in self.state.arrays().items()}
-        return self.state_dict() | state | {"progress": np.array(json.dumps(self.progress.as_dict()))}
+        return self.state_dict() | {"progress": np.array(json.dumps(self.progress.as_dict()))}
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Restore a snapshot."""
-        self.state.restore(under("state_", kept))
-        self.progress.__dict__.update(Progress.from_dict(json.loads(str(kept["progress"]))).__dict__)
         self.load_state_dict(kept)
+        self.progress.__dict__.update(Progress.from_dict(json.loads(str(kept["progress"]))).__dict__)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Solver variables for a checkpoint."""
-        kept = self.mechanics.state_dict() | {"membrane_residual": np.array(self.membrane_residual)}
-        kept["notes"] = np.array(json.dumps(self.mechanics.notes))
-        return kept | (self.edge_work.state_dict() if self.edge_work is not None else {})
+    @property
+    def owners(self) -> list[Owner]:
+        """What has variables of the mesh and its solver that outlast a step."""
+        return [*self.mechanics.owners, Owner(self)]
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def state_dict(self, *, copied: bool = True) -> Kept:
+        """State and solver variables, for a checkpoint; not `copied`: on a CPU valid until the next step."""
+        return save(*self.owners, copied=copied)
+
+    def load_state_dict(self, kept: Kept) -> None:
         """Restore a `state_dict`."""
-        self.mechanics.load_state_dict(kept)
-        self.membrane_residual = float(kept["membrane_residual"])
-        self.mechanics.notes[:] = json.loads(str(kept["notes"]))
-        if self.edge_work is not None:
-            self.edge_work.load_state_dict(kept)
+        restore(kept, *self.owners)
 
     # --- loads
 

@@ -12,6 +12,7 @@ from typing import cast
 
 import numpy as np
 
+from ..compute.kept import Kept, Owner, under
 from ..errors import Diverged
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
@@ -22,7 +23,6 @@ from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.rim import LoadPoint, Rim, build_rim
 from .aitken import Aitken
 from .convergence import TENSION_FLOOR
-from .drive import under
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
@@ -44,6 +44,8 @@ MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 
 class MultilevelRelaxation(Relaxation):
     """A relaxation with a smaller mesh, or one periodic repeat, that is solved first."""
+
+    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations")
 
     def __init__(
         self,
@@ -110,27 +112,27 @@ class MultilevelRelaxation(Relaxation):
         if self.membrane is not None:
             self.membrane.warm_up(self._response)
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        kept = super().state_dict() | self._correction.state_dict("correction") | self._lift.state_dict("lift")
-        if self.smaller is not None and self.prolongation is not None:
-            kept |= {f"smaller_{name}": value for name, value in self.smaller.snapshot().items()}
-            kept |= self.prolongation.state_dict()
-        if self.cell is not None:
-            kept["stations"] = self.stations
-            kept |= {f"cell_{name}": value for name, value in self.cell.snapshot().items()}
-            kept |= self._response.state_dict()
+    @property
+    def owners(self) -> list[Owner]:
+        return [*super().owners, *([] if self.prolongation is None else [Owner(self.prolongation)])]
+
+    @property
+    def _others(self) -> dict[str, Relaxation]:
+        """The relaxations of smaller meshes."""
+        named = {"smaller": self.smaller if self.prolongation is not None else None, "cell": self.cell}
+        return {name: one for name, one in named.items() if one is not None}
+
+    def state_dict(self, *, copied: bool = True) -> Kept:
+        kept = super().state_dict(copied=copied) | self._response.state_dict()
+        for name, one in self._others.items():
+            kept |= {f"{name}_{key}": value for key, value in one.snapshot().items()}
         return kept
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: Kept) -> None:
         super().load_state_dict(kept)
-        self._correction.load_state_dict("correction", kept)
-        self._lift.load_state_dict("lift", kept)
-        if self.smaller is not None and self.prolongation is not None:
-            self.smaller.restore(under("smaller_", kept))
-            self.prolongation.load_state_dict(kept)
+        for name, one in self._others.items():
+            one.restore(under(f"{name}_", kept))
         if self.cell is not None and self.membrane is not None:
-            self._stations = kept["stations"]
-            self.cell.restore(under("cell_", kept))
             self._response = load_response(kept, self.cell.model, self.model.device)
             self.membrane.renew(self._response)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base.text import engineering, percent
+from ..compute.kept import Kept, Owner, under
 from ..errors import Diverged, NoProgress, StepLimitExceeded
 from ..measure import energy_scale, tension_scale
 from ..measure.events import Level, happens, level_of
@@ -26,7 +27,7 @@ from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint
 from ..mesh.tight_loops import is_tight
 from ..scene import Stage
-from .drive import Drive, under
+from .drive import Drive
 from .equilibrium import Equilibrium
 from .progress import Progress
 from .stage_load import history_steps
@@ -92,6 +93,7 @@ class Relaxation(Drive):
     """
 
     rate_key = "output.frames"
+    KEPT = (*Drive.KEPT, "_last_gradient", "_before")
 
     def __init__(
         self,
@@ -120,27 +122,26 @@ class Relaxation(Drive):
     def dissipated(self) -> float:
         return self.mechanics.dissipated
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        kept = super().state_dict() | self.equilibrium.convergence.state_dict(self.row)
-        kept |= {f"equilibrium_{name}": value for name, value in self._before.items()}
-        kept["last_gradient"] = np.zeros(0) if self._last_gradient is None else self._last_gradient
-        known = [*self._targets, *([] if self._lower is None else [self._lower])]
-        kept |= {f"target{k}_{name}": value for k, target in enumerate(known) for name, value in target.arrays().items()}
-        return kept | {"targets": np.array([len(self._targets), len(known)])}
+    @property
+    def owners(self) -> list[Owner]:
+        equilibrium = self.equilibrium
+        return [*super().owners, Owner(equilibrium.convergence, self.row, len(equilibrium.relaxations))]
 
-    def snapshot(self) -> dict[str, np.ndarray]:
+    def state_dict(self, *, copied: bool = True) -> Kept:
+        known = [*self._targets, *([] if self._lower is None else [self._lower])]
+        kept = {f"target{k}_{name}": value for k, target in enumerate(known) for name, value in target.arrays().items()}
+        return super().state_dict(copied=copied) | kept | {"targets": np.array([len(self._targets), len(known)])}
+
+    def snapshot(self) -> Kept:
         """Host copies of the state, the solver variables and the progress, without other levels."""
         return {name: value for name, value in super().snapshot().items() if not name.startswith("target")}
 
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
+    def load_state_dict(self, kept: Kept) -> None:
         super().load_state_dict(kept)
         if "targets" in kept:
             ahead, count = kept["targets"].tolist()
             known = [Target.from_arrays(under(f"target{k}_", kept)) for k in range(count)]
             self._targets, self._lower = known[:ahead], known[-1] if count > ahead else None
-        self.equilibrium.convergence.load_state_dict(kept, self.row)
-        self._last_gradient = kept["last_gradient"].copy() if len(kept["last_gradient"]) else None
-        self._before = under("equilibrium_", kept)
 
     # --- levels
 

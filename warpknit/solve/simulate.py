@@ -163,14 +163,6 @@ class Simulation:
         """Compile or load every kernel of the run; the state does not change. Raises `ModelError`."""
         self.drive.compile()
 
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Solver variables for a checkpoint, beside the state."""
-        return self.drive.state_dict()
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore a `state_dict`."""
-        self.drive.load_state_dict(kept)
-
     def run(self) -> Iterator[Record]:
         """Records of all stages from `progress` on: the unloaded mesh, then the load levels of `output.frames` of each stage.
 

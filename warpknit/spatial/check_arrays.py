@@ -16,6 +16,8 @@ from .rods import Rods
 class CheckArrays:
     """What the checks of rods need beside their rest data and their state; [node] unless noted."""
 
+    KEPT = ("thermal_strain", "last_place", "last_force", "last_angle", "last_torque")
+
     bow_weight: wp.array  # vec2d, see Rods.bow_weights
     bow_at_rest: wp.array  # relative excess of the arc over the chord of each segment as knitted
     thermal_strain: wp.array  # of the segments, relative to the length factor

@@ -14,6 +14,8 @@ from .rod_step import RodStepper
 class MovingClamps:
     """Clamps of a stepper, two held nodes each. Sets itself as the stepper's clamps."""
 
+    KEPT = ("velocity",)
+
     def __init__(self, stepper: RodStepper, node: np.ndarray, lever: np.ndarray, sliding: np.ndarray) -> None:
         """node (clamp, 2); lever (clamp, 2, 2) [m] of the nodes at rest, from the clamp; sliding: their indices."""
         device = stepper.device

@@ -37,6 +37,8 @@ class _OverlapArrays:
 class ContactMultipliers:
     """Offsets and penalties of the contacts of rods (kernels/contact_checks.py)."""
 
+    KEPT = ("_arrays", "mean_force")
+
     def __init__(self, contact: WireContact, floor: float) -> None:
         """floor [N/m]: smallest penalty; it is the penalty of all contacts from now on."""
         rods, device = contact.stepper.rods, contact.stepper.device
@@ -80,17 +82,6 @@ class ContactMultipliers:
         floor = np.where(is_fast, self._loading_floor[rows], LOADED * self._floor)
         steering.set(rows, multiplier_rate=rate, penalty_floor=floor, loading=loading)
         self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
-
-    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
-        """Arrays of a world for a checkpoint, beside the state of the rods."""
-        kept = {name: fetch(self._contact.stepper.part(array, world)).copy() for name, array in vars(self._arrays).items()}
-        return kept | {"mean_contact_force": np.array(self.mean_force[world])}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
-        """Restore what `state_dict` returned."""
-        self.mean_force[world] = float(kept["mean_contact_force"])
-        for name, array in vars(self._arrays).items():
-            store(self._contact.stepper.part(array, world), kept[name])
 
     def stiffen(self, rows: np.ndarray | None = None) -> None:
         """Raise the penalties of worlds for a load to come, and forget where overlaps have stalled."""

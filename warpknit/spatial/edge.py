@@ -26,6 +26,8 @@ MAX_MOVE = 2.0  # node spacings, largest displacement of a station in one step
 class Edge:
     """Stations of a gripped mesh in space."""
 
+    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor")
+
     def __init__(self, model: SpatialModel) -> None:
         self.model = model
         self.rim: Rim = build_rim(model.panel, model.scene)
@@ -107,18 +109,3 @@ class Edge:
     def clamp_displacement(self) -> np.ndarray:
         """(clamp, 2) [m] in addition to the load."""
         return np.asarray(self.rim.clamps @ self.station_displacement)
-
-    # --- checkpoints
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {
-            "edge_displacement": self.station_displacement, "edge_start": self.start, "edge_target": self.target,
-            "edge_residual": self.residual, "edge_step_factor": np.array(self._step_factor),
-        }  # fmt: skip
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore what `state_dict` returned."""
-        self.station_displacement = kept["edge_displacement"]
-        self.start, self.target = kept["edge_start"], kept["edge_target"]
-        self.residual, self._step_factor = kept["edge_residual"], float(kept["edge_step_factor"])

@@ -11,6 +11,7 @@ import warp as wp
 
 from .. import measure
 from ..compute.host import Entries, fetch, store
+from ..compute.kept import Owner
 from ..compute.steering import Steering
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check, Drift, strength_exceeded
@@ -55,6 +56,7 @@ class SpatialWorlds:
     """Meshes of one topology, stepped and checked side by side; one is a group too. `rows` are indices of some of them."""
 
     keeps_equilibria = True
+    KEPT = ("overlap",)
 
     def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
         """models: of each world; state: of a single one, default at rest."""
@@ -182,6 +184,8 @@ class SpatialWorlds:
 
 class SpatialMechanics:
     """Steps one world of a spatial model."""
+
+    KEPT = ("notes", "edge", "_untested", "_last")
 
     check_steps = CHECK_STEPS
     can_overlap = True
@@ -518,6 +522,13 @@ class SpatialMechanics:
     def stop(self) -> None:
         self.relaxation.stop_motion(self.rows)
 
+    @property
+    def owners(self) -> list[Owner]:
+        group = self.group
+        of_worlds = (group, self.contact, self.relaxation, self.stepper.yielding, self.stability, self.multipliers)
+        of_world = [Owner(one, self.world, self.stepper.worlds) for one in of_worlds if one is not None]
+        return [Owner(self.state), *of_world, Owner(self)]
+
     # --- observation
 
     def observe(self) -> SpatialObservables:
@@ -528,26 +539,3 @@ class SpatialMechanics:
         if self.edge is not None:
             terms.append((self.edge.grip_forces(observed.force), self.edge.clamp_displacement))
         return terms
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        world = self.world
-        kept = self.contact.state_dict(world) | self.relaxation.state_dict(world)
-        kept |= self.stepper.yielding.state_dict(world) | self.stability.state_dict(world)
-        kept |= {"untested": np.array(self._untested), "overlap": np.array(self.group.overlap[world])}
-        kept |= self.multipliers.state_dict(world) if self.multipliers is not None else {}
-        kept |= self.edge.state_dict() if self.edge is not None else {}
-        if self._last is not None:
-            kept |= {"gradient_before": self._last[0], "displacement_before": self._last[1]}
-        return kept
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        world = self.world
-        for part in (self.contact, self.relaxation, self.stepper.yielding, self.stability, self.multipliers):
-            if part is not None:
-                part.load_state_dict(kept, world)
-        if self.edge is not None:
-            self.edge.load_state_dict(kept)
-        self._untested, self.group.overlap[world] = float(kept["untested"]), float(kept["overlap"])
-        self._last = None
-        if "gradient_before" in kept:
-            self._last = kept["gradient_before"].copy(), kept["displacement_before"].copy()

@@ -16,6 +16,8 @@ from .fields import Fields
 class Prolongation:
     """Brings a large mesh to the state of a small one."""
 
+    KEPT = ("_last",)
+
     def __init__(self, large: Fields, small: Fields, arrays: RepeatArrays) -> None:
         """arrays: of the large mesh."""
         self.large, self.small = large, small
@@ -23,13 +25,6 @@ class Prolongation:
         self._last = small.read_everywhere()
         self._nodes = large.model.panel.node_count
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {f"prolonged_{name}": value for name, value in self._last.items()}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray]) -> None:
-        self._last = {name: kept[f"prolonged_{name}"] for name in self._last}
 
     def carry(self, response: Response) -> bool:
         """Bring the large mesh to the state of the small one, and raise its stiffnesses to those of the small one.

@@ -41,6 +41,8 @@ class StateSums:
 class RodChecks:
     """Sums over all rods of a stepper, the same for any number of threads."""
 
+    KEPT = ("arrays",)
+
     def __init__(self, stepper: RodStepper, sliding: np.ndarray, *, keeps_arc_length: bool, bow_at_rest: np.ndarray) -> None:
         """sliding: nodes of clamps that move; keeps_arc_length: whether strains are those of arcs; bow_at_rest [node]."""
         self.stepper, rods, device = stepper, stepper.rods, stepper.device

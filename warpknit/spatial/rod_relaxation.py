@@ -51,13 +51,16 @@ VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from whi
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
-# what a checkpoint has of a world: the rate of the multipliers and its progress; not the mean energy, which each check renews
-OF_WORLD = ("has_multipliers", "has_last", "rate", "best_ratio", "stalled", "ratio", "has_risen", "excess_leads")
-LAST = ("last_place", "last_force", "last_angle", "last_torque")  # arrays of the state at the last check
 
 
 class RodRelaxation:
     """Fictitious masses, damping and multipliers of the dynamic relaxation of rods."""
+
+    # not the mean energy, which each check renews
+    KEPT = (
+        "checks", "clamps", "_has_multipliers", "_has_last", "_last_slide", "_rate", "_best_ratio", "_stalled", "_ratio",
+        "_has_risen", "_excess_leads", "_taut", "_leading",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -112,7 +115,7 @@ class RodRelaxation:
         self.vibration = vibration
         # [world]
         self._has_last = np.zeros(worlds, dtype=bool)  # whether the state at the last check is known
-        self._last_slide = np.zeros((2, len(sliding)))  # [m] of the sliding clamps then, and [N] their forces
+        self._last_slide = np.zeros((len(sliding), 2))  # [m] of the sliding clamps then, and [N] their forces
         self._mean_energy = np.full(worlds, np.nan)  # [J] kinetic energy of the mean motion since the last check, where known
         self._rate, self._best_ratio = np.full(worlds, MAX_RATE), np.full(worlds, np.inf)
         self._ratio, self._has_risen = np.full(worlds, np.inf), np.zeros(worlds, dtype=bool)
@@ -272,7 +275,7 @@ class RodRelaxation:
         work = self.checks.motion(rows)
         self._has_last[rows] = False
         if self.clamps is not None and len(self.clamps.sliding):  # both nodes move, and carry the mass; the force counts once
-            place, force = self._slide() - self._last_slide
+            place, force = (self._slide() - self._last_slide).T
             work += np.array([float(p @ f) for p, f in zip(*self._by_world(place, force), strict=True)])[rows]
             store_at(arrays.last_place, (self.clamps.sliding_node, 1), place[:, None])
         moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved", rows)
@@ -284,8 +287,8 @@ class RodRelaxation:
         return [value.reshape(self.stepper.worlds, -1) for value in values]
 
     def _slide(self) -> np.ndarray:
-        """(2, sliding clamp) [m] places of the sliding clamps, and [N] their forces."""
-        return np.zeros((2, 0)) if self.clamps is None else np.stack([self.clamps.place, self.clamps.force[:, 1]])
+        """(sliding clamp, 2) [m] places of the sliding clamps, and [N] their forces."""
+        return np.zeros((0, 2)) if self.clamps is None else np.stack([self.clamps.place, self.clamps.force[:, 1]], axis=1)
 
     def kinetic_energy(self, rows: np.ndarray) -> np.ndarray:
         """[row] [J] of the mean motion since the last check; of all motion after the state was moved from outside.
@@ -395,32 +398,3 @@ class RodRelaxation:
         """The same, with the full rate of the multipliers, whose errors have grown by the move."""
         self._reset_rate(self.stepper.rows if rows is None else rows)
         self.reset_damping_estimate(rows)
-
-    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
-        """Arrays of a world for a checkpoint, in addition to the state of the rods."""
-        part, arrays = self.stepper.part, self.checks.arrays
-        kept = {"thermal_strain": fetch(part(arrays.thermal_strain, world)).copy()}
-        kept |= {name: getattr(self, f"_{name}")[world].copy() for name in OF_WORLD}
-        for name in ("taut", "leading"):
-            stalled: Stalled = getattr(self, f"_{name}")
-            kept |= {f"{name}_best": stalled.best[world].copy(), f"{name}_checks": stalled.checks[world].copy()}
-        if self._has_last[world]:
-            kept |= {name: fetch(part(getattr(arrays, name), world)).copy() for name in LAST}
-            kept["last_slide"] = self._last_slide
-        return kept if self.clamps is None else kept | {"clamp_velocity": fetch(part(self.clamps.velocity, world)).copy()}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
-        """Restore what `state_dict` returned."""
-        part, arrays = self.stepper.part, self.checks.arrays
-        store(part(arrays.thermal_strain, world), kept["thermal_strain"])
-        for name in OF_WORLD:
-            getattr(self, f"_{name}")[world] = kept[name]
-        for name in ("taut", "leading"):
-            stalled: Stalled = getattr(self, f"_{name}")
-            stalled.best[world], stalled.checks[world] = kept[f"{name}_best"], kept[f"{name}_checks"]
-        if self._has_last[world]:
-            self._last_slide = kept["last_slide"]
-            for name in LAST:
-                store(part(getattr(arrays, name), world), kept[name])
-        if self.clamps is not None:
-            store(part(self.clamps.velocity, world), kept["clamp_velocity"])

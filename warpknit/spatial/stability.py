@@ -26,6 +26,8 @@ GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance ha
 class Stability:
     """The test of one level after the other, of every world."""
 
+    KEPT = ("_checks", "_energy", "_least", "_is_over", "has_left")
+
     def __init__(self, model: SpatialModel, relaxation: RodRelaxation, contact: WireContact) -> None:
         self.model, self.relaxation, self.contact = model, relaxation, contact
         worlds = relaxation.stepper.worlds
@@ -88,13 +90,3 @@ class Stability:
         store(place, fetch(place) + np.where(free[:, None], shift[here], 0.0))
         self.contact.search(rows)
         self.relaxation.reset_damping_estimate(rows)
-
-    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
-        """Arrays of a world for a checkpoint."""
-        kept = (self._checks, self._energy, self._least, self._is_over, self.has_left)
-        return {"stability": np.array([float(values[world]) for values in kept])}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
-        """Restore what `state_dict` returned."""
-        checks, self._energy[world], self._least[world], is_over, has_left = kept["stability"].tolist()
-        self._checks[world], self._is_over[world], self.has_left[world] = int(checks), bool(is_over), bool(has_left)

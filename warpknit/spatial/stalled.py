@@ -8,6 +8,8 @@ import numpy as np
 class Stalled:
     """Errors (world, constraint) over the convergence checks."""
 
+    KEPT = ("best", "checks")
+
     def __init__(self, worlds: int, count: int, tolerance: float, progress: float, patience: int) -> None:
         """An error makes progress if it falls to the share `progress` of itself within `patience` checks."""
         self._tolerance, self._progress, self._patience = tolerance, progress, patience

@@ -20,6 +20,8 @@ class Yielding:
     Arrays run over the nodes; turns [rad] are along the section directors, and 0 at the ends of wires.
     """
 
+    KEPT = ("dissipated",)
+
     def __init__(self, rods: Rods, arrays: RodArrays, state: RodState, sums: WireSums, worlds: int = 1) -> None:
         self.rods, self.arrays, self.state, self._sums = rods, arrays, state, sums
         self._inside = (rods.following >= 0) & (rods.previous >= 0)
@@ -97,11 +99,3 @@ class Yielding:
         self.dissipated[world] += self._sums.of_nodes(moment * np.linalg.norm(change, axis=1))[world]
         nodes = slice(world * self.arrays.world_nodes, (world + 1) * self.arrays.world_nodes)
         store(self.state.plastic_turn[nodes], (self.plastic + change)[nodes])
-
-    def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
-        """Arrays of a world for a checkpoint, in addition to the state of the rods."""
-        return {"yield_dissipated": np.array(self.dissipated[world])}
-
-    def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
-        """Restore what `state_dict` returned."""
-        self.dissipated[world] = float(kept["yield_dissipated"])
