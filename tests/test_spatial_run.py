@@ -92,7 +92,7 @@ def test_wires_in_each_other_are_told_with_place_and_stiffness(given: tuple[str,
     store(mechanics.state.displacement, lowered)
     mechanics.contact.search()
     mechanics.stepper.evaluate()
-    line = str(simulation.drive.overlap_error())
+    line = str(simulation.drive.overlap_error(mechanics.overlap()))
     place = re.search(r"near \(([^,]+), ([^)]+)\) (\w+) from the corner", line)
     assert place is not None
     x, y = (float(text) * {"um": 1e-3, "mm": 1.0}[place[3]] for text in place.groups()[:2])

@@ -94,12 +94,14 @@ if (is_wide) {
         wz -= off * tz;
         const real unit = 1 / sqrt(wx * wx + wy * wy + wz * wz);
         const real co = cosines[k] * unit, si = sines[k] * unit;
+        // frames of a state that has not changed stay as they are, however often they are computed
+        const bool same = turn[k] == 0 && px == tx && py == ty && pz == tz;
         t[3 * k] = tx;
         t[3 * k + 1] = ty;
         t[3 * k + 2] = tz;
-        d[3 * k] = co * wx + si * (ty * wz - tz * wy);
-        d[3 * k + 1] = co * wy + si * (tz * wx - tx * wz);
-        d[3 * k + 2] = co * wz + si * (tx * wy - ty * wx);
+        d[3 * k] = same ? vx : co * wx + si * (ty * wz - tz * wy);
+        d[3 * k + 1] = same ? vy : co * wy + si * (tz * wx - tx * wz);
+        d[3 * k + 2] = same ? vz : co * wz + si * (tx * wy - ty * wx);
         turn[k] = 0;
     }
 }

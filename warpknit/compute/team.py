@@ -12,10 +12,11 @@ import numpy as np
 import warp as wp
 
 from ..kernels.barrier import wait_for_all
-from ..kernels.control import STATUS, STATUS_RUNNING
+from ..kernels.control import STATUS, STATUS_DIVERGED, STATUS_STALE, STATUS_WAITING
 from .host import fetch
 from .launch import Launch, bind
 
+FROZEN = np.isin(np.arange(6), [int(status) for status in (STATUS_STALE, STATUS_DIVERGED, STATUS_WAITING)])  # [status]
 TRIAL = 20  # calls after which the slower way is tried again
 
 
@@ -35,19 +36,23 @@ class Team:
         for helper in waiting:
             helper.result()
 
-    def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
+    def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array, rows: Sequence[slice] | None = None) -> int:
         """Replay graphs[thread] of steps in turn, on the CPU while the state does not freeze; return how many.
 
-        All threads see the control array freeze after the same step.
+        All threads see the control array of a shared world freeze after the same step. rows: of the worlds of each graph in the
+        order of the threads; a graph whose worlds are frozen is left out.
         """
-        replayed = [0] * self.threads
+        replayed, of_worlds = [0] * self.threads, iter(rows or ())
+        where = [[next(of_worlds, ...) for _ in own] for own in graphs]
+
+        def is_frozen(worlds: Any) -> bool:
+            return self._on_cpu and bool(FROZEN[fetch(control)[..., int(STATUS)][worlds].astype(int)].all())
 
         def of_thread(part: int) -> None:
-            for graph in graphs[part]:
-                if replayed[part] > 0 and self._on_cpu and not np.any(fetch(control)[..., int(STATUS)] == float(STATUS_RUNNING)):
-                    return
-                wp.capture_launch(graph)
-                replayed[part] += 1
+            for graph, worlds in zip(graphs[part], where[part], strict=True):
+                if not is_frozen(worlds):
+                    wp.capture_launch(graph)
+                    replayed[part] += 1
 
         self.together([partial(of_thread, part) for part in range(self.threads)])
         return replayed[0]

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -307,6 +308,15 @@ class Group(Protocol):
     @property
     def members(self) -> Sequence[Mechanics]: ...
 
+    def together(self) -> AbstractContextManager[None]:
+        """Loads that are set within begin at its end, all at once."""
+
+    def search(self, rows: np.ndarray) -> None:
+        """`Mechanics.search` of all rows."""
+
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        """`Mechanics.overlap` of all rows."""
+
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Take steps; return steps taken [row] and whether diverged [row]."""
 
@@ -355,6 +365,15 @@ class SingleMesh:
     def __init__(self, mechanics: Mechanics) -> None:
         self.model, self.members = mechanics.model, (mechanics,)
         self._mesh = mechanics
+
+    def together(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def search(self, rows: np.ndarray) -> None:
+        self._mesh.search()
+
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        return np.zeros(len(rows))
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         taken, diverged = advance(self._mesh, steps)

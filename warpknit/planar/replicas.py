@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 
 import numpy as np
@@ -110,6 +111,16 @@ class ReplicaGroup:
         self._rules.begin_level(np.array([row]))
 
     # --- steps
+
+    def together(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def search(self, rows: np.ndarray) -> None:
+        for row in rows.tolist():
+            self.members[row].search()
+
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        return np.zeros(len(rows))
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         all_rows, before = rows, self._steering.step

@@ -156,9 +156,8 @@ class Drive(ABC):
                 cause = "the released wires spring apart too fast; raise wire.set_fraction"
         return Diverged(f"diverged at step {self.progress.steps}: wire {wire}, node {node}, {self._where()}; {cause}")
 
-    def overlap_error(self) -> Diverged | None:
-        """The error of wires that may have passed through each other, or None."""
-        overlap = self.mechanics.overlap()
+    def overlap_error(self, overlap: float) -> Diverged | None:
+        """The error of wires that may have passed through each other, by their overlap over the thickness, or None."""
         if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
         causes = self.mechanics.causes()

@@ -32,7 +32,7 @@ class Relaxing(Protocol):
         """The residual ratio after corrections beside the time steps."""
 
     def divergence(self) -> Diverged: ...
-    def overlap_error(self) -> Diverged | None: ...
+    def overlap_error(self, overlap: float) -> Diverged | None: ...
     def stalled(self) -> Diverged: ...
     def exceeded_steps(self) -> Diverged: ...
 
@@ -76,8 +76,10 @@ class Equilibrium:
             relaxation.progress.checks += 1
             if lost:
                 failed[row] = relaxation.divergence()
-            elif self._can_overlap and (error := relaxation.overlap_error()) is not None:
-                failed[row] = error
+        if self._can_overlap:
+            for row, overlap in zip(rows.tolist(), self.group.overlap(rows).tolist(), strict=True):
+                if row not in failed and (error := self.relaxations[row].overlap_error(overlap)) is not None:
+                    failed[row] = error
         rows = rows[~np.isin(rows, list(failed))]
         if not len(rows):
             return CheckOutcome([], failed)

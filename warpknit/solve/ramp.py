@@ -72,7 +72,7 @@ class Ramp(Drive):
             progress.steps += taken
             if diverged:
                 raise self.divergence()
-            if (error := self.overlap_error()) is not None:
+            if (error := self.overlap_error(self.mechanics.overlap())) is not None:
                 raise error
             progress.time += CHECK_STEPS * step
             progress.checks += 1

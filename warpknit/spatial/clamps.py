@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..compute.host import Entries, store
+from ..compute.host import Entries
 from ..compute.launch import Launch, bind
 from ..kernels.rod_clamps import move_clamps
 from .rod_step import RodStepper
@@ -65,7 +65,3 @@ class MovingClamps:
     def _of_nodes(self, array: wp.array) -> np.ndarray:
         """(sliding clamp, 2, 3) the vectors of both nodes."""
         return self._entries.fetch(array).reshape(-1, 2, 3) if self.need_forces else np.zeros((0, 2, 3))
-
-    def stop(self, world: int) -> None:
-        """Set the velocities of a world to zero."""
-        store(self.stepper.part(self.velocity, world), 0)

@@ -86,19 +86,18 @@ class ContactMultipliers:
     def stiffen(self, rows: np.ndarray | None = None) -> None:
         """Raise the penalties of worlds for a load to come, and forget where overlaps have stalled."""
         stepper, arrays = self._contact.stepper, self._arrays
-        for world in (stepper.rows if rows is None else rows).tolist():
-            for array, value in ((arrays.penalty_raised, 1.0), (arrays.overlap_best, np.inf), (arrays.overlap_checks, 0)):
-                store(stepper.part(array, world), value)
-            self.raise_to_floor(world)
+        rows = stepper.rows if rows is None else rows
+        for array, value in ((arrays.penalty_raised, 1.0), (arrays.overlap_best, np.inf), (arrays.overlap_checks, 0)):
+            stepper.store_rows(array, rows, value)
+        self.raise_to_floor(rows)
 
-    def raise_to_floor(self, world: int = 0) -> None:
-        """Raise the penalties to what contacts need that close fast; the forces of the offsets are kept."""
-        part, state = self._contact.stepper.part, self._state
-        own_penalty, own_offset = part(state.contact_penalty, world), part(state.contact_offset, world)
-        before = fetch(own_penalty)
-        penalty = np.maximum(before, self._loading_floor[world])
-        store(own_offset, fetch(own_offset) * before / penalty)
-        store(own_penalty, penalty)
+    def raise_to_floor(self, rows: np.ndarray) -> None:
+        """Raise the penalties of worlds to what contacts need that close fast; the forces of the offsets are kept."""
+        stepper, state = self._contact.stepper, self._state
+        before, offset = (stepper.by_world(array)[rows] for array in (state.contact_penalty, state.contact_offset))
+        penalty = np.maximum(before, self._loading_floor[rows, None])
+        stepper.store_rows(state.contact_offset, rows, offset * before / penalty)
+        stepper.store_rows(state.contact_penalty, rows, penalty)
 
     @property
     def push(self) -> np.ndarray:

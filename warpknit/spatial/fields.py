@@ -133,7 +133,7 @@ class Fields:
         move[~self._moves] = 0.0
         self.stepper.evaluate()
         self._pull(changes)
-        self.multipliers.raise_to_floor()
+        self.multipliers.raise_to_floor(np.array([0]))
         self.stepper.shift(move, np.where(self.relaxation.free_sections, changes.get("turn", none), 0.0))
         self.relaxation.renew_masses(loading=True)
         self.relaxation.begin_anew()

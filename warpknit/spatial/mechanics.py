@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
@@ -56,7 +57,7 @@ class SpatialWorlds:
     """Meshes of one topology, stepped and checked side by side; one is a group too. `rows` are indices of some of them."""
 
     keeps_equilibria = True
-    KEPT = ("overlap",)
+    KEPT = ("deepest",)
 
     def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
         """models: of each world; state: of a single one, default at rest."""
@@ -90,7 +91,8 @@ class SpatialWorlds:
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
         self.stability = Stability(model, self.relaxation, self.contact)
-        self.overlap = np.zeros(worlds)  # over the thickness, deepest up to the last convergence check
+        self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
+        self._waiting: list[int] | None = None  # worlds whose loads begin together
         self.members = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
 
     def _moving_clamps(self) -> MovingClamps | None:
@@ -105,7 +107,47 @@ class SpatialWorlds:
         slides = np.concatenate([sliding + k * count for k in range(worlds)])
         return MovingClamps(self.stepper, node.reshape(-1, 2), lever.reshape(-1, 2, 2), slides)
 
+    # --- loads
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Loads that are set within begin at its end, all worlds at once."""
+        self._waiting = []
+        try:
+            yield
+            rows = np.array(sorted(set(self._waiting)), dtype=int)
+        finally:
+            self._waiting = None
+        if len(rows):
+            self.begin_loads(rows)
+
+    def begin_load(self, world: int) -> None:
+        """Begin the load of a world, now or with others."""
+        if self._waiting is None:
+            self.begin_loads(np.array([world]))
+        else:
+            self._waiting.append(world)
+
+    def begin_loads(self, rows: np.ndarray) -> None:
+        """Prepare worlds for the motion of their loads: contacts that they may close, and masses for these."""
+        if self.multipliers is not None:
+            self.multipliers.stiffen(rows)
+        self.relaxation.stop_motion(rows)
+        self.contact.search(rows)
+        self.relaxation.renew_masses(rows, loading=True)
+        self.contact.pop_max_penetration(rows)
+
     # --- steps
+
+    def search(self, rows: np.ndarray) -> None:
+        """Search neighbours, and reset the travel budget."""
+        self.contact.refresh(rows=rows)
+
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        """[row] largest overlap of wires since the last call, over their thickness."""
+        thickness = 2.0 * float(self.model.rods.wire_radius.min())
+        self.deepest[rows] = self.contact.pop_max_penetration(rows) / thickness
+        return self.deepest[rows]
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
@@ -140,7 +182,7 @@ class SpatialWorlds:
         lags = np.array([member.is_loading_gently(bool(one)) for member, one in zip(members, loading, strict=True)])
         if lags.any():
             late = rows[lags]
-            pace = renewed_pace(1.0 - stepper.steering.ramp_lag[late], self.overlap[late])
+            pace = renewed_pace(1.0 - stepper.steering.ramp_lag[late], self.deepest[late])
             stepper.steering.set(late, ramp_lag=1.0 - pace)
         for member, one in zip(members, loading.tolist(), strict=True):
             member.go_on_releasing(loading=one)
@@ -259,11 +301,7 @@ class SpatialMechanics:
         self.relaxation.set_thermal_strain(self._thermal_strain(load), self.world)
         if self.clamps is None or steps == 0:
             self._move_clamps(load, factor)
-        if self.multipliers is not None:
-            self.multipliers.stiffen(self.rows)
-        self.relaxation.stop_motion(self.rows)
-        self.search_pairs()
-        self.relaxation.renew_masses(self.rows, loading=True)
+        self.group.begin_load(self.world)
 
     def search_pairs(self) -> None:
         """Search the pairs of wires that may touch."""
@@ -376,16 +414,14 @@ class SpatialMechanics:
     # --- steps
 
     def search(self) -> None:
-        self.contact.refresh(rows=self.rows)
+        self.group.search(self.rows)
 
     def step(self, count: int) -> None:
         with self.stepper.only(self.rows):
             self.stepper.step(count)
 
     def overlap(self) -> float:
-        thickness = 2.0 * float(self.model.rods.wire_radius.min())
-        self.group.overlap[self.world] = self.contact.pop_max_penetration(self.rows)[0] / thickness
-        return float(self.group.overlap[self.world])
+        return float(self.group.overlap(self.rows)[0])
 
     def deepest_overlap(self) -> str:
         observed, strip, state = self.observe(), self.strip, self.state

@@ -383,11 +383,9 @@ class RodRelaxation:
         rows, stepper = self.stepper.rows if rows is None else rows, self.stepper
         self._reset_rate(rows)
         stepper.steering.set(rows, damping=FASTEST_DAMPING, speed_max=0.0)
-        for world in rows.tolist():
-            store(stepper.part(stepper.state.velocity, world), 0)
-            store(stepper.part(stepper.state.spin, world), 0)
-            if self.clamps is not None:
-                self.clamps.stop(world)
+        moving = [stepper.state.velocity, stepper.state.spin, *([] if self.clamps is None else [self.clamps.velocity])]
+        for speed in moving:
+            stepper.store_rows(speed, rows, 0.0)
         self._has_last[rows] = False
 
     def reset_damping_estimate(self, rows: np.ndarray | None = None) -> None:

@@ -53,6 +53,7 @@ from .yielding import Yielding
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
+NODES_IN_CACHE = 1_000  # of worlds that take their steps before others do
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 
 
@@ -105,7 +106,7 @@ class RodStepper:
     ) -> None:
         """state: of the rods, in this precision; default: at rest. strip: which of them are stepped here; default: all.
 
-        worlds: of which the rods are (`rods.joined`). Each thread steps some of them; threads share a single one.
+        worlds: of which the rods are (`rods.joined`). Each thread steps some, a few at a time; a single one is shared.
         """
         self.rods = rods
         self.strip = strip or RodStrip.alone(rods)
@@ -120,6 +121,8 @@ class RodStepper:
         self.clamps: Clamps | None = None
         pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
+        each = max(1, NODES_IN_CACHE * worlds // rods.node_count)
+        self.parts = self.team.threads if worlds == 1 else max(self.team.threads, -(-worlds // each))
         # threads that share the launches of a check
         self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
         self._no_contact = no_contact(rods, device, precision)
@@ -128,11 +131,11 @@ class RodStepper:
         self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
         self.sums = WireSums(self.strip, rods, block_wire, self.blocks, worlds)
         self.yielding = Yielding(rods, self.arrays, self.state, self.sums, worlds)
-        on_cpu, threads = device == "cpu", self.team.threads
+        on_cpu = device == "cpu"
         if worlds == 1:
-            self._groups = wire_groups(rods, wires, block_wire, threads, on_cpu=on_cpu)
+            self._groups = wire_groups(rods, wires, block_wire, self.parts, on_cpu=on_cpu)
         else:
-            parts = [self.share_of(wires, part) for part in range(threads)]
+            parts = [self.share_of(wires, part) for part in range(self.parts)]
             self._groups = [wire_groups(rods, own, block_wire, 1, on_cpu=on_cpu)[0] for own in parts]
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
         shares = [self.team.share_of(wires, part, self.few) for part in range(self.few)]
@@ -141,15 +144,32 @@ class RodStepper:
         self._frames = frames_launch(self.arrays, self.state).record(device)
 
     def share_of(self, items: range, part: int) -> range:
-        """The share of a thread in items of all worlds, as many in each: some of them, or those of some worlds."""
+        """The share of a part in items of all worlds, as many in each: some of them, or those of some worlds."""
         if self.worlds == 1:
             return self.team.share_of(items, part)
-        own, each = self.team.share_of(range(self.worlds), part), len(items) // self.worlds
+        own, each = self.team.share_of(range(self.worlds), part, self.parts), len(items) // self.worlds
         return items[own.start * each : own.stop * each]
+
+    def in_parts(self, calls: Sequence[Callable[[], object]]) -> None:
+        """Call a function for each part, those of a thread one after the other."""
+        shares = [self.team.share_of(range(len(calls)), thread) for thread in range(self.team.threads)]
+        self.team.together([partial(_call_all, [calls[part] for part in own]) for own in shares])
 
     def _wait(self) -> list[Launch]:
         """What threads that share a world launch to wait for each other."""
         return self.team.barrier() if self.worlds == 1 else []
+
+    def by_world(self, array: wp.array) -> np.ndarray:
+        """(world, ...) the array on the host."""
+        host = fetch(array)
+        return host.reshape(self.worlds, -1, *host.shape[1:])
+
+    def store_rows(self, array: wp.array, rows: np.ndarray, values: Any) -> None:
+        """Set the parts of an array that belong to worlds to values (row, ...), or that broadcast to it."""
+        host = self.by_world(array)
+        host[rows] = values
+        if self.device != "cpu":
+            store(array, host.reshape(fetch(array).shape))
 
     @contextmanager
     def only(self, rows: np.ndarray | None) -> Iterator[np.ndarray]:
@@ -178,7 +198,7 @@ class RodStepper:
         arrays, state, wait = self.arrays, self.state, self._wait()
         touch, contact = self._no_contact, []
         if self.contact is not None:
-            touch, contact = self.contact.touch, [*self.contact.launches(part, self.team.threads), *wait]
+            touch, contact = self.contact.touch, [*self.contact.launches(part, self.parts), *wait]
         blocks = self.share_of(range(len(arrays.block_first)), part)
         return [frames_launch(arrays, state, blocks, when), *wait, *contact], touch
 
@@ -265,16 +285,21 @@ class RodStepper:
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
         graphs = self._graphs_of(steps, partial(self._launches_of, steps))
-        self.team.replay([[graph] * times for graph in graphs], self.state.control)
+        of_threads = [self.team.share_of(range(self.parts), thread) for thread in range(self.team.threads)]
+        worlds = [self.share_of(range(self.worlds), part) for part in range(self.parts)]
+        rows = None if self.worlds == 1 else [slice(own.start, own.stop) for own in worlds for _ in range(times)]
+        self.team.replay(
+            [[graphs[part] for part in parts for _ in range(times)] for parts in of_threads], self.state.control, rows
+        )
 
     def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
-        """The graph of each thread's part, captured once by name and version of the contact; launches_of: of a part."""
+        """The graph of each part, captured once by name and version of the contact; launches_of: of a part."""
         key = (self.contact.version if self.contact is not None else (), name)
         if key not in self._graphs:
             # two lists of pairs take turns; graphs of lists that have grown since are not used again, and hold their arrays
             kept = [version for version, _ in self._graphs if version != key[0] and version[1:] == key[0][1:]][-1:]
             self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
-            self._graphs[key] = [self._captured(launches_of(part)) for part in range(self.team.threads)]
+            self._graphs[key] = [self._captured(launches_of(part)) for part in range(self.parts)]
         return self._graphs[key]
 
     def _launches_of(self, steps: int, part: int) -> list[list[Launch]]:
@@ -355,3 +380,8 @@ class RodStepper:
         stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
         bent = self.yielding.elastic_energy + self.yielding.plastic_potential()
         return float((self.sums.of_nodes(np.where(has_segment, stretch, 0.0)) + bent)[0])
+
+
+def _call_all(calls: Sequence[Callable[[], object]]) -> None:
+    for call in calls:
+        call()

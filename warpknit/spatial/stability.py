@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..compute.host import fetch, store
 from ..measure.strain import strain_text
 from ..mechanics.numerics import FASTEST_DAMPING
 from .model import SpatialModel
@@ -54,8 +53,8 @@ class Stability:
         ratio[tests] = np.inf
         energy, before = self.relaxation.kinetic_energy(rows), self._energy[rows]
         checks = self._checks[rows]
-        for world in rows[checks == 0].tolist():
-            self._disturb(world)
+        if (checks == 0).any():
+            self._disturb(rows[checks == 0])
         energy[checks == 0] = np.inf
         is_over = (checks > 0) & ((checks >= MOST_CHECKS) | ((checks >= LEAST_CHECKS) & (energy < before)))
         over = rows[is_over]
@@ -79,14 +78,15 @@ class Stability:
         strains = strain_text(self.relaxation.stepper.steering.gradient[world])
         return f"at strains of {strains} an equilibrium was not stable: the mesh left it for another"
 
-    def _disturb(self, world: int) -> None:
+    def _disturb(self, rows: np.ndarray) -> None:
         stepper = self.relaxation.stepper
-        strip, place, rows = stepper.strip, stepper.part(stepper.state.displacement, world), np.array([world])
+        strip = stepper.strip
         nodes = strip.whole.node_count // stepper.worlds
         size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.whole.section.thickness
         shift = size * np.random.default_rng(SEED).standard_normal((nodes, 3))
         here = strip.nodes_of_mesh if stepper.worlds == 1 else np.arange(nodes)
-        free = self.relaxation.free.reshape(stepper.worlds, -1)[world]
-        store(place, fetch(place) + np.where(free[:, None], shift[here], 0.0))
+        free = self.relaxation.free.reshape(stepper.worlds, -1)[rows]
+        place = stepper.state.displacement
+        stepper.store_rows(place, rows, stepper.by_world(place)[rows] + np.where(free[..., None], shift[here], 0.0))
         self.contact.search(rows)
         self.relaxation.reset_damping_estimate(rows)

@@ -51,7 +51,8 @@ CARRIED = (
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
-CAPACITY_MARGIN = 1.3  # capacity of a list over the pairs found
+# capacity of a list over the pairs found; below so many pairs, where launches that are recorded anew take longer, the larger one
+CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
 
 @dataclass(frozen=True)
@@ -230,11 +231,11 @@ class WireContact:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
             named = pairs.named("start", "first", "second", "shift", "wake_travel", "found", "is_near")
             counts = {"pair_count": pairs.total, "threads": threads}
-            for part in range(stepper.threads):
-                share = self._share(part, stepper.threads)
+            for part in range(stepper.parts):
+                share = self._share(part, stepper.parts)
                 mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, **share, **counts, **named)
                 pairs.mark.append(mark.replay(stepper.device))
-        stepper.team.together(pairs.mark)
+        stepper.in_parts(pairs.mark)
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Have the steps look at those of all pairs that are marked as near, or at these pairs."""
@@ -325,7 +326,7 @@ class WireContact:
 
     def _capacity(self, total: int, size: int) -> int:
         """Capacity of a list of so many pairs of `size` bytes."""
-        capacity = round(CAPACITY_MARGIN * total)
+        capacity = round((SMALL_MARGIN if total < SMALL_LIST else CAPACITY_MARGIN) * total)
         needed, available = size * capacity, available_memory(self.stepper.device)
         if needed > available:
             raise OutOfResources(
@@ -361,8 +362,7 @@ class WireContact:
         """[row] [m] largest penetration of the mesh since the last call; resets it."""
         rows = self.stepper.rows if rows is None else rows
         max_penetration = self._penetration()[rows]
-        for row in rows.tolist():
-            store(self.stepper.part(self.max_penetration, row), 0)
+        self.stepper.store_rows(self.max_penetration, rows, 0.0)
         return np.asarray(self.stepper.strip.ranks.largest(max_penetration))
 
     def _near_pairs(self) -> np.ndarray:

@@ -26,9 +26,10 @@ class WireSums:
 
     def _of_worlds(self, of_wires: np.ndarray, worlds: np.ndarray | None) -> np.ndarray:
         """(world, n) exact sums of values (own wire, n), of all worlds or of some."""
+        if self._worlds == 1:
+            return np.asarray(self._ranks.exact_sum(of_wires))[None]
         by_world = of_wires.reshape(self._worlds, -1, of_wires.shape[1])
-        which = by_world if worlds is None else by_world[worlds]
-        return np.array([self._ranks.exact_sum(values) for values in which])
+        return twofold_sum(by_world if worlds is None else by_world[worlds])
 
     def total(self, rows: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
         """(world, n) sums of rows (block, n), of all worlds or of some."""
@@ -42,3 +43,17 @@ class WireSums:
         """(world, n) the largest of each column (block, n), of all worlds or of some."""
         own = rows[self._own].reshape(self._worlds, -1, rows.shape[1]).max(axis=1)
         return self._ranks.largest(own if worlds is None else own[worlds])
+
+
+def twofold_sum(values: np.ndarray) -> np.ndarray:
+    """(world, n) sums of values (world, wire, n), as if computed in twofold precision and rounded: those of `Ranks.exact_sum`.
+
+    Knuth's exact error of a sum; Ogita, Rump and Oishi 2005, SIAM J. Sci. Comput. 26, 1955.
+    """
+    total, error = np.zeros_like(values[:, 0]), np.zeros_like(values[:, 0])
+    for k in range(values.shape[1]):
+        value, before = values[:, k], total
+        total = before + value
+        part = total - before
+        error += (before - (total - part)) + (value - part)
+    return np.asarray(total + error)

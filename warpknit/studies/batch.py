@@ -57,24 +57,25 @@ class Batch:
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium of every mesh under its load."""
-        active = []
-        for row, member in enumerate(self.members):
-            member.mechanics.search()
-            member.progress.stage = self.stages[row].name
+        rows = np.arange(len(self.members))
+        self.group.search(rows)
+        for member, stage in zip(self.members, self.stages, strict=True):
+            member.progress.stage = stage.name
             member.progress.start = member.load_now()
-            if (outcome := self._next_level(row)) is None:
-                active.append(row)
-            else:
-                yield outcome
-        while active:
+        due: dict[int, Diverged | None] = dict.fromkeys(
+            rows.tolist()
+        )  # rows that go on to their next level, after an error or none
+        active: list[int] = []
+        while due or active:
+            with self.group.together():
+                outcomes = {row: self._next_level(row, error) for row, error in due.items()}
+            yield from (outcome for outcome in outcomes.values() if outcome is not None)
+            active = sorted([*active, *(row for row, outcome in outcomes.items() if outcome is None)])
+            if not active:
+                return
             check = self.equilibrium.advance(np.array(active))
-            unfinished = [row for row in active if row not in check.failed and row not in check.converged]
-            for row in [*check.failed, *check.converged]:
-                if (outcome := self._next_level(row, check.failed.get(row))) is None:
-                    unfinished.append(row)
-                else:
-                    yield outcome
-            active = sorted(unfinished)
+            due = {row: check.failed.get(row) for row in [*check.failed, *check.converged]}
+            active = [row for row in active if row not in due]
             self._watch(self)
 
     def _next_level(self, row: int, error: Diverged | None = None) -> Outcome | None:
