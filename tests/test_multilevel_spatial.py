@@ -16,16 +16,15 @@ from warpknit.runner.history import row_of, with_sums
 from warpknit.runner.summary import run_summary
 from warpknit.runner.work import with_work
 from warpknit.scene import load_scene
-from warpknit.solve.aitken import Aitken
 from warpknit.solve.membrane import Correction
 from warpknit.solve.model import build_model, initial_state, mechanics_of
-from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
+from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, Aitken, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
-from warpknit.spatial import prolongation
+from warpknit.spatial import transfer
+from warpknit.spatial.fields import PanelNodes
 from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
-from warpknit.spatial.panel_nodes import PanelNodes
 from warpknit.spatial.rod_relaxation import CHECK_STEPS
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell_spatial.toml"
@@ -63,7 +62,7 @@ def observed(mechanics: SpatialMechanics) -> tuple[np.ndarray, float]:
 def test_one_repeat_in_equilibrium_is_the_equilibrium_of_a_tile(monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeats of a tile are alike, so the change of one repeat, added to each, balances at once: after the first check the
     residual is below the tolerance. Undisturbed, the level takes the checks that the drift criterion waits for."""
-    monkeypatch.setattr("warpknit.spatial.stability.Stability.begin", lambda self, world: None)
+    monkeypatch.setattr("warpknit.spatial.convergence.Stability.begin", lambda self, world: None)
     changes = ("knit.repeats=[3, 2]", "load.strain_weft=0.1", "load.strain_warp=0.1")
     mechanics, drive, steps = solved(*changes)
     assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None
@@ -217,7 +216,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
 def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A large mesh that cannot take the state of the smaller one has its own state at the new load, says so, and is not corrected
     as a membrane; its level ends in the same equilibrium."""
-    monkeypatch.setattr(prolongation, "MAX_OVERLAP", -1.0)  # any state overlaps
+    monkeypatch.setattr(transfer, "MAX_OVERLAP", -1.0)  # any state overlaps
     changes = (STRIP, "model.boundary=gripped", "load.strain_weft=0.03", "load.strain_warp=0.03")
     simulation = Simulation(mesh(*changes))
     drive = simulation.drive
@@ -322,7 +321,7 @@ def test_repeated_corrections_that_overshoot_are_relaxed() -> None:
 
 
 def test_an_edge_on_cords_has_no_smaller_mesh_in_space() -> None:
-    """Its stations move with the mesh itself (spatial/edge.py)."""
+    """Its stations move with the mesh itself (spatial/clamps.py)."""
     cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
     model = mesh(STRIP, "model.boundary=gripped", *cords)
     assert not isinstance(Simulation(model).drive, MultilevelRelaxation)

@@ -11,7 +11,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.spatial.edge import Edge
+from warpknit.spatial.clamps import Edge
 
 SCENES = Path(__file__).parents[1] / "scenes"
 HEXAGON = ["model.boundary=gripped", "panel.outline=hexagon", "output.frames=1", "solver.residual_tolerance=0.01"]

@@ -9,9 +9,8 @@ from warpknit.measure import mesh_tension
 from warpknit.scene import load_scene
 from warpknit.solve import relax
 from warpknit.solve.model import build_model
-from warpknit.solve.secant_tangent import SecantTangent
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.tension import MAX_STATES, PATIENCE, TOLERANCE, LevelSearch, TensionSearch
+from warpknit.solve.tension import MAX_STATES, PATIENCE, TOLERANCE, LevelSearch, SecantTangent, TensionSearch
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 BOTH = np.array([True, True])

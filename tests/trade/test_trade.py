@@ -18,7 +18,7 @@ from warpknit.planar import trials
 from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
-from warpknit.spatial import trials as spatial_trials
+from warpknit.spatial import kind as spatial_kind
 from warpknit.studies import parameters, probe_run, study
 from warpknit.studies.point import Errors, Results, Scales, errors_of
 from warpknit.studies.study import MIN_ORDER, extrapolate, pareto, run_trade
@@ -137,10 +137,10 @@ def _check_study(out: Path, rows: list[TradeRow], summary: dict) -> None:
 def test_study_in_space_varies_what_space_has(tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points stay in the kind of model of the scene, whatever `auto` would take with one of their values; settings that it lacks
     are left out, and a ramp far beyond the limit is not run. More nodes are nearer to the reference."""
-    monkeypatch.setattr(spatial_trials, "REFERENCE", ((math.inf, 40),))
-    monkeypatch.setattr(spatial_trials, "COMBINED", ((24,), (0.01,)))
+    monkeypatch.setattr(spatial_kind, "REFERENCE", ((math.inf, 40),))
+    monkeypatch.setattr(spatial_kind, "COMBINED", ((24,), (0.01,)))
     for name, values in (("NODES", (16, 32)), ("TOLERANCES", (0.01,)), ("SOFTENINGS", (0.25,)), ("RAMP_NODES", (40,))):
-        monkeypatch.setattr(spatial_trials, name if name.startswith("RAMP") else f"VARIED_{name}", values)
+        monkeypatch.setattr(spatial_kind, name if name.startswith("RAMP") else f"VARIED_{name}", values)
     monkeypatch.setattr(study, "RAMP_NODES", math.inf)
     for name in ("PERIODS", "DAMPINGS", "STEPS"):
         monkeypatch.setattr(parameters, name, ())
@@ -205,13 +205,13 @@ def test_run_within_an_error_says_what_it_may_miss(tmp_path: Path, quick_pilot: 
 
 def test_error_of_a_run_in_space_is_found_on_a_small_mesh_in_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As in the plane; here finer meshes that count as true are coarse."""
-    monkeypatch.setattr(spatial_trials, "FINE", {"periodic": 52})
-    monkeypatch.setattr(spatial_trials, "TOLERANCE", 1e-2)
+    monkeypatch.setattr(spatial_kind, "FINE", {"periodic": 52})
+    monkeypatch.setattr(spatial_kind, "TOLERANCE", 1e-2)
     monkeypatch.setattr(probe_run, "LEVELS", 1)
     scene = load_scene(CELL, ["model.kind=spatial", "load.strain_weft=0.0", "load.strain_warp=0.02", "output.frames=1"])
     small = probe_run.ProbeRun(scene)
     setting, errors = probe_run.choose_setting(small, 20.0)
-    assert setting == Setting(spatial_trials.NODES[0], SOFTENING, 1e-2, "double")
+    assert setting == Setting(spatial_kind.NODES[0], SOFTENING, 1e-2, "double")
     assert 0.0 < errors.largest_percent < 5.0 and small.node_steps > 0
     own = small.errors_of_run(small.fine, setting)
     assert own is not None and own.largest_percent == 0.0

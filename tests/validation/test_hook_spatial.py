@@ -14,7 +14,7 @@ from warpknit.mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
 from warpknit.scene import SceneError, load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.hook_contact import hook_contact
+from warpknit.spatial.contact_places import hook_contact
 from warpknit.spatial.observables import SpatialObservables
 
 SCENE = Path(__file__).parents[2] / "scenes" / "hook_spatial.toml"

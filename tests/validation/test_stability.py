@@ -1,4 +1,4 @@
-"""An equilibrium that a small disturbance leaves is not reported (spatial/stability.py)."""
+"""An equilibrium that a small disturbance leaves is not reported (spatial/convergence.py)."""
 
 import math
 from pathlib import Path
@@ -73,13 +73,13 @@ def test_a_tight_knit_leaves_an_equilibrium_that_is_not_stable(monkeypatch: pyte
     """What it ends in has less energy and is stable: disturbed three hundred times as much it carries the same tension."""
     scene = load_scene(TIGHT, ["output.frames=3", "output.usd=false"])
     with monkeypatch.context() as without:
-        without.setattr("warpknit.spatial.stability.Stability.begin", lambda self, world: None)
+        without.setattr("warpknit.spatial.convergence.Stability.begin", lambda self, world: None)
         *_, symmetric = Simulation(build_model(scene)).run()
     simulation = Simulation(build_model(scene))
     *_, found = simulation.run()
     assert sum("was not stable" in note for note in simulation.notes) == 1
     assert found.observables.bend_energy < 0.95 * symmetric.observables.bend_energy
-    monkeypatch.setattr("warpknit.spatial.stability.DISTURBANCE", 9.0)
+    monkeypatch.setattr("warpknit.spatial.convergence.DISTURBANCE", 9.0)
     again = load_scene(TIGHT + '[[path]]\nname = "again"\n', ["output.frames=3", "output.usd=false"])
     simulation = Simulation(build_model(again))
     records = list(simulation.run())

@@ -9,10 +9,10 @@ from warpknit.compute.host import fetch
 from warpknit.compute.launch import bind
 from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
-from warpknit.spatial.fictitious_masses import BandedMasses
 from warpknit.spatial.masses import Masses
 from warpknit.spatial.rod_arrays import motion_launch
 from warpknit.spatial.rod_checks import RodChecks
+from warpknit.spatial.rod_relaxation import BandedMasses
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
 

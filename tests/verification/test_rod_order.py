@@ -12,7 +12,7 @@ from warpknit.kernels.wire_curve import MAX_RATIO
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.moments import _node_moments, _pushes
+from warpknit.spatial.bending import _node_moments, _pushes
 from warpknit.spatial.node_stiffness import node_stiffness
 from warpknit.spatial.observables import SpatialObservables
 from warpknit.spatial.rest_curve import node_weights, section_offsets

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reference.rods import SECTION, Pose, helix, round_section
-from warpknit.spatial.fictitious_masses import BandedMasses
 from warpknit.spatial.rod_checks import RodChecks
+from warpknit.spatial.rod_relaxation import BandedMasses
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of, straight
 from warpknit.spatial.step_bound import largest_rates, stable_step

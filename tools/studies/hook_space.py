@@ -19,7 +19,7 @@ from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.hook_contact import hook_contact as spatial_hook_contact
+from warpknit.spatial.contact_places import hook_contact as spatial_hook_contact
 from warpknit.spatial.model import SpatialModel
 
 FRICTION = (0.0, 0.2, 0.4)

@@ -21,7 +21,7 @@ from study import SCENES
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.hook_contact import hook_contact
+from warpknit.spatial.contact_places import hook_contact
 from warpknit.spatial.hook_wires import TiltedArc, tilt
 
 LEVELS = 4

@@ -25,7 +25,7 @@ from ..results.finding import ResultWarning
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from ..scene import Scene
 from ..scene.capabilities import without_effect
-from ..solve.model import description_of
+from ..solve.model import kind_of
 from ..solve.sample_run import Measured, measure_run, sample_model
 from ..studies.contact_map import levels_of_pairs
 from ..wires.file_report import WireReport, wire_report
@@ -162,14 +162,14 @@ def outline_of(scene: Scene, device: str | None = None) -> Outline:
     if not is_whole and cloth is not None:
         (columns, rows), nodes, notes = copies_of_cloth(scene), mesh_nodes(scene), ()
         wires, bodies = len(cloth.threads) * columns, len(cloth.clasps) * columns * rows
-    description = description_of(scene)
+    kind = kind_of(scene)
     about = "" if is_whole else "about "
     # the pieces of a cut are known once it is laid out
     on_wires = f" on {wires:,} wire{'s' if wires != 1 else ''}" if is_whole else ""
     mesh = (
         ("hook", "two wires, hooked once") if cloth is None else ("knit", _repeat(scene, cloth)),
         ("mesh", f"{about}{nodes:,} nodes{on_wires}"),
-        ("contact", f"{about}{description.contacts(bodies)}"),
+        ("contact", f"{about}{kind.contacts(bodies)}"),
     )
     return Outline(
         scene=scene,
@@ -182,13 +182,13 @@ def outline_of(scene: Scene, device: str | None = None) -> Outline:
         memory_bytes=psutil.Process().memory_info().rss + required_memory(scene, nodes),
         available_bytes=min(available_memory(), available_memory(name)),
         physics=(
-            *description.physics(model, bodies),
+            *kind.physics(model, bodies),
             *physics_of(scene, model.loading_time),
-            *(() if cloth is None else map(str, description.limitations(scene, cloth))),
+            *(() if cloth is None else map(str, kind.limitations(scene, cloth))),
             *without_effect(scene),
         ),
         mesh=mesh if file is None else tuple(file.rows()),
-        accuracy=description.accuracy(scene),
+        accuracy=kind.accuracy(scene),
         file=file,
         warnings=(
             *(ResultWarning("W03", note) for note in notes if file is None or note not in file.warnings),
@@ -204,7 +204,7 @@ def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """Whether wires of a repeat, with loops of the mean size, overlap as knitted."""
     if cloth is not None:
         repeat = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
-        yield from description_of(scene).overlaps_as_knitted(scene, repeat)
+        yield from kind_of(scene).overlaps_as_knitted(scene, repeat)
 
 
 def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:

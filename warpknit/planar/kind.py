@@ -5,13 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..mechanics.protocols import Group
-from . import description, trials
+from .description import accuracy, contacts, limitations, overlaps_as_knitted, physics
 from .mechanics import PlanarMechanics
 from .model import Model, build_model
 from .replicas import ReplicaGroup
 from .state import State, initial_state
+from .trials import fine, reference, settings, varied
 
-__all__ = ["build_model", "description", "initial_state", "trials", "worlds"]
+__all__ = [
+    "accuracy",
+    "build_model",
+    "contacts",
+    "fine",
+    "initial_state",
+    "limitations",
+    "overlaps_as_knitted",
+    "physics",
+    "reference",
+    "settings",
+    "varied",
+    "worlds",
+]
 
 
 def worlds(models: Sequence[Model], state: State | None = None) -> Group:

@@ -12,7 +12,7 @@ class Preset:
     """Defaults of the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
-    spatial_nodes_per_loop: int  # the same in space, where they are closer together at bends (spatial/node_places.py)
+    spatial_nodes_per_loop: int  # the same in space, where they are closer together at bends (spatial/placed_wires.py)
     spatial_ramp_nodes_per_loop: int  # the same in a ramp in space, at equal distances
     ramp_nodes_per_loop: int  # the same in a ramp, whose segments keep the length of their chords and not of their arcs
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics

@@ -18,10 +18,6 @@ from ..mechanics.protocols import Group, Mechanics, Model
 from ..scene import Scene
 
 
-def _kind(scene: Scene) -> Any:
-    return import_module(f"warpknit.{scene.model.kind}.kind")
-
-
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
     """The model of a scene: all constant data of its mesh, on a device; planar or spatial, as the scene says.
 
@@ -37,7 +33,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         raise InputError(f"build_model: {scene!r} is not a scene; give one, such as load_scene('scene.toml')")
     if device not in (available := devices()):
         raise DeviceError(f"device: {device!r} is not on this machine; use {either(available)}")
-    model: Model = _kind(scene).build_model(scene, device, ranks)
+    model: Model = kind_of(scene).build_model(scene, device, ranks)
     return model
 
 
@@ -53,7 +49,7 @@ def initial_state(model: Model) -> Any:
     """
     if not hasattr(model, "scene"):
         raise InputError(f"initial_state: {model!r} is not a model; give one, such as build_model(scene)")
-    return _kind(model.scene).initial_state(model)
+    return kind_of(model.scene).initial_state(model)
 
 
 def mechanics_of(model: Model, state: Any) -> Mechanics:
@@ -63,17 +59,10 @@ def mechanics_of(model: Model, state: Any) -> Mechanics:
 
 def worlds_of(models: Sequence[Model], state: Any = None) -> Group:
     """Worlds of one topology side by side, one of each model; of a single one from a state."""
-    worlds: Group = _kind(models[0].scene).worlds(models, state)
+    worlds: Group = kind_of(models[0].scene).worlds(models, state)
     return worlds
 
 
-def description_of(scene: Scene) -> ModuleType:
-    """The module that describes the kind of model of a scene in words."""
-    description: ModuleType = _kind(scene).description
-    return description
-
-
-def trials_of(scene: Scene) -> ModuleType:
-    """The module of probe-run settings of the kind of model of a scene."""
-    trials: ModuleType = _kind(scene).trials
-    return trials
+def kind_of(scene: Scene) -> ModuleType:
+    """The kind of model of a scene: its module `kind`, with a description in words and settings of trial runs besides."""
+    return import_module(f"warpknit.{scene.model.kind}.kind")

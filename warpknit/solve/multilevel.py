@@ -21,7 +21,6 @@ from ..mechanics.numerics import renewed_pace
 from ..mechanics.protocols import EdgeMechanics, MultilevelMechanics, advance
 from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.rim import LoadPoint, Rim, build_rim
-from .aitken import Aitken
 from .convergence import TENSION_FLOOR
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
@@ -40,6 +39,34 @@ MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied
 MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
+FACTORS = (0.1, 1.0)  # smallest and largest
+
+
+class Aitken:
+    """Aitken's relaxation factor of one kind of correction.
+
+    Full corrections overshoot where the stiffness is larger than the one they assume. The factor of the next one follows from the
+    last correction d0, applied with the factor w, and the new one d1:  w -> -w d0 . (d1 - d0)/|d1 - d0|^2
+    """
+
+    KEPT = ("factor", "_last")
+
+    def __init__(self) -> None:
+        self.factor = 1.0  # of the last correction
+        self._last = np.zeros(0)
+
+    def begin(self) -> None:
+        """Forget earlier corrections."""
+        self.factor, self._last = 1.0, np.zeros(0)
+
+    def next_factor(self, correction: np.ndarray, max_factor: float) -> float:
+        """Factor to apply to a correction [any], at most `max_factor`."""
+        last, self._last, share = self._last, correction, 1.0
+        if len(last) == len(correction):
+            change = correction - last
+            share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *FACTORS))
+        self.factor = max_factor * share
+        return self.factor
 
 
 class MultilevelRelaxation(Relaxation):

@@ -1,4 +1,4 @@
-"""The strain at which the mesh carries a prescribed tension, by a tangent from equilibria (secant_tangent.py).
+"""The strain at which the mesh carries a prescribed tension, by a tangent from equilibria.
 
 Only tension-driven directions are unknowns. The mesh stiffens with strain, so steps are bounded and the diagonal of the
 tangent is kept positive. Where the mesh snaps, the tension falls with strain: the states that carry more lie beyond. The tensions
@@ -19,8 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from .secant_tangent import STEP_LIMIT, SecantTangent
-
 PROBE = 2e-4  # strain of the first step, which measures the stiffness: before it the order of magnitude is unknown
 TOLERANCE = 2e-3  # relative to the target, or to half of the larger tension, by which both scatter; at most
 TOLERANCE_SHARE = 1.0 / 3.0  # the same over the residual tolerance: soft meshes answer heat by few tolerances of their strain
@@ -36,6 +34,7 @@ FAR = 0.1  # of the target: what is lacking where a step is kept from the other 
 BRACKETED = 2  # changes of side after which a step stays on this side of the last state on the other one
 BRACKETED_STEPS = 4  # in a row, shortened so, after which that state counts no more: the mesh has snapped
 MAX_STATES = 60  # equilibria tried for one load level
+STEP_LIMIT = 0.02  # strain
 
 
 def relative_miss(tension: np.ndarray, target: np.ndarray, driven: np.ndarray, scale: float) -> float:
@@ -45,6 +44,52 @@ def relative_miss(tension: np.ndarray, target: np.ndarray, driven: np.ndarray, s
     """
     least = max(0.01 * scale, 0.5 * float(np.abs(tension).max()))
     return float(np.max(np.abs(target - tension) / np.maximum(np.abs(target), least), where=driven, initial=0.0))
+
+
+@dataclass
+class SecantTangent:
+    """Secant tangent of the tensions in weft and warp by the strains: Broyden's method, as plain numbers for a checkpoint."""
+
+    stiffness: list[list[float]] = field(default_factory=list)  # [N/m] change of tension by strain, (2, 2)
+    strain: list[float] | None = None  # of the last state
+    tension: list[float] | None = None  # [N/m] of the last state
+
+    def predicted_strain(self, target: np.ndarray, driven: np.ndarray) -> np.ndarray | None:
+        """Strain (2,) at which the tension `target` [N/m] is expected; None before there is a tangent."""
+        if not self.stiffness:
+            return None
+        return np.array(self.strain) + self.step(target - np.array(self.tension), driven)
+
+    def step(self, miss: np.ndarray, driven: np.ndarray) -> np.ndarray:
+        """Strain step (2,) of the `driven` directions for a change of tension `miss` [N/m], at most STEP_LIMIT."""
+        k, step, index = np.array(self.stiffness), np.zeros(2), np.nonzero(driven)[0]
+        step[index] = np.linalg.lstsq(k[np.ix_(index, index)], miss[index], rcond=None)[0]
+        if step @ miss <= 0.0:  # of a stable mesh it is positive, as its tangent is: go on, past the snap
+            step[index] = miss[index] / np.diag(k)[index]
+        return np.asarray(step * min(1.0, STEP_LIMIT / max(float(np.abs(step).max()), 1e-300)))
+
+    def renew(self, strain: np.ndarray, tension: np.ndarray, driven: np.ndarray, significant: float, least: float) -> bool:
+        """Take a change of tension, if it is `significant` [N/m], into the tangent; its diagonal is at least `least` [N/m].
+
+        Returns whether the tangent is renewed.
+        """
+        if self.strain is None or self.tension is None:
+            self.strain, self.tension = strain.tolist(), tension.tolist()
+            return False
+        moved, pulled = strain - np.array(self.strain), tension - np.array(self.tension)
+        if not moved.any():
+            return False
+        if not self.stiffness:
+            ratio = np.divide(pulled, moved, out=np.zeros(2), where=moved != 0.0)
+            k = np.diag(np.where(driven & (ratio > 0.0), ratio, ratio.max()))
+        else:
+            k = np.array(self.stiffness)
+            if max(np.abs(pulled).max(), np.abs(k @ moved).max()) < significant:
+                return False
+            k = k + np.outer(pulled - k @ moved, moved) / (moved @ moved)
+        k[np.diag_indices(2)] = np.maximum(np.diag(k), least)
+        self.stiffness, self.strain, self.tension = k.tolist(), strain.tolist(), tension.tolist()
+        return True
 
 
 @dataclass

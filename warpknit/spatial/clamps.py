@@ -1,18 +1,38 @@
-"""Clamps that follow the load step by step; some slide along the warp, as those of two hooked wires."""
+"""Clamps of a spatial mesh: those that follow the load step by step, and those of an edge that is pulled or hangs on cords.
+
+Stations of an edge stand along the outline (mesh/rim.py). A clamp takes the displacement q interpolated between the two stations
+around it: from rest position c it moves to F c + q. Pulled stations are given. A free station hangs on the cord and carries the
+force of its clamps, R = cord + sum of w f. A damped Newton step moves the free stations by a fraction of K^-1 R, with the
+stiffness K of the cord; the fraction is halved when R has grown. A thin-plate spline through the clamps moves the whole mesh with
+the stations, so that the wires see a smooth strain, as they do when the load changes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sparse
 import warp as wp
+from scipy.interpolate import RBFInterpolator
+from scipy.sparse.linalg import splu
 
 from ..compute.host import Entries
 from ..compute.launch import Launch, bind
 from ..kernels.rod_clamps import move_clamps
+from ..mesh.rim import Rim, build_rim
+from .model import SpatialModel
 from .rod_step import RodStepper
+
+SMOOTHING = 1e-8  # of the thin-plate spline, over the mesh size: keeps it regular where clamps coincide
+MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.7, 0.02  # fraction of a Newton step
+STEP_DECREASE, STEP_INCREASE = 0.5, 1.1
+MAX_MOVE = 2.0  # node spacings, largest displacement of a station in one step
 
 
 class MovingClamps:
-    """Clamps of a stepper, two held nodes each. Sets itself as the stepper's clamps."""
+    """Clamps that follow the load step by step, two held nodes each; some slide along the warp, as those of two hooked wires.
+
+    Sets itself as the stepper's clamps.
+    """
 
     KEPT = ("velocity",)
 
@@ -65,3 +85,91 @@ class MovingClamps:
     def _of_nodes(self, array: wp.array) -> np.ndarray:
         """(sliding clamp, 2, 3) the vectors of both nodes."""
         return self._entries.fetch(array).reshape(-1, 2, 3) if self.need_forces else np.zeros((0, 2, 3))
+
+
+class Edge:
+    """Stations of a gripped mesh in space, pulled or on cords, by the formulas of this module."""
+
+    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor")
+
+    def __init__(self, model: SpatialModel) -> None:
+        self.model = model
+        self.rim: Rim = build_rim(model.panel, model.scene)
+        self.station_displacement = np.zeros((len(self.rim.arc), 2))  # [station, 2] [m] in addition to the load
+        self.start, self.target = self.station_displacement, self.station_displacement  # of given stations, over a load level
+        self.residual = np.array([np.inf, 1.0])  # [N] rms at free stations: unbalanced force, and force of their clamps
+        self._step_factor = MAX_STEP_FACTOR
+        held = model.wires.held_node
+        size = float(model.panel.size.max())
+        weights = self.rim.clamps.toarray()
+        place = model.rods.position[:, :2] / size
+        plate = RBFInterpolator(model.panel.clamp_position / size, weights, kernel="thin_plate_spline", smoothing=SMOOTHING)
+        self._interpolation = plate(place)  # (node, station)
+        self._interpolation[held] = np.repeat(weights, 2, axis=0)
+
+    def set_target(self, target: np.ndarray) -> None:
+        """Set the displacement (station, 2) [m] of given stations at the end of the load level."""
+        self.start, self.target = self.station_displacement, target
+        self.residual = np.array([np.inf, 1.0])
+
+    def mesh_displacement(self, station_displacement: np.ndarray) -> np.ndarray:
+        """(node, 2) [m] interpolated from stations (station, 2) [m]; held nodes move with their clamps."""
+        return np.asarray(self._interpolation @ station_displacement)
+
+    def grip_forces(self, force: np.ndarray) -> np.ndarray:
+        """(clamp, 2) [N] of the clamps on the wires, from the forces (node, 3) of the wires on their nodes."""
+        return -force[self.model.wires.held_node, :2].reshape(-1, 2, 2).sum(axis=1)
+
+    def move_given(self, share: float) -> np.ndarray:
+        """Move given stations to `share` of the load level; returns the displacement (node, 2) [m] of the mesh."""
+        before = self.station_displacement
+        given = self.start + share * (self.target - self.start) if share < 1.0 else self.target
+        self.station_displacement = np.where(self.rim.given[:, None], given, before)
+        return self.mesh_displacement(self.station_displacement - before)
+
+    @property
+    def is_at_target(self) -> bool:
+        """Whether the given stations are where the load level ends."""
+        given = self.rim.given
+        return bool(np.array_equal(self.station_displacement[given], self.target[given]))
+
+    def relax_free(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Move free stations towards equilibrium; returns the displacement (node, 2) [m] of the mesh.
+
+        force: (node, 3) [N] of the wires on their nodes.
+        """
+        step = self._newton_step(gradient, force)
+        self.station_displacement = self.station_displacement + step
+        return self.mesh_displacement(step)
+
+    def unbalanced_forces(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """(station, 2) [N] cord force less clamp force; at given stations too, where it is the reaction."""
+        cord, _ = self.rim.cord_forces(gradient, self.station_displacement)
+        return np.asarray(cord - self.rim.clamps.T @ self.grip_forces(force))
+
+    def _newton_step(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """(station, 2) [m] damped step of the free stations; updates the step factor and the residual."""
+        free = np.flatnonzero(~self.rim.given)
+        unbalanced = self.unbalanced_forces(gradient, force)[free]
+        clamp_force = (self.rim.clamps.T @ self.grip_forces(force))[free]
+        rms = float(np.sqrt(np.mean(unbalanced**2)))
+        factor = self._step_factor * (STEP_DECREASE if rms > self.residual[0] else STEP_INCREASE)
+        self._step_factor = float(np.clip(factor, MIN_STEP_FACTOR, MAX_STEP_FACTOR))
+        self.residual = np.array([rms, float(np.sqrt(np.mean(clamp_force**2)))])
+        columns = np.stack([2 * free, 2 * free + 1], axis=1).ravel()
+        stiffness = sparse.csc_matrix(self.rim.cord_stiffness(gradient, self.station_displacement))[columns][:, columns]
+        step = self._step_factor * splu(sparse.csc_matrix(stiffness)).solve(unbalanced.ravel()).reshape(-1, 2)
+        largest = float(np.linalg.norm(step, axis=1).max(initial=0.0))
+        limit = MAX_MOVE * float(self.model.rods.natural_length.max())
+        limited = np.zeros_like(self.station_displacement)
+        limited[free] = step * min(1.0, limit / max(largest, 1e-300))
+        return limited
+
+    def residual_ratio(self, tolerance: float) -> float:
+        """Unbalanced force at free stations over `tolerance` times the force of their clamps."""
+        return float(self.residual[0] / max(tolerance * self.residual[1], 1e-300)) if self.rim.is_free else 0.0
+
+    @property
+    def clamp_displacement(self) -> np.ndarray:
+        """(clamp, 2) [m] in addition to the load."""
+        return np.asarray(self.rim.clamps @ self.station_displacement)

@@ -13,7 +13,7 @@ from ..compute.host import fetch
 from ..compute.team import SharedLaunches
 from ..kernels import contact_checks as k
 from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
-from .pair_list import PairList
+from .pair_search import PairList
 from .rest_curve import RestCurve
 from .rod_step import RodStepper
 from .touch_arrays import TouchArrays

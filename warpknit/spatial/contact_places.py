@@ -1,4 +1,4 @@
-"""Places of contacts and sites on the wires in space."""
+"""Places of contacts and sites on the wires in space, and the contact of two hooked wires."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..measure import active_threshold
-from ..measure.observables import ContactPlaces, arcs_along
+from ..measure.observables import ContactPlaces, HookContact, arcs_along
+from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from ..wires.overlaps import segment_distances
+from .hook_wires import BETWEEN
 from .rest_curve import rest_place
 from .sites import NOWHERE
 
@@ -125,4 +127,40 @@ def contact_places(r: Any) -> ContactPlaces:
         reach=(rest[:, 1] + shift - rest[:, 0])[:, :2],
         wire_length=np.add.reduceat(lengths, rods.wire_first),
         wire_period=rods.wire_period[:, :2],
+    )
+
+
+def hook_contact(r: Any) -> HookContact:
+    """The contact of a hook; without contact, its places are at the middle of the lens at rest.
+
+    The wires wind round each other and touch in two or three places, whose forces have opposite components out of the plane. The
+    contact force is their sum; its place along a wire is their mean, weighted by the in-plane component along that sum.
+    """
+    model, t = r.model, r.touching
+    hook, rods = model.scene.hook, model.rods
+    assert hook is not None
+    step = hook.length / model.scene.model.nodes_per_loop
+    push = t.force[:, None] * t.normal + t.friction  # on the left wire, whose nodes come first
+    total = push.sum(axis=0)
+    force = float(np.linalg.norm(total))
+    arc = {wire: float(model.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}
+    body = np.array([0.0, 0.5 * hook.height])
+    if force > 0.0:
+        share = (push[:, :2] @ total[:2]).clip(0.0)
+        share = share / share.sum()
+        for wire, nodes, place in ((LEFT, t.first, t.place[:, 0]), (RIGHT, t.second, t.place[:, 1])):
+            arc[wire] = float(share @ (nodes - rods.wire_first[wire] + place - BETWEEN)) * step
+        touched = r.position[t.first] + r.curve.offset(t.first, t.place[:, 0])
+        body = share @ (touched - 0.5 * rods.section.thickness * t.normal)[:, :2]
+    held = model.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
+    return HookContact(
+        displacement=float(r.gradient[0, 1]) * hook.height,
+        drive_force=-float(r.force[held, 0].sum()),
+        force_left=force,
+        force_right=force,
+        arc_left=arc[LEFT],
+        arc_right=arc[RIGHT],
+        ground_force=0.0,
+        body=body,
+        threshold=active_threshold(r.model),
     )

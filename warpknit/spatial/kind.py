@@ -1,8 +1,129 @@
-"""The spatial model by the names that every kind of model has (solve/model.py)."""
+"""The spatial model by the names that every kind of model has (solve/model.py).
 
-from . import description, trials
+Its parts, its description for `warpknit plan`, and the settings of its trial runs (mechanics/trial.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..base.text import engineering, rounded, short_percent
+from ..knit.cloth import Cloth
+from ..mechanics.protocols import TOO_THICK
+from ..mechanics.trial import SOFTENING, Setting, Varied, combined, edge_of
+from ..scene import Scene
+from ..scene.presets import PRESETS
+from ..wires.centre_lines import Wires
+from ..wires.overlaps import find_overlaps
 from .mechanics import SpatialWorlds as worlds
-from .model import build_model as build_model
-from .model import initial_state
+from .model import SpatialModel, build_model, initial_state
 
-__all__ = ["build_model", "description", "initial_state", "trials", "worlds"]
+__all__ = [
+    "accuracy",
+    "build_model",
+    "contacts",
+    "fine",
+    "initial_state",
+    "limitations",
+    "overlaps_as_knitted",
+    "physics",
+    "reference",
+    "settings",
+    "varied",
+    "worlds",
+]
+
+NODES = (20, 24, 28, 36)  # a loop
+FINE = {"periodic": 64, "gripped": 56, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire
+TOLERANCE = 1e-3  # of fine runs and references, about fifty times slower than in the plane
+REFERENCE = ((2_000, 96), (float("inf"), 64))  # nodes a loop of the reference of a trade, up to so many nodes of the scene
+HOOK_REFERENCE = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
+
+VARIED_NODES = (16, 20, 24, 28, 32, 36, 40, 48)  # of a trade, a loop or a hooked wire
+VARIED_SOFTENINGS = (0.5, 0.25, 0.0625)  # times what the model takes
+VARIED_TOLERANCES = (0.03, 0.01, 0.003, 0.001)
+RAMP_NODES = (40, 48, 80)  # a loop
+COMBINED = ((20, 24, 28, 32, 36, 40, 48), (0.01, 0.003, 0.001))  # nodes, tolerances
+
+# --- the model in words
+
+
+def contacts(bodies: int) -> str:
+    """The number of places where wires hook each other, with what they are."""
+    return f"{bodies:,} places where wires hook each other, {2 * bodies:,} pairs"
+
+
+def accuracy(scene: Scene) -> str:
+    """Expected error of the settings of the scene."""
+    if scene.hook is not None or scene.wires is not None:
+        return "not measured on wires like these: run it again with other nodes to see what they are worth"
+    if (name := scene.preset_in_force) is not None:
+        preset = PRESETS[name].of("spatial", scene.solver.drive)
+        more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
+        return (
+            f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {rounded(preset.node_steps):,}"
+            f" node-steps a load level{more}; `run --error` measures it on this scene"
+        )
+    return (
+        f"{scene.model.nodes_per_loop} nodes a loop; on a repeat of the double atlas mesh 20 to 32 miss up to 2.1 % of"
+        " tension and 1.2 % of contact forces, 48 miss 0.1 %; `run --error` measures it on this scene"
+    )
+
+
+def physics(model: SpatialModel, bodies: int) -> Iterator[str]:
+    """Physics that a mesh of so many places of hooking switches on and why, one sentence each."""
+    scene, wire = model.scene, model.scene.wire
+    yield f"stretching: wires carry tension, EA = {engineering(wire.axial_stiffness, 'N')}"
+    yield f"bending: wires resist a change of curvature in space, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
+    yield f"twist: wires resist being twisted, GJ = {engineering(1e6 * wire.twist_stiffness, 'N mm2')}"
+    hooks = "two wires hook once, over and under each other"
+    places = hooks if scene.hook is not None else f"shares of active contacts are of {bodies:,} places"
+    yield f"contact: round wires touch each other anywhere; {places}"
+    corrected = "; multipliers take that out again" if scene.solver.drive == "relax" else ""
+    yield f"softening: wires stretch more easily in the dynamics{corrected}, solver.axial_softening"
+
+
+def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
+    """Warning where wires of a repeat overlap as knitted."""
+    threads = tuple(thread.points for thread in repeat.threads)
+    kinds, along_warp = ("periodic",) * len(threads), np.tile([0, 1], (len(threads), 1))
+    found = find_overlaps(Wires(threads, kinds, along_warp, repeat.size, None, None), scene.wire.thickness)
+    if found.closest is not None and found.places:
+        places = f"{found.places} place{'s' if found.places > 1 else ''}"
+        depth = short_percent(1.0 - found.closest / scene.wire.thickness)
+        yield f"as knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness: {TOO_THICK}"
+
+
+def limitations(_scene: Scene, _cloth: Cloth) -> tuple[str, ...]:
+    """Where the model is inaccurate: nowhere."""
+    return ()
+
+
+# --- settings of trial runs
+
+
+def settings(scene: Scene, percent: float) -> list[Setting]:
+    """Settings to try, the cheapest first; the tolerance contributes at most a tenth of `percent`."""
+    tolerance = min(1e-2, max(2.0 * TOLERANCE, percent / 1000.0))
+    return [Setting(n, SOFTENING, tolerance, "double") for n in NODES]
+
+
+def fine(scene: Scene) -> Setting:
+    """Setting of the fine run of a small mesh, taken as exact."""
+    return Setting(FINE[edge_of(scene)], SOFTENING, TOLERANCE, "double")
+
+
+def reference(scene: Scene, nodes: int) -> tuple[int, float]:
+    """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade."""
+    finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
+    return finest, TOLERANCE
+
+
+def varied(scene: Scene, softening: float) -> Varied:
+    """Values that a trade tries."""
+    softenings = tuple(share * softening for share in VARIED_SOFTENINGS)
+    nodes, tolerances = COMBINED
+    together = combined(nodes, (scene.solver.axial_softening,), tolerances, scene.solver.precision)
+    return Varied(VARIED_NODES, softenings, VARIED_TOLERANCES, RAMP_NODES, together)

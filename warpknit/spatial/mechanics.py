@@ -20,17 +20,13 @@ from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
 from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
-from .clamps import MovingClamps
+from .clamps import Edge, MovingClamps
 from .contact_multipliers import ContactMultipliers
-from .edge import Edge
+from .convergence import Residual, Stability, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .fields import Fields
 from .masses import Masses
-from .membrane_grid import MembraneGrid
-from .model import SpatialModel, initial_state
+from .model import SpatialModel, initial_state, segment_thermal_strain
 from .observables import SpatialObservables, read
-from .overlap_text import overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
-from .prolongation import Prolongation
-from .residual import Residual
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, root_mean_square, set_natural_shape
 from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
@@ -38,10 +34,9 @@ from .rod_step import RodStepper
 from .rods import joined
 from .search_cells import search_cells
 from .sites import Sites
-from .stability import Stability
 from .strip import RodStrip
 from .strip_step import stepper_of
-from .thermal import segment_thermal_strain
+from .transfer import MembraneGrid, Prolongation
 from .wire_contact import WireContact
 
 # steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond

@@ -30,11 +30,11 @@ from ..wires.read import rest_wires, thickness_of
 from .from_file import panel_of_wires
 from .hook_wires import hook_wires
 from .placed_wires import SpatialWires, place_wires
-from .ramp_masses import RampNumerics, ramp_numerics
 from .rest_curve import RestCurve, along_centre_line, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
 from .search_cells import search_cells
+from .step_bound import RampNumerics, ramp_numerics
 from .strip import RodStrip, cut_rods
 
 ROUND_OFF = 1e-9  # relative, of lengths
@@ -76,7 +76,7 @@ class SpatialModel:
 
     @property
     def has_multilevel(self) -> bool:
-        """Whether multilevel starts and membrane corrections are available; not with an edge that moves (edge.py)."""
+        """Whether multilevel starts and membrane corrections are available; not with an edge that moves (clamps.py)."""
         return not self.scene.has_moving_edge
 
     @property
@@ -331,3 +331,14 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[
     node = rods.nodes_of(forms.form)  # of the form, for each node of the copies
     copies = rods.holding(node[wires.held_node], node[wires.held_section]).copied(forms.form, forms.origin)
     return copies, replace(fit_rest_curve(rods, forms.line), row=copies.row)
+
+
+def segment_thermal_strain(model: SpatialModel, temperature: float, gradient: np.ndarray) -> np.ndarray:
+    """[node] thermal strain of the segment behind each node, relative to the middle of the panel.
+
+    temperature [K] at the middle of the panel; its gradient (2,) [K/m] along weft and warp at rest.
+    """
+    wire, panel = model.scene.wire, model.panel
+    middle = model.rods.position[:, :2] + 0.5 * model.rods.rest_edge[:, :2]
+    excess = (middle - (np.asarray(panel.low) + 0.5 * np.asarray(panel.size))) @ gradient
+    return wire.expansion * excess / wire.length_factor(temperature)

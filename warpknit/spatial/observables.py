@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -19,13 +20,11 @@ from ..measure import active_threshold, strain
 from ..measure.drawn_curve import WireCurve
 from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, WireStress
 from ..measure.strain import Boundary
-from ..measure.tiles import has_map
-from .contact_places import contact_places, site_places, touched_places
+from ..measure.tiles import Tiles, has_map, panel_map_of
+from .bending import bending_moments, clamped_ends
+from .contact_places import contact_places, hook_contact, site_places, touched_places
 from .contacts import Contacts
-from .hook_contact import hook_contact
 from .model import SpatialModel
-from .moments import bending_moments, clamped_ends
-from .panel_map import find_panel_map
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_relaxation import RodRelaxation
 from .rods import Rods
@@ -198,7 +197,7 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def wire_stress(self) -> WireStress:
-        """[Pa] E (d/2) M/EI + N E/EA with the moments of moments.py; at nodes the larger tension of the two segments.
+        """[Pa] E (d/2) M/EI + N E/EA with the moments of bending.py; at nodes the larger tension of the two segments.
 
         The rigid segment of a clamp has the tension of the one beside it.
         """
@@ -318,6 +317,35 @@ def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.nda
     held = model.wires.held_node
     total = total + np.einsum("ia,ib->ab", force[held, :2], model.wires.held_lever)
     return np.asarray(total / model.panel.area)
+
+
+def find_panel_map(r: Any) -> PanelMap:
+    """The map of a gripped panel (measure/tiles.py), from its virial tile by tile."""
+    rods, wires, touching = r.model.rods, r.model.wires, r.touching
+    tiles = Tiles.of(r.model)
+    virial, stress_max = tiles.zeros(2, 2), tiles.zeros()
+    here = tiles.at(rods.position[:, :2])
+    np.maximum.at(stress_max, here, r.wire_stress.node)
+    tiles.add(virial, here, np.einsum("na,nb->nab", r.segment_force[:, :2], rods.rest_edge[:, :2]))
+    place = rest_place(rods, r.model.curve, touching.first, touching.place[:, 0])
+    other = rest_place(rods, r.model.curve, touching.second, touching.place[:, 1]) + touching.shift
+    push = touching.force[:, None] * touching.normal + touching.friction
+    tiles.add(virial, tiles.at(place[:, :2]), np.einsum("ca,cb->cab", push[:, :2], (other - place)[:, :2]))
+    held = np.einsum("na,nb->nab", r.force[wires.held_node, :2], wires.held_lever)
+    tiles.add(virial, here[wires.held_node], held)
+    return panel_map_of(r, tiles, virial, stress_max, _moved(r))
+
+
+def _moved(r: Any) -> np.ndarray:
+    """(site, 2) [m] displacement of the wires at each site from the affine prediction, the mean of both wires."""
+    rods, wires = r.model.rods, r.model.wires
+    last = rods.wire_count[wires.site_wire] - 1
+    seed = np.clip(wires.site_seed, 0, last)
+    segment = np.minimum(seed.astype(np.int64), last - 1)
+    node, place = (rods.wire_first[wires.site_wire] + segment).ravel(), (seed - segment).ravel()
+    rest = rest_place(rods, r.model.curve, node, place)[:, :2]
+    now = (r.position[node] + r.curve.offset(node, place))[:, :2]
+    return np.asarray((now - rest @ r.gradient.T).reshape(-1, 2, 2).mean(axis=1))
 
 
 def read(

@@ -6,14 +6,16 @@ segments. What the count has found is kept, up to KEPT pairs of a segment, so th
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
-from ..compute.host import fetch, store
-from ..compute.launch import bind
-from ..kernels.wire_near import find_reach
+from ..compute.host import fetch, store, zeros
+from ..compute.launch import Launch, bind
+from ..kernels.wire_closest import PLACES
+from ..kernels.wire_near import count_by_second, find_reach, mark_by_second
 from ..kernels.wire_pairs import KEPT, find_segment_pairs, place_segments_in_hash
-from .pair_list import PairList
 from .rod_step import RodStepper
 from .search_cells import SearchCells
 from .wire_arrays import WireArrays
@@ -21,6 +23,108 @@ from .wire_arrays import WireArrays
 # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
 MIN_ARC_SEPARATION = 4.0
 SINGLE = 1e-3  # of the search radius: allowance for distances in single precision
+PAIR_ARRAYS = ("first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found")
+SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
+NODE_ARRAYS = ("start", "count")
+
+
+class PairList:
+    """Device arrays of at most `capacity` segment pairs that may touch until the next search; `number` identifies the list."""
+
+    def __init__(self, capacity: int, nodes: int, device: str, number: int, *, with_slip: bool) -> None:
+        def make(dtype: type, count: int = capacity) -> wp.array:
+            return zeros(count, dtype, device)
+
+        self.capacity, self.number, self.device = capacity, number, device
+        self.start, self.count = make(wp.int32, nodes), make(wp.int32, nodes)
+        self.total = make(wp.int32, 1)
+        self.first, self.second = make(wp.int32), make(wp.int32)
+        self.shift = make(wp.vec3d)
+        self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
+        self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
+        # launches, once they are recorded: of every thread those of `find_segment_pairs` and `mark_near_pairs`; those of the
+        # lists of near pairs, the last one by the capacity of that list
+        self.find: list[wp.Launch] = []
+        self.mark: list[Callable[[], None]] = []
+        self._recorded: dict[str, Callable[[], None]] = {}
+        self._sorted = make(wp.int32, nodes), make(wp.int32, 2 * capacity), make(wp.int32, 2 * capacity)
+        self.list_near: tuple[int, Callable[[], None]] | None = None
+        self.by_second = make(wp.int32)  # the pairs in the order of their second segments
+        self.second_start = make(wp.int32, nodes)  # where those of each segment begin
+        self.near_before, self.near_by_second = make(wp.int32), make(wp.int32)  # see kernels/wire_near.py
+        self.place = make(wp.vec2d, PLACES * capacity)
+        # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
+        slips = (2, 2 * capacity if with_slip else 0)
+        self.slip_step = wp.full(slips, -1, dtype=wp.int32, device=device)
+        self.slip_place = zeros(slips, wp.vec2d, device)
+        self.elastic_slip = zeros(slips, wp.vec3d, device)
+
+    def replayed(self, name: str, make: Callable[[], Launch]) -> None:
+        """Launch on this list, by a launch that is recorded once by name."""
+        if name not in self._recorded:
+            self._recorded[name] = make().replay(self.device)
+        self._recorded[name]()
+
+    def order(self, total: int) -> None:
+        """Order the pairs by their second segments, after the list has been filled with so many."""
+        count, number, key = self._sorted
+        store(count, 0)
+        named = self.named("second") | {"pair_count": self.total, "count": count, "pair_number": number}
+        self.replayed("count", lambda: bind(count_by_second, self.capacity, **named))
+        if total > 0:  # a copy of none would be one of all
+            wp.copy(key, self.second, count=total)
+            wp.utils.radix_sort_pairs(key, number, total)
+            wp.copy(self.by_second, number, count=total)
+        wp.utils.array_scan(count, self.second_start, inclusive=False)
+
+    def take_near(self, total: int) -> int:
+        """Number the near pairs among so many, and return how many they are."""
+        if total == 0:
+            return 0
+        self.replayed("near", lambda: bind(mark_by_second, self.capacity, self, pair_count=self.total, **self.named("is_near")))
+        wp.utils.array_scan(self.near_by_second, self.near_by_second, inclusive=True)
+        wp.utils.array_scan(self.is_near, self.near_before, inclusive=True)
+        return int(self.near_before[total - 1 : total].numpy()[0])
+
+    def named(self, *names: str) -> dict[str, wp.array]:
+        """Arrays by the names of the kernel arguments."""
+        return {f"pair_{name}": getattr(self, name) for name in names}
+
+    def state_dict(self, pairs: tuple[int, int], nodes: slice) -> dict[str, np.ndarray]:
+        """Arrays for a checkpoint, with the elastic slips: those of some pairs, which belong to these nodes."""
+        begin, end = pairs
+        kept = {f"pairs_{name}": fetch(getattr(self, name))[begin:end].copy() for name in PAIR_ARRAYS}
+        for name in ("first", "second"):
+            kept[f"pairs_{name}"] -= nodes.start
+        kept["pairs_place"] = fetch(self.place)[PLACES * begin : PLACES * end].copy()
+        kept |= {f"pairs_{name}": fetch(getattr(self, name))[:, 2 * begin : 2 * end].copy() for name in SLIP_ARRAYS}
+        kept |= {f"pairs_{name}": fetch(getattr(self, name))[nodes].copy() for name in NODE_ARRAYS}
+        kept["pairs_start"] -= begin
+        return kept
+
+    def load_state_dict(self, kept: dict[str, np.ndarray], others: PairList, pairs: tuple[int, int], nodes: slice) -> None:
+        """Restore what `state_dict` returned, in place of these pairs of a list `others`; into a list of sufficient capacity."""
+        (begin, end), whole = pairs, int(fetch(others.total)[0])
+        total = whole - (end - begin) + len(kept["pairs_first"])
+        for name in (*PAIR_ARRAYS, "place", *SLIP_ARRAYS):
+            each = PLACES if name == "place" else 2 if name in SLIP_ARRAYS else 1
+            axis = int(name in SLIP_ARRAYS)
+            now, own = fetch(getattr(others, name)), kept[f"pairs_{name}"]
+            own = own + nodes.start if name in ("first", "second") else own
+            before, _, behind, _ = np.split(now, [each * begin, each * end, each * whole], axis=axis)
+            values = np.concatenate([before, own, behind], axis=axis)
+            filled = fetch(getattr(self, name)).copy()
+            if axis:
+                filled[:, : values.shape[1]] = values
+            else:
+                filled[: len(values)] = values
+            store(getattr(self, name), filled)
+        count = fetch(others.count).copy()
+        count[nodes] = kept["pairs_count"]
+        store(self.count, count)
+        store(self.start, np.cumsum(count) - count)
+        store(self.total, total)
+        self.order(total)
 
 
 class PairSearch:

@@ -1,4 +1,4 @@
-"""Rods on the device: rest data (`RodArrays`) and state (`RodState`).
+"""Rods on the device: rest data (`RodArrays`), state (`RodState`), launches, and overloads of the kernels.
 
 In single precision frames, motion, forces and mass factors are float32; positions, lengths, tensions and rest data are float64.
 """
@@ -6,7 +6,8 @@ In single precision frames, motion, forces and mass factors are float32; positio
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -16,6 +17,24 @@ from ..compute.host import fetch, is_in_place, lanes, shared, store, zeros
 from ..compute.launch import Launch, bind
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
+from ..kernels import (
+    banded_mass,
+    contact_checks,
+    membrane_transfer,
+    rod_border,
+    rod_checks,
+    rod_clamps,
+    rod_forces,
+    rod_frames,
+    rod_masses,
+    rod_motion,
+    rod_sums,
+    rod_turns,
+    wire_closest,
+    wire_contact_by_batch,
+    wire_contact_forces,
+    wire_pairs,
+)
 from ..kernels.banded_mass import BORDERS, FACTORS, factor_borders, factor_masses
 from ..kernels.control import CONTROL_COUNT, PARTIAL_COUNT
 from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
@@ -28,6 +47,33 @@ from .touch_arrays import TouchArrays, no_contact
 
 WIRE_PARTS = 64  # of a wire whose masses a GPU factors
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
+KERNELS = (
+    banded_mass.factor_masses,
+    banded_mass.factor_borders,
+    contact_checks.bound_contact_stiffness,
+    membrane_transfer.gather_forces,
+    rod_border.copy_nodes,
+    rod_checks.sum_states,
+    rod_checks.find_motion,
+    rod_checks.keep_motion,
+    rod_checks.slow_motion,
+    rod_clamps.move_clamps,
+    rod_forces.find_rod_forces,
+    rod_frames.update_frames,
+    rod_masses.find_masses,
+    rod_motion.move_rods,
+    rod_sums.sum_mass_products,
+    rod_turns.find_turns,
+    rod_turns.turn_sections,
+    wire_closest.mark_near_pairs,
+    wire_closest.find_closest_places,
+    wire_contact_by_batch.find_followed_contacts,
+    wire_contact_forces.find_contact_forces,
+    wire_pairs.place_segments_in_hash,
+    wire_pairs.find_segment_pairs,
+)
+NUMBERS = ("pending_turn", "spin", "angle", "torque", "turn")  # the other arguments of any type are vectors
+OF_FOUR = ("mass_factor", "mass_border", "sweep")
 
 
 @dataclass(frozen=True)
@@ -384,3 +430,27 @@ def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None
     return bind(
         move_rods, len(wires) * a_wire, arrays, state, first_wire=wires.start, threads_a_block=a_wire, **stored._asdict()
     )  # fmt: skip
+
+
+@cache
+def declare_overloads(precision: Precision) -> None:
+    """Declare the overloads of KERNELS for the arrays of rods in this precision, all before the first launch.
+
+    A module is compiled with the overloads that are known when it is loaded, and anew for each one that comes later.
+    """
+    for kernel in KERNELS:
+        _declare(kernel, precision)
+    _declare(rod_sums.sum_mass_products, DOUBLE)  # of motions between checks
+
+
+def _declare(kernel: wp.Kernel, precision: Precision) -> None:
+    types: dict[str, Any] = {}
+    for argument in kernel.adj.args:
+        name, kind = argument.label, precision.vec3
+        if name in NUMBERS:
+            kind = precision.real
+        elif name in OF_FOUR:
+            kind = precision.vec4
+        if isinstance(argument.type, wp.array) and argument.type.dtype is Any:
+            types[name] = wp.array(dtype=kind, ndim=argument.type.ndim)
+    wp.overload(kernel, types)

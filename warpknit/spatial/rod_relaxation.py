@@ -8,26 +8,49 @@ The dynamics may soften the axial stiffness; an augmented Lagrangian multiplier,
 
 The strain T/EA is that of the arc of a segment, not of its chord (kernels/rod_forces.py), over its natural length at the local
 temperature (`set_thermal_strain`).
+
+The fictitious masses are banded along the wire. A diagonal mass that bounds the bending stiffness EI/h^3 of the shortest waves
+makes long waves slow: their steps grow with the square of the nodes. A mass that is itself a difference operator along the wire
+moves waves of all lengths at about the same rate (selective mass scaling: Olovsson, Simonsson and Unosson, Int. J. Numer. Methods
+Eng. 63, 2005). Per node n between segments a and b, with turning angle p, moment m and lengths l, and per segment with axial
+stiffness K and tension T, the stiffness is bounded by
+
+    (1 + e) (B/l_n + bow) |dx_b/l_b - dx_a/l_a|^2                 bending across; bow = (T_a l_a + T_b l_b)/24, kernels/bend.py
+    [(1 + 1/e) B + GJ] p^2/(2 l_n) (|dx_a|^2/l_a^2 + |dx_b|^2/l_b^2)        turning edges: the normals of a and b differ by p,
+                                                                  |n_b . v - n_a . u|^2 <= (1 + e)|v - u|^2 + (1 + 1/e) p^2 ...
+    |m| (|dx_a|^2/l_a^2 + |dx_b|^2/l_b^2)                         second derivative of the angle
+    (K + T)/l |dx|^2                                              stretch along the segment, tension across
+    k (sum of |w n|) |w_i n_x| dx_i^2, ...                        a contact k (w n . dx)^2 of normal n, by Cauchy and Schwarz,
+                                                                  and the same along y and z
+
+with the difference dx of the displacements of the two nodes of a segment and B = 19/9 EI, by which slopes of moments stiffen the
+shortest waves (kernels/rod_forces.py); and of twist by EI/l_n (df_b - df_a)^2, as a sharp turn couples bending and twist, and
+B p^2/(2 l_n) (df_a^2 + df_b^2). Displacements and twist are coupled: the stiffness of both is bounded by 1 + COUPLING times the
+first and 1 + 1/COUPLING times the second. A quarter of the bound is the mass at the stability limit (kernels/rod_masses.py).
+
+A uniform mass moves waves longer than `wave_length`, which carry almost no force.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
+import warp as wp
 
-from ..compute.host import fetch, store, store_at
+from ..compute.host import fetch, lanes, store, store_at
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
-from ..mechanics.numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, SPEED_SHARE, STEP_MARGIN, renewed_damping
+from ..kernels.rod_blocks import ROD_LANES
+from ..kernels.rod_masses import find_masses
+from ..mechanics.numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE, STEP_MARGIN, renewed_damping
 from .clamps import MovingClamps
-from .fictitious_masses import BandedMasses
 from .rest_curve import RestCurve
 from .rod_checks import RodChecks, StateSums
 from .rod_step import EVALUATED, RodStepper
 from .rods import Rods
-from .stalled import Stalled
-from .step_bound import largest_rates, stable_step
+from .step_bound import SLOPE_FACTOR, largest_rates, stable_step
 
 CHECK_STEPS = 25  # steps between convergence checks
 # of multipliers, see `multiplier_rate`
@@ -51,6 +74,65 @@ VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from whi
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
+COUPLING = 0.5  # of displacements and twist
+
+
+class BandedMasses:
+    """Fictitious masses of rods for the state they are in, by the bound above."""
+
+    def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool) -> None:
+        """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes."""
+        self._checks, rods = checks, checks.stepper.strip.whole
+        wave = 2.0 * math.pi / wave_length
+        share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
+        self._constants = {
+            "slope_factor": wp.float64(SLOPE_FACTOR),
+            "hardening": wp.float64(rods.section.hardening),
+            "keeps_arc_length": wp.int32(keeps_arc_length),
+            "share": wp.float64(share),
+            "spin_share": wp.float64(spin_share),
+            "wave_square": wp.float64(wave**2),
+            "wave_fourth": wp.float64(wave**4),
+            "spacing": wp.float64(float(rods.natural_length[rods.following >= 0].mean())),
+        }
+
+    def find(self) -> None:
+        """Set the masses of the dynamics for the state last evaluated and the bounds on its contacts."""
+        stepper = self._checks.stepper
+        threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
+        self._checks.launches.run(
+            f"masses {touches}", find_masses, "first_block", stepper.blocks, stepper.arrays, stepper.state,
+            self._checks.arrays, threads=threads, threads_a_block=threads, may_touch=wp.int32(touches), **self._constants,
+        )  # fmt: skip
+        stepper.factor_masses()
+
+
+class Stalled:
+    """Which softened constraints have stalled: their error stays above its tolerance and makes no progress.
+
+    Errors are (world, constraint), over the convergence checks.
+    """
+
+    KEPT = ("best", "checks")
+
+    def __init__(self, worlds: int, count: int, tolerance: float, progress: float, patience: int) -> None:
+        """An error makes progress if it falls to the share `progress` of itself within `patience` checks."""
+        self._tolerance, self._progress, self._patience = tolerance, progress, patience
+        self.best = np.full((worlds, count), np.inf)  # error at the last progress
+        self.checks = np.zeros((worlds, count), dtype=int)  # without progress since
+
+    def reset(self, rows: np.ndarray) -> None:
+        """Start some worlds anew."""
+        self.best[rows], self.checks[rows] = np.inf, 0
+
+    def after(self, error: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """(row, constraint) bool: which have stalled with these errors at a check; their count starts anew."""
+        waits = (error > self._tolerance) & (error > self._progress * self.best[rows])
+        self.best[rows] = np.where(waits, self.best[rows], error)
+        checks = np.where(waits, self.checks[rows] + 1, 0)
+        stalled = checks >= self._patience
+        self.checks[rows] = np.where(stalled, 0, checks)
+        return stalled
 
 
 class RodRelaxation:

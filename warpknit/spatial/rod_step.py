@@ -17,8 +17,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from itertools import chain
-from typing import Any, Protocol
+from itertools import chain, pairwise
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import warp as wp
@@ -31,12 +31,14 @@ from ..compute.team import Team
 from ..kernels.control import update_controls
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..mechanics.numerics import thread_count
+from ..mesh.strip import even_shares
+from .bending import Yielding
 from .masses import Masses
-from .overloads import declare_overloads
 from .rod_arrays import (
     RodArrays,
     RodState,
     StepForces,
+    declare_overloads,
     factor_launches,
     force_launch,
     frames_launch,
@@ -47,14 +49,13 @@ from .rod_arrays import (
 from .rods import Rods
 from .strip import RodStrip
 from .touch_arrays import TouchArrays, no_contact
-from .wire_groups import shared_forces, wire_groups
 from .wire_sums import WireSums
-from .yielding import Yielding
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
 NODES_IN_CACHE = 1_000  # of worlds that take their steps before others do
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
+GROUP_NODES = 4096  # of a group, or one longer wire: their forces take 64 B a node
 
 
 class Contact(Protocol):
@@ -90,6 +91,45 @@ class Clamps(Protocol):
 
     def launches(self, worlds: range) -> Sequence[Launch]:
         """Launches that move held nodes of some worlds after the step."""
+
+
+class WireGroup(NamedTuple):
+    """Consecutive wires, with their blocks and nodes, whose forces stay in the cache of a thread until they move the nodes."""
+
+    wires: range
+    blocks: range
+    nodes: range
+
+
+def wire_groups(rods: Rods, wires: range, block_wire: np.ndarray, parts: int, *, on_cpu: bool) -> list[list[WireGroup]]:
+    """The groups of each thread: some of the wires, about as many nodes for each thread; a single group on a GPU.
+
+    block_wire: wire of each block.
+    """
+    largest = GROUP_NODES if on_cpu else rods.node_count
+    first_node = np.append(rods.wire_first, rods.node_count)
+    first_block = np.searchsorted(block_wire, np.arange(len(first_node)))
+
+    def group(begin: int, end: int) -> WireGroup:
+        blocks, nodes = (range(int(of[begin]), int(of[end])) for of in (first_block, first_node))
+        return WireGroup(range(begin, end), blocks, nodes)
+
+    shares: list[list[WireGroup]] = []
+    first, count = (values[wires.start : wires.stop] for values in (rods.wire_first, rods.wire_count))
+    for begin, end in pairwise((wires.start + even_shares(first - first_node[wires.start], count, parts)).tolist()):
+        shares.append([])
+        while begin < end:
+            behind = int(np.searchsorted(first_node, first_node[begin] + largest, side="right")) - 1
+            shares[-1].append(group(begin, min(max(begin + 1, behind), end)))
+            begin = shares[-1][-1].wires.stop
+    return shares
+
+
+def shared_forces(groups: list[WireGroup], state: RodState) -> list[StepForces]:
+    """The same memory for the forces of all groups of a thread, one after the other."""
+    nodes = max((len(group.nodes) for group in groups), default=0)
+    force, torque, sweep = (wp.empty(nodes, dtype=of.dtype, device=of.device) for of in (state.force, state.torque, state.sweep))
+    return [StepForces(group.nodes.start, force, torque, sweep) for group in groups]
 
 
 class RodStepper:

@@ -30,8 +30,7 @@ from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
 from .contact_checks import STICK_SHARE, ContactChecks
 from .contacts import Contacts
-from .pair_list import SLIP_ARRAYS, PairList
-from .pair_search import MIN_ARC_SEPARATION, PairSearch
+from .pair_search import MIN_ARC_SEPARATION, SLIP_ARRAYS, PairList, PairSearch
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
 from .search_cells import SearchCells, search_cells

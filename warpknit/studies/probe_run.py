@@ -14,7 +14,7 @@ from ..errors import Diverged
 from ..mechanics.trial import Setting, edge_of
 from ..mesh.layout import of_repeats
 from ..scene import Scene
-from ..solve.model import build_model, trials_of
+from ..solve.model import build_model, kind_of
 from .point import Errors, PointOutcome, Results, Scales, errors_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
@@ -47,7 +47,7 @@ class ProbeRun:
     @cached_property
     def fine(self) -> Results:
         """Reference results of the small mesh, at many nodes. Raises `Diverged`."""
-        setting = trials_of(self.scene).fine(self.scene)
+        setting = kind_of(self.scene).fine(self.scene)
         outcome = self._run(setting)
         if outcome.results is None:
             raise Diverged(
@@ -99,7 +99,7 @@ def error_bound_percent(errors: Errors) -> float:
 def choose_setting(probe: ProbeRun, percent: float) -> tuple[Setting, Errors]:
     """The cheapest setting with errors below `percent`, else the best one tried; and its errors."""
     best: tuple[Setting, Errors] | None = None
-    for setting in trials_of(probe.scene).settings(probe.scene, percent):
+    for setting in kind_of(probe.scene).settings(probe.scene, percent):
         errors = probe.errors(setting)
         if errors is None:
             continue

@@ -28,7 +28,7 @@ from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
-from ..solve.model import build_model, trials_of
+from ..solve.model import build_model, kind_of
 from . import parameters
 from .parameters import Overrides, Point
 from .point import Errors, PointOutcome, Results, errors_of, run_point, scales_of, settings_of_scene
@@ -85,7 +85,7 @@ class _Study:
         self.path = out / "trade.csv"
         self.rows = read_trade(self.path)
         truth = load(of_reference, None)
-        finest, self.tolerance = trials_of(truth).reference(truth, base.node_count)
+        finest, self.tolerance = kind_of(truth).reference(truth, base.node_count)
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
@@ -115,7 +115,7 @@ class _Study:
     # --- points ---
 
     def _points(self) -> list[Point]:
-        varied = trials_of(self.base.scene).varied(self.base.scene, self.base.softening)
+        varied = kind_of(self.base.scene).varied(self.base.scene, self.base.softening)
         points = [*parameters.preset_points(self.base), *parameters.single_parameter_points(self.base, varied)]
         points += self._ramp_points(varied)
         points += parameters.combined_points(self.base, varied, self.finest[0])

@@ -1,7 +1,8 @@
-"""Between a spatial mesh and the coarse grid of a membrane: forces gathered onto it, displacements spread from it.
+"""Large spatial meshes: prolongation from smaller ones, and transfer to and from the coarse grid of a membrane.
 
-Displacements are cubic splines over the grid, whose slopes have no jumps: a jump would bend the wires that cross it. Wires rotate
-with the membrane, and repeats change by the response of endless cloth to the strain, less so within a repeat of the edge.
+The grid gathers forces, and spreads displacements as cubic splines, whose slopes have no jumps: a jump would bend the wires that
+cross it. Wires rotate with the membrane, and repeats change by the response of endless cloth to the strain, less so within a
+repeat of the edge.
 """
 
 from __future__ import annotations
@@ -14,11 +15,57 @@ from ..compute.host import fetch, store, take
 from ..compute.launch import bind
 from ..kernels.membrane_transfer import Grid, gather_forces, respond_to_strain, spread_surface
 from ..mechanics.grid import CountedForces
+from ..mechanics.numerics import MAX_OVERLAP
+from ..mechanics.prolongation import RepeatProlongation
+from ..mechanics.repeat_mesh import RepeatArrays
 from ..mechanics.response import Response
 from .fields import OF_SEGMENTS, Fields
 
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
 LEAST_LIFT = 1.0  # thicknesses: over a panel, changes strains and contacts by far less than any tolerance
+
+
+class Prolongation:
+    """Brings a large mesh to the state of a small one (warpknit/mechanics/prolongation.py)."""
+
+    KEPT = ("_last",)
+
+    def __init__(self, large: Fields, small: Fields, arrays: RepeatArrays) -> None:
+        """arrays: of the large mesh."""
+        self.large, self.small = large, small
+        self._repeats = RepeatProlongation(large.model, small.model, arrays)
+        self._last = small.read_everywhere()
+        self._nodes = large.model.panel.node_count
+        self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
+
+    def carry(self, response: Response) -> bool:
+        """Bring the large mesh to the state of the small one, and raise its stiffnesses to those of the small one.
+
+        `response`: of the cloth at the load. False where wires would overlap: the large mesh keeps its own state.
+        """
+        last, self._last = self._last, self.small.read_everywhere()
+        taken, stiffness = self._repeats.taken(self._last, last), self.small.read_stiffness()
+        change: dict[str, wp.array] = {
+            name: wp.array(value, dtype=wp.float64, device=self.large.model.device)
+            for name, value in (stiffness | (self._last if taken is None else taken)).items()
+        }
+        raised = {name: self._prolonged(name, change, response) for name in stiffness}
+        self.large.stiffen(raised, self.small.multipliers.mean_force)
+        if taken is None:
+            return True
+        own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
+        before = self.large.snapshot()
+        self.large.add({name: self._prolonged(name, change, response) - own[name] for name in taken})
+        if self.large.overlap() <= MAX_OVERLAP:  # else wires may push each other through
+            return True
+        self.large.put_back(before)
+        return False
+
+    def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
+        """[panel node] of the large mesh, from values of the small one."""
+        value = wp.zeros(self._nodes, dtype=wp.float64, device=self.large.model.device)
+        self._repeats.add_to_nodes(value, name, change, response, self._one)
+        return take(value)
 
 
 class MembraneGrid:
