@@ -13,7 +13,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from warpknit.measure import table
 from warpknit.results import row
-from warpknit.runner import answers, panel_report, summary
+from warpknit.runner import answers, summary
 
 PAGE = Path(__file__).parent / "reference" / "summary.md"
 FIELD = re.compile(r"^    (\w+): .*?  # (.*)$")
@@ -90,7 +90,7 @@ def summary_rows() -> list[tuple[str, str]]:
 
 def panel_keys() -> dict[str, str]:
     """Keys of the section `panel`."""
-    found = commented(panel_report.report_panel, KEY) | commented(panel_report.cord_values, KEY)
+    found = commented(summary.report_panel, KEY) | commented(summary.cord_values, KEY)
     return {name: words for name, words in sorted(found.items(), key=lambda one: one[0].startswith("surface."))}
 
 

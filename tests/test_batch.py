@@ -10,8 +10,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.studies.batch import Batch
-from warpknit.studies.outcome import Outcome
+from warpknit.studies.batch import Batch, Outcome
 
 STRAINS = [(0.1, 0.1), (0.0, 0.16), (0.16, 0.02), (0.04, 0.0)]
 

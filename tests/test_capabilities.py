@@ -18,7 +18,7 @@ from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, goes_together, with_needs
 from warpknit.scene.reference import capabilities_page
-from warpknit.studies import error_estimate, sweep
+from warpknit.studies import probe_run, sweep
 
 ROOT = Path(__file__).parent.parent
 TAKEN = "is a file; give a directory"  # what a command says of --out once it has taken the scene
@@ -66,7 +66,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     def taken(*_: Any) -> None:
         raise InputError(TAKEN)
 
-    monkeypatch.setattr(error_estimate, "settings_for_error", taken)
+    monkeypatch.setattr(probe_run, "settings_for_error", taken)
     return tmp_path
 
 

@@ -14,9 +14,8 @@ from warpknit.measure.jumps import UNBALANCED, energy_gap, jumps, stands_out
 from warpknit.results.row import Values
 from warpknit.runner import warnings_of as warnings
 from warpknit.runner.answers import heat_of
-from warpknit.runner.branches import jumps_of
+from warpknit.runner.branches import jumps_of, with_work, work_steps
 from warpknit.runner.history import missing_work
-from warpknit.runner.work import with_work, work_steps
 from warpknit.scene import make_scene
 from warpknit.studies.contact_map import MapRow, find_jumps, jump_warning
 from warpknit.studies.map_table import MapSummary, map_findings

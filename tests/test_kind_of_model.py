@@ -20,8 +20,7 @@ from warpknit.runner.summary import Summary
 from warpknit.runner.summary_table import summary_findings
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.presets import PRESETS
-from warpknit.studies.error_estimate import estimate_of, settings_for_error
-from warpknit.studies.probe_run import ProbeRun
+from warpknit.studies.probe_run import ProbeRun, estimate_of, settings_for_error
 
 SCENES = Path(__file__).parent.parent / "scenes"
 ATLAS = SCENES / "atlas_cell.toml"

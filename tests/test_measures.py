@@ -30,7 +30,7 @@ from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.studies.states import mesh_of
+from warpknit.studies.batch import mesh_of
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
 PATCH = CELL.with_name("atlas_patch.toml")

@@ -12,9 +12,9 @@ from warpknit.commands.plan import outline_of
 from warpknit.kernels.banded_mass import HELD_NODE
 from warpknit.measure.table import values
 from warpknit.mechanics.response import zero_response
+from warpknit.runner.branches import with_work
 from warpknit.runner.history import row_of, with_sums
 from warpknit.runner.summary import run_summary
-from warpknit.runner.work import with_work
 from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
 from warpknit.solve.model import build_model, initial_state, mechanics_of

@@ -186,7 +186,7 @@ def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
 
 
 def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
-    from warpknit.runner.panel_report import report_panel
+    from warpknit.runner.summary import report_panel
 
     record = stretched()
     model = record.observables.model

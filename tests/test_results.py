@@ -23,8 +23,7 @@ from warpknit.design.findings import DEFAULT_SWEEP
 from warpknit.errors import DeviceError, Diverged, ExportError, InputError, MissingExtra, RunDirectoryError
 from warpknit.results.frame import Frame
 from warpknit.results.row import Row, read_rows
-from warpknit.results.run import Run
-from warpknit.results.states import Series, States
+from warpknit.results.run import Run, Series, States
 from warpknit.results.table import Table
 from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult

@@ -11,7 +11,7 @@ from warpknit.design.load_path import LoadPath
 from warpknit.errors import Diverged
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
-from warpknit.studies.states import mesh_of
+from warpknit.studies.batch import mesh_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

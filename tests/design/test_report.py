@@ -28,9 +28,9 @@ from warpknit.export import map_figure
 from warpknit.results.row import Row
 from warpknit.runner.progress_display import Display
 from warpknit.scene import load_scene
+from warpknit.studies.batch import Batch
 from warpknit.studies.contact_map import map_row
 from warpknit.studies.map_table import LEAST_TOLD
-from warpknit.studies.states import states_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 MARKERS: list[object] = []  # of the last map that was drawn
@@ -280,7 +280,7 @@ def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
     scene = load_scene(SCENES / "contact_map.toml", sweep, "draft")
     model = exact_model(scene, scene.solver.residual_tolerance)
     pair = scene.sweep.pairs[0]
-    (outcome,) = states_of(model, [scene.sweep.stage(scene.stages[0], pair)]).run()
+    (outcome,) = Batch(model, [scene.sweep.stage(scene.stages[0], pair)]).run()
     cell = map_row(pair, outcome.observables, steps=1, by_tension=True)
     path = EqualTensionPath(ended="level 1 did not converge")
     card, _, text, loading = _card(model, [cell], None, path, [], 0.06, lambda _: None)

@@ -18,7 +18,7 @@ from warpknit.design.opening_size import openings
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.studies.states import mesh_of
+from warpknit.studies.batch import mesh_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 STRAINS = (0.1, 0.1)

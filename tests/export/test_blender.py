@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from warpknit.export.usd import StageWriter
+from warpknit.export.usd.writer import StageWriter
 from warpknit.results.frame import Frame, WireLayout
 
 TOOL = Path(__file__).parents[2] / "tools" / "render_blender.py"

@@ -10,7 +10,8 @@ import pytest
 from pxr import Gf, Plug, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
-from warpknit.export.usd import StageWriter, stress_colour
+from warpknit.export.usd.shapes import stress_colour
+from warpknit.export.usd.writer import StageWriter
 from warpknit.results.frame import Frame, WireLayout, curve_position
 
 REACH = 10e-3  # [m]  no point lies farther from the middle of its tile

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from warpknit.export.usd import StageWriter
+from warpknit.export.usd.writer import StageWriter
 from warpknit.results.frame import curve_position
 from warpknit.wires.bases import CurveFile
+from warpknit.wires.file_curves import read_usd
 from warpknit.wires.read import read_wires
-from warpknit.wires.usd import read_usd
 
 FLOAT32 = 2.0**-24 * 10e-3  # [m] of a point within 10 mm of the middle of its tile
 

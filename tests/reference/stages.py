@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from warpknit.export.usd import StageWriter
+from warpknit.export.usd.writer import StageWriter
 from warpknit.results.frame import Frame, WireLayout
 
 FLOAT32_STEP = 2.0**-24  # half a unit in the last place: what rounding a number to float32 may cost

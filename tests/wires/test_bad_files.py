@@ -11,11 +11,11 @@ from pxr import Sdf, Usd
 
 from warpknit.errors import SceneError
 from warpknit.scene import wire_file as limits
-from warpknit.wires import bases, read, usd
+from warpknit.wires import bases, file_curves, read
 from warpknit.wires.bases import BadFile
+from warpknit.wires.file_curves import curves_of
 from warpknit.wires.read import read_wires
 from warpknit.wires.stage_process import stage_arrays
-from warpknit.wires.usd import curves_of
 
 UNITS = {".bcc": 1e-3, ".npz": 1e-3}
 
@@ -205,7 +205,7 @@ def test_stages(body, reason):
 
 
 def test_a_stage_that_the_library_never_finishes(tmp_path, monkeypatch):
-    monkeypatch.setattr(usd, "PATIENCE", 0.01)
+    monkeypatch.setattr(file_curves, "PATIENCE", 0.01)
     assert "not read after 0.01 s" in refused(valid(tmp_path, ".usda"), unit=None)
 
 

@@ -9,10 +9,10 @@ from pxr import Sdf, Tf, Usd
 
 from warpknit.errors import SceneError
 from warpknit.wires.bases import BadFile
+from warpknit.wires.file_curves import curves_of
 from warpknit.wires.overlaps import find_overlaps
 from warpknit.wires.read import _wires, read_wires
 from warpknit.wires.stage_process import stage_arrays
-from warpknit.wires.usd import curves_of
 
 SUFFIXES = (".bcc", ".csv", ".npz", ".pyp")
 WORDS = ["nan", "inf", "-1", "0", "1e308", "1e-320", "99999999999999999999", "", "x", "*E", "*Q", "#", ";", "\x00", "é", "[mm]"]

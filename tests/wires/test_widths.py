@@ -11,9 +11,9 @@ from warpknit.scene import load_scene
 from warpknit.scene.scene import resolved_toml
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
+from warpknit.wires.file_curves import curves_of
 from warpknit.wires.read import read_wires
 from warpknit.wires.stage_process import stage_arrays
-from warpknit.wires.usd import curves_of
 
 X = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
 

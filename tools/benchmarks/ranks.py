@@ -23,8 +23,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from warpknit.compute.device import find_device
-from warpknit.compute.ranks import Ranks
-from warpknit.compute.start import join_ranks
+from warpknit.compute.ranks import Ranks, join_ranks
 from warpknit.planar.state import initial_state
 from warpknit.planar.strip_step import StripStepper
 from warpknit.scene import load_scene

@@ -26,7 +26,7 @@ import numpy as np
 import psutil
 
 from warpknit import measure
-from warpknit.export.usd import StageWriter
+from warpknit.export.usd.writer import StageWriter
 from warpknit.export.writer_process import StageOptions, WriterProcess
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read

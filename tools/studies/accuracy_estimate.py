@@ -10,8 +10,8 @@ from study import read_rows, run, scene_of, show_rows, table_path, write_rows
 
 from warpknit.mechanics.trial import edge_of
 from warpknit.solve.model import build_model
-from warpknit.studies.error_estimate import estimate_of, settings_for_error
 from warpknit.studies.point import errors_of, results_of, scales_of
+from warpknit.studies.probe_run import estimate_of, settings_for_error
 
 GRIPPED_ERROR = 5.0  # [%] asked of a patch: for less it takes about the nodes that count as true
 CHECK_NODES = {"periodic": 96, "gripped": 40, "hook": 192}

@@ -1,27 +1,30 @@
 """The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`,
 `warpknit view`, `warpknit new`.
 
-program.py turns exceptions into an exit status and one line.
+`Program` turns exceptions into an exit status and one line, on all ranks.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
+import shutil
+import sys
+import traceback
 import webbrowser
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from warpknit.commands.program import Program, configure_logging
 from warpknit.compute import DEFAULT_DEVICE
-from warpknit.compute.ranks import Ranks
-from warpknit.errors import FINISHED, INTERRUPTED, Diverged
+from warpknit.compute.ranks import One, Ranks, join_ranks, started_as
+from warpknit.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, Diverged, WarpknitError
 
 if TYPE_CHECKING:
     from warpknit.results.finding import Finding
@@ -29,6 +32,82 @@ if TYPE_CHECKING:
     from warpknit.scene import Scene
 
 Rows = Iterable[tuple[str, str]]  # of a table
+UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
+
+
+def exit_status(error: BaseException) -> tuple[int, str] | None:
+    """Exit status and line of an exception; None for a bug."""
+    match error:
+        case WarpknitError():
+            return error.exit_code, str(error)
+        case click.UsageError():
+            command = "warpknit" if error.ctx is None or error.ctx.info_name is None else error.ctx.command_path
+            return BAD_INPUT, f"{error.format_message()} See '{command} --help'."
+        case click.ClickException():
+            return BAD_INPUT, error.format_message()
+        case KeyboardInterrupt() | click.Abort():
+            return INTERRUPTED, str(error) or str(error.__cause__ or "") or "interrupted"  # click puts Abort in its place
+        case MemoryError():
+            return OUT_OF_RESOURCES, f"memory ran out: {error or 'more is needed than available'}"
+        case RuntimeError() if str(error).startswith("Failed to allocate"):  # Warp's arrays
+            return OUT_OF_RESOURCES, f"memory ran out: {error}"
+        case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return OUT_OF_RESOURCES, f"disk ran out: {_free(error.filename)}"
+        case OSError() if error.errno in UNUSABLE_PATH and error.filename is not None:
+            return BAD_INPUT, f"{error.filename}: {(error.strerror or '').lower()}; give a path that can be written to"
+        case _:
+            return None
+
+
+def _free(path: str | None) -> str:
+    """Free space on the disk of a path, in words."""
+    for folder in Path(path).parents if path else ():
+        if folder.is_dir():
+            return f"{path} needs more than the available {shutil.disk_usage(folder).free / 1024:,.0f} KiB"
+    return "no space left on the device"
+
+
+class Program(click.Group):
+    """A group of commands with the exit statuses of this program and one line for an error.
+
+    With several ranks all end with the same status, and one of them prints the line.
+    """
+
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        options["standalone_mode"] = False
+        ranks: Ranks = One()
+        line = ""
+        try:
+            ranks = options["obj"] = join_ranks()
+            status = super().main(*args, **options) or FINISHED
+        except BaseException as error:
+            known = exit_status(error)
+            if known is None:
+                if ranks.count == 1:
+                    raise
+                known = FAULT, traceback.format_exc()
+            status, line = known
+            if status != FAULT:
+                line = f"warpknit: {' '.join(line.split())}"
+        status, speaks = ranks.leave(status)
+        if line and speaks and (ranks.count > 1 or not started_as()):
+            click.echo(line, err=True)
+        ranks.end_all(status)
+        sys.exit(status)
+
+
+class StderrHandler(logging.Handler):
+    """Writes to the current `sys.stderr`, so above a progress bar and into captured output."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sys.stderr.write(f"{self.format(record)}\n")
+
+
+def configure_logging(level: int) -> None:
+    """Log lines of this package to stderr."""
+    log = logging.getLogger("warpknit")
+    log.handlers[:] = [StderrHandler()]
+    log.setLevel(level)
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ def run_command(
     estimator, ranks = None, ranks or One()
     if error is not None:
         percent = percentage(error)
-        from ..studies.error_estimate import estimate_of, settings_for_error
+        from ..studies.probe_run import estimate_of, settings_for_error
 
         refuse(scene, "error", ranks=ranks.count)
         setting = ranks.from_first(lambda: settings_for_error(scene, percent))

@@ -1,13 +1,15 @@
 """Ranks that share a mesh: what they tell each other, and where this process stands among them.
 
-`One` is the single process, which has nobody to tell; `Mpi` (mpi.py) is a rank that a launcher such as mpirun started
-(start.py). Both answer the same questions, so nobody else needs to know which it is. All ranks ask the same questions in the
-same order. NumPy is imported where it is used: the command line needs `One` for `--help` too.
+`One` is the single process, which has nobody to tell; `Mpi` is a rank that a launcher such as mpirun started. Both answer the
+same questions, so nobody else needs to know which it is. All ranks ask the same questions in the same order. NumPy is imported
+where it is used: the command line needs `One` for `--help` too.
 """
 
 from __future__ import annotations
 
 import math
+import os
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import reduce
@@ -15,10 +17,17 @@ from itertools import chain
 from operator import add
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from ..errors import InputError
+
 if TYPE_CHECKING:
     import numpy as np
 
 Answer = TypeVar("Answer")
+FORWARDING_S = 1.0  # that the launcher has for passing on what this rank said, before all is ended
+PATIENCE_S = 3.0  # that a rank which failed waits for the others to fail alike, before it ends them
+# what the launchers of MPICH, Open MPI, PMIx and MVAPICH tell a process: its rank
+RANK_VARIABLES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK", "MV2_COMM_WORLD_RANK")
+SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
 
 
 class Ranks(ABC):
@@ -135,6 +144,78 @@ class One(Ranks):
         """Nobody else is there to end."""
 
 
+class Mpi(Ranks):
+    """A rank that mpirun started, over MPI by mpi4py, whose import starts MPI. Raises ImportError where that is missing."""
+
+    _left = False
+
+    def __init__(self) -> None:
+        os.environ.setdefault("MPIR_CVAR_SUPPRESS_ABORT_MESSAGE", "1")  # MPICH: one line says why, and it is ours
+        from mpi4py import MPI
+
+        self._mpi, self._all = MPI, MPI.COMM_WORLD
+        self._leaving = self._all.Dup()
+        machine = self._all.Split_type(MPI.COMM_TYPE_SHARED)
+        self.rank, self.count = self._all.rank, self._all.size
+        self.place, self.neighbours = machine.rank, machine.size
+        machine.Free()
+
+    def everyone(self, value: Any) -> list[Any]:
+        return self._all.allgather(value)
+
+    def gather(self, values: np.ndarray) -> list[np.ndarray]:
+        """Array by array, so that the first rank holds each only once."""
+        import numpy as np
+
+        values = np.ascontiguousarray(values)
+        shapes = self._all.gather(values.shape)
+        if shapes is None:
+            self._all.Send(self._bytes(values), dest=0)
+            return []
+        parts = [values, *(np.empty(shape, dtype=values.dtype) for shape in shapes[1:])]
+        for rank, part in enumerate(parts[1:], start=1):
+            self._all.Recv(self._bytes(part), source=rank)
+        return parts
+
+    def channel(self, out: np.ndarray, into: np.ndarray, peers: list[tuple[int, slice, slice]]) -> Callable[[], None]:
+        if len(peers) == 1:
+            peer, sent, got = peers[0]
+            return lambda: self._all.Sendrecv(out[sent], peer, 0, into[got], peer, 0)
+
+        def swap() -> None:
+            requests = [self._all.Irecv(into[got], peer) for peer, _, got in peers]
+            requests += [self._all.Isend(out[sent], peer) for peer, sent, _ in peers]
+            self._mpi.Request.Waitall(requests)
+
+        return swap
+
+    def table(self, row: np.ndarray, rows: np.ndarray) -> Callable[[], None]:
+        return lambda: self._all.Allgather(row, rows)
+
+    def leave(self, status: int) -> tuple[int, bool]:
+        """A rank that failed waits PATIENCE_S for the others to leave, as they do where all fail alike, and then ends them."""
+        import numpy as np
+
+        statuses = np.zeros(self.count, dtype=np.int32)
+        request = self._leaving.Iallgather(np.array([status], dtype=np.int32), statuses)
+        given_up = time.monotonic() + PATIENCE_S
+        while not request.Test():
+            if status and time.monotonic() > given_up:
+                return status, True
+            time.sleep(0.01)
+        worst = int(statuses.max())
+        self._left = True
+        return worst, self.rank == int(np.argmax(statuses))
+
+    def end_all(self, status: int) -> None:
+        if not self._left:
+            time.sleep(FORWARDING_S)
+            self._all.Abort(status)
+
+    def _bytes(self, values: np.ndarray) -> list[Any]:
+        return [values.reshape(-1).view("uint8"), self._mpi.BYTE]
+
+
 def exact_parts(values: np.ndarray) -> list[float]:
     """Few numbers whose sum is exactly that of `values` (n,): each is the rounded sum of what those before it leave out."""
     numbers: list[float] = values.tolist()
@@ -144,3 +225,32 @@ def exact_parts(values: np.ndarray) -> list[float]:
     while (part := math.fsum([*numbers, *(-p for p in parts)])) != 0.0:
         parts.append(part)
     return parts
+
+
+def join_ranks() -> Ranks:
+    """The ranks that this process was started among. Raises `InputError` where that needs mpi4py and it is missing."""
+    if started_as() is None or any(os.environ.get(name) == "1" for name in SIZE_VARIABLES):
+        return One()
+    try:
+        ranks = Mpi()
+    except ImportError as error:
+        raise InputError(
+            f'several ranks need mpi4py and an MPI library ({error}); pip install "warpknit[mpi]", or run without mpirun'
+        ) from error
+    if ranks.count == 1:
+        return One()
+    share_cores(ranks)
+    return ranks
+
+
+def started_as() -> int | None:
+    """The rank that a launcher gave this process, None where none started it."""
+    return next((int(os.environ[name]) for name in RANK_VARIABLES if os.environ.get(name, "").isdecimal()), None)
+
+
+def share_cores(ranks: Ranks) -> None:
+    """Give every rank on a machine its share of the cores for its threads, where nobody has said how many (step.thread_count)."""
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+    # a launcher may have bound each rank to its own cores
+    sharing = min(ranks.neighbours, ranks.everyone(cores).count(cores))
+    os.environ.setdefault("WARPKNIT_THREADS", str(max(1, len(cores) // sharing)))

@@ -28,7 +28,7 @@ from .. import measure
 from ..measure import Observables
 from ..results.row import Row
 from ..scene import Stage
-from ..studies.states import Mesh
+from ..studies.batch import Mesh
 from .load_path import LoadPath, PathState, under_strain
 
 STEP = 1e-3  # strain step of the finite differences

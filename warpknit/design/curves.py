@@ -14,7 +14,7 @@ from ..results.finding import ResultWarning
 from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
-from ..studies.states import Mesh
+from ..studies.batch import Mesh
 from .load_path import LoadPath, part_of, under_strain
 from .network import sheet_resistance
 

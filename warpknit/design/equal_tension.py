@@ -18,7 +18,7 @@ from ..runner.branches import Jump, tensions_text
 from ..runner.history import mean_tension, row_of
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
-from ..studies.states import Mesh
+from ..studies.batch import Mesh
 from .card import MaterialCard
 from .load_path import AS_KNITTED, LoadPath, PathState, part_of, under_tension
 from .service import EqualTension, ServicePoint, is_other

@@ -15,8 +15,8 @@ from ..runner.branches import Jump as RowJump
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
+from ..studies.batch import Mesh
 from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_text
-from ..studies.states import Mesh
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import missing_points

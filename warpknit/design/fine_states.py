@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import Diverged
 from ..measure import Observables
 from ..scene import Scene
-from ..studies.states import Mesh, mesh_of, states_of
+from ..studies.batch import Batch, Mesh, mesh_of
 from .load_path import under_strain
 
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
@@ -38,7 +38,7 @@ def states_at(
     """
     stages = [under_strain(model.scene, f) for f in gradients]
     found: dict[int, Observables | Diverged] = {}
-    for outcome in states_of(model, stages).run():
+    for outcome in Batch(model, stages).run():
         if outcome.observables is not None:
             found[outcome.index] = outcome.observables
         elif outcome.error is not None:

@@ -32,7 +32,7 @@ from ..runner.progress_display import Display
 from ..scene import Knit, Scene
 from ..scene.knit import Bar
 from ..scene.scene import Override
-from ..studies.states import mesh_of
+from ..studies.batch import mesh_of
 from .fine_states import states_at
 
 FIT_TOLERANCE = 2e-3  # of the factor

@@ -30,8 +30,8 @@ from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import mean_tension, row_of
 from ..runner.progress_display import Display
 from ..scene import Scene, Stage
+from ..studies.batch import Mesh, mesh_of
 from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
-from ..studies.states import Mesh, mesh_of
 from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card
 from .curves import tension_strain

@@ -74,7 +74,7 @@ class FrameFiles(FrameWriter):
         self._stage: Any = None
         self._is_first = True
         if stage is not None:
-            from warpknit.export.usd import StageWriter
+            from warpknit.export.usd.writer import StageWriter
 
             self._stage = StageWriter(directory, drawn_layout(layout), **vars(stage), resume=resume)
 

@@ -183,7 +183,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("energy_bend_J", lambda r: r.energies.bend, history=True, map="details"),
     Measure("energy_contact_J", lambda r: r.energies.contact, history=True, map="details"),
     Measure("energy_kinetic_J", lambda r: r.energies.kinetic, history=True),
-    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/work.py
+    Measure("work_J", "work", history=True),  # of a relaxation: summed in runner/branches.py
     Measure("edge_work_J", "edge_work", history=True),
     Measure("dissipated_J", "dissipated", history=True),
     # quality

@@ -170,7 +170,7 @@ class Row(Values):
     penetration_max: float  # largest overlap of all records, over d
     stress_max_so_far_Pa: float  # largest stress of all records so far
     probes: Mapping[str, float | None]  # last values of the probes of `run`, by their names
-    panel: Mapping[str, Any]  # of a panel at the end of a stage (runner/panel_report.py)
+    panel: Mapping[str, Any]  # of a panel at the end of a stage (runner/summary.py)
 
     @property
     def stored(self) -> float:

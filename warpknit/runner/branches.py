@@ -1,4 +1,4 @@
-"""The rows of a run, and its changes from one branch of equilibria to another, by the rules of measure/jumps.py."""
+"""The rows of a run, its changes from one branch of equilibria to another by the rules of measure/jumps.py, and their work."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from ..base.text import both, engineering
 from ..measure import MeshModel, energy_scale
@@ -20,6 +22,7 @@ HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; te
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
 SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over that of the next, as slack is taken up
 Jump = tuple[Row, Row]  # neighbouring states of different branches
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the fifth degree: a cubic force times the slope of a cubic
 
 
 class Event(Row):
@@ -135,3 +138,46 @@ def jumps_along(model: MeshModel, rows: Sequence[Row], path: np.ndarray) -> list
 def tensions_text(one: Row, other: Row) -> str:
     """Mean tensions of weft and warp of two rows."""
     return both(*(engineering(mean_tension(row), "N/m") for row in (one, other)))
+
+
+def with_work(rows: Sequence[Row], model: MeshModel) -> list[Row]:
+    """The rows of a relaxation with the work of its load, along each branch of equilibria and from one to the next.
+
+        W = integral of A0 P : dF + (thermal force) d(length factor),      the work of a quasi-static load.
+
+    Along one branch forces and displacements are monotone cubics (PCHIP) through the states: where both are monotone between two
+    states, so are the curves, and their work lies within the bounds of measure/jumps.py. Between two branches the states tell
+    nothing of the way, and the work is that of the mean force. Energy lost there shows as a difference from the stored energy.
+    """
+    if model.scene.solver.drive != "relax" or not rows:
+        return list(rows)
+    behind = {id(after) for _, after in jumps_of(model, rows)}
+    done = [rows[0].changed(work_J=rows[0].stored)]
+    for part in stages_of(rows):
+        force, place = work_terms(part, model.panel.area)
+        jumps = np.array([id(row) in behind for row in part[1:]])
+        for after, step in zip(part[1:], work_steps(force, place, jumps).tolist(), strict=True):
+            done.append(after.changed(work_J=done[-1].work_J + step + after.edge_work_J - done[-1].edge_work_J))
+    return done
+
+
+def work_steps(force: NDArray[np.float64], place: NDArray[np.float64], jumps: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(state - 1,) [J] work from each state to the next.
+
+    force (state, component), place (state, component): their products are energies [J]. jumps: (state - 1,) whether a state and
+    the next are of different branches.
+    """
+    work = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1)
+    ends = [0, *(np.flatnonzero(jumps) + 1).tolist(), len(force)]
+    for begin, end in zip(ends, ends[1:], strict=False):
+        if end - begin > 2:
+            work[begin : end - 1] = _along_branch(force[begin:end], place[begin:end])
+    return work
+
+
+def _along_branch(force: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(state - 1,) [J] work between neighbouring states of one branch."""
+    path = np.arange(len(force), dtype=float)
+    inside = path[:-1, None] + 0.5 * (1.0 + POINTS)
+    power = np.sum(PchipInterpolator(path, force)(inside) * PchipInterpolator(path, place).derivative()(inside), axis=2)
+    return np.asarray(power @ (0.5 * WEIGHTS))

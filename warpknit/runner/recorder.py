@@ -22,15 +22,14 @@ from ..results.frame import Frame, WireLayout
 from ..results.row import Columns, Row, write_json
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
+from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_slides, with_sums, write_history
-from .panel_report import PanelValues, cord_summary, report_panel
 from .probes import Probes
 from .progress_display import Display
 from .run_directory import CommandResult
-from .summary import Estimate, Summary, run_summary
+from .summary import Estimate, PanelValues, Summary, cord_summary, report_panel, run_summary
 from .watch import Watch
-from .work import with_work
 
 if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter

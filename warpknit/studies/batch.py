@@ -1,4 +1,4 @@
-"""Many loads of one small mesh, solved side by side for `warpknit map`.
+"""Equilibria of one mesh under many loads, side by side.
 
 Each load is applied level by level from the mesh as knitted, as in a relaxation of one mesh. Loads are independent, so results
 do not depend on the batch. Meshes that have converged under their full load, or failed, are no longer stepped.
@@ -7,16 +7,30 @@ do not depend on the batch. Meshes that have converged under their full load, or
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..errors import Diverged
-from ..scene import Stage
+from ..measure import Observables
+from ..scene import Scene, Stage
 from ..solve.equilibrium import Equilibrium
-from ..solve.model import worlds_of
+from ..solve.model import build_model, worlds_of
 from ..solve.relax import Relaxation, Unsolved
-from .outcome import Outcome
+
+Mesh = Any  # a model of either kind
+MOST_NODES = 500_000  # of all meshes side by side
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The outcome of one load: observables of an equilibrium, or the error."""
+
+    index: int  # of the load
+    steps: int
+    observables: Observables | None
+    error: Diverged | None
 
 
 class Batch:
@@ -93,3 +107,13 @@ class Batch:
 
     def _outcome(self, row: int, observables: Any, error: Diverged | None) -> Outcome:
         return Outcome(row, self.members[row].progress.steps, observables, error)
+
+
+def mesh_of(scene: Scene) -> Any:
+    """The model of a scene, on the CPU. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
+    return build_model(scene)
+
+
+def side_by_side(loads: int, nodes: int) -> int:
+    """How many of so many loads of a mesh are solved at once."""
+    return min(loads, max(1, MOST_NODES // nodes))

@@ -1,5 +1,7 @@
 """Probe runs: a small mesh of the same knit, wire and load, at few and at many nodes, to estimate discretisation errors.
 
+By them `warpknit run --error PERCENT` chooses its settings and estimates the error of the run.
+
 Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile,
 or the fewest that its model can take, and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the
 ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
@@ -7,20 +9,25 @@ ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at 
 
 from __future__ import annotations
 
+import logging
 from dataclasses import asdict, replace
 from functools import cached_property
 
 from ..errors import Diverged
+from ..measure.table import Record
 from ..mechanics.trial import Setting, edge_of
 from ..mesh.layout import of_repeats
+from ..results.finding import ResultWarning
+from ..runner.summary import Estimate
 from ..scene import Scene
 from ..solve.model import build_model, kind_of
-from .point import Errors, PointOutcome, Results, Scales, errors_of, run_point, scales_of
+from .point import Errors, PointOutcome, Results, Scales, errors_of, results_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
 LEVELS = 2  # of a mesh whose state does not depend on the load history
 SAFETY = 1.3  # factor on the estimate
 FLOOR_PERCENT = 0.2  # added to it: error of the fine run and of the convergence tolerance
+_log = logging.getLogger(__name__)
 
 
 def with_setting(scene: Scene, setting: Setting) -> Scene:
@@ -121,3 +128,33 @@ def _small(scene: Scene) -> Scene:
         return small
     side, (columns, rows) = PATCH if scene.model.boundary == "gripped" else 1, scene.knit.repeats
     return of_repeats(small, min(side, columns), min(side, rows))
+
+
+def settings_for_error(scene: Scene, percent: float) -> Setting:
+    """The cheapest settings within an error of `percent`, by probe runs on a small mesh. Raises `Diverged`."""
+    probe = ProbeRun(scene)
+    setting, errors = choose_setting(probe, percent)
+    what = "segments a wire" if edge_of(scene) == "hook" else "nodes a loop"
+    _log.info(
+        "%d %s, softening %g, tolerance %g: error of a small mesh of this scene %.2g %% (probe runs: %.2g node-steps)",
+        setting.nodes_per_loop, what, setting.axial_softening, setting.residual_tolerance, errors.largest_percent,
+        probe.node_steps,
+    )  # fmt: skip
+    return setting
+
+
+def estimate_of(record: Record, scene: Scene, setting: Setting, percent: float) -> Estimate:
+    """Estimated error of a run at a setting, chosen for an error of at most `percent`, from its last record."""
+    results = results_of(record.observables)
+    try:
+        errors = ProbeRun(scene).errors_of_run(results, setting)
+    except Diverged as error:
+        return Estimate(warning=ResultWarning("W45", f"the error was not estimated: {error}"))
+    if errors is None:
+        return Estimate(warning=ResultWarning("W45", "the error was not estimated: a small mesh of this scene does not converge"))
+    estimated = error_bound_percent(errors)
+    warning = None
+    if estimated > percent:
+        text = f"the error is estimated at {estimated:.2g} %, more than the {percent:g} % asked for"
+        warning = ResultWarning("W46", text)
+    return Estimate(estimated / 100.0, errors.active_percent, errors.tension, errors.contact_force, errors.stress, warning)

@@ -26,6 +26,7 @@ from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
+from .batch import Batch, mesh_of, side_by_side
 from .contact_map import (
     STEADY,
     MapRow,
@@ -44,7 +45,6 @@ from .contact_map import (
     write_map,
 )
 from .map_table import MapSummary
-from .states import States, mesh_of, side_by_side, states_of
 
 _log = logging.getLogger(__name__)
 
@@ -183,16 +183,16 @@ class _Mapper:
             stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in pairs]
             steps_before, share = self.steps, len(pairs) / len(missing)
 
-            def watch(states: States, steps_before: int = steps_before, share: float = share, finished: int = finished) -> None:
+            def watch(batch: Batch, steps_before: int = steps_before, share: float = share, finished: int = finished) -> None:
                 self._interrupts.check()
-                self.steps = steps_before + states.steps
+                self.steps = steps_before + batch.steps
                 rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
-                found = finished / len(missing) + share * states.done
+                found = finished / len(missing) + share * batch.done
                 self.display.update(done=found, load_factor=found, node_steps_per_s=rate)
                 if time.perf_counter() - self._saved > SAVE_INTERVAL:
                     self._save()
 
-            for outcome in states_of(self.meshes[seed], stages, levels, watch).run():
+            for outcome in Batch(self.meshes[seed], stages, levels, watch=watch).run():
                 message = "" if outcome.error is None else str(outcome.error)
                 pair, by_tension = pairs[outcome.index], self.sweep.by_tension
                 done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))

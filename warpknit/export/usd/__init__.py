@@ -24,8 +24,3 @@ names it, and every file is written aside and renamed, so a killed run leaves a 
 `active` and `activePairs` are integers because USD interpolates floats between frames and holds integers. Where a frame
 is left out the one before it stands still.
 """
-
-from warpknit.export.usd.shapes import stress_colour
-from warpknit.export.usd.writer import StageWriter
-
-__all__ = ["StageWriter", "stress_colour"]
