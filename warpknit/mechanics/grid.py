@@ -8,7 +8,8 @@ import warp as wp
 from ..compute.launch import bind
 from ..compute.ranks import Ranks
 from ..kernels.membrane_transfer import Grid, spread_to_bodies, spread_to_nodes
-from .repeat_mesh import RepeatModel, node_threads
+from .protocols import Model
+from .repeat_mesh import node_threads
 from .response import Response
 
 DIRECTIONS = {"x": 0, "y": 1, "body_x": 0, "body_y": 1}  # of fields that are displacements
@@ -33,7 +34,7 @@ class CountedForces:
 class RepeatGrid:
     """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh (kernels/membrane_transfer.py)."""
 
-    def __init__(self, model: RepeatModel, low: np.ndarray, cell: np.ndarray, cells: np.ndarray, *sources: object) -> None:
+    def __init__(self, model: Model, low: np.ndarray, cell: np.ndarray, cells: np.ndarray, *sources: object) -> None:
         """sources: of the arrays of the mesh by name, those of `RepeatArrays` at least."""
         self.model, self._sources = model, sources
         self.grid = Grid()

@@ -17,7 +17,8 @@ import warp as wp
 
 from ..compute.launch import bind
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
-from .repeat_mesh import RepeatModel, node_threads
+from .protocols import Model
+from .repeat_mesh import node_threads
 from .response import Response
 
 RIM = 3  # repeats at an edge that are copied one to one
@@ -27,7 +28,7 @@ FADED = 1.5  # loops of wire from a clamp over which the change is tapered
 class RepeatProlongation:
     """Adds fields of a small mesh, or their changes, to those of a large one."""
 
-    def __init__(self, large: RepeatModel, small: RepeatModel, *sources: object) -> None:
+    def __init__(self, large: Model, small: Model, *sources: object) -> None:
         """sources: of the arrays of the large mesh by name, those of `RepeatArrays` at least."""
         self.large, self.small = large, small.global_model
         self._sources = sources

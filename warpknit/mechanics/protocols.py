@@ -1,12 +1,12 @@
 """The protocols by which the engine loads, steps, checks and records a model.
 
-`Model` is constant, `State` moves, `Mechanics` steps a state. A `Group` steps many states of one model side by side;
+`Model` is constant, a state moves, `Mechanics` steps a state. A `Group` steps many states of one model side by side;
 `SingleMesh` is a group of one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -24,8 +24,12 @@ class Model(MeshModel, Protocol):
     """A mesh ready to run: all constant data."""
 
     @property
-    def has_multilevel(self) -> bool:
-        """Whether multilevel starts and membrane corrections are available."""
+    def table(self) -> Any:
+        """Rest data of one repeat at its nodes; None for wires from a file."""
+
+    @property
+    def bodies(self) -> np.ndarray:
+        """[body] index in the mesh of all ranks; `panel` is that of the strip of this rank."""
 
     @property
     def softening(self) -> float:
@@ -46,24 +50,6 @@ class Model(MeshModel, Protocol):
     @property
     def loading_time(self) -> float:
         """Loading time [s] of a stage of a ramp."""
-
-
-class State(Protocol):
-    """All time-dependent data of a mesh."""
-
-    @property
-    def gradient(self) -> np.ndarray:
-        """Deformation gradient (2, 2) of the boundary, a copy."""
-
-    @property
-    def steering(self) -> Steering:
-        """The control array by name."""
-
-    def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
-        """All arrays on the host, for a checkpoint; not `copied`: valid until the next step."""
-
-    def restore(self, kept: dict[str, np.ndarray]) -> None:
-        """Restore what `arrays` returned."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +83,8 @@ class Mechanics(Protocol):
     notes: list[str]  # for the user
     may_overlap: bool  # wires may overlap now, as knitted
     check_steps: int  # steps between convergence checks of a relaxation
+    path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
+    path_ratios: tuple[float, float]  # residual over its tolerance to which it converges in increments on the way, and at the end
 
     @property
     def drift(self) -> Drift:
@@ -223,56 +211,24 @@ class Mechanics(Protocol):
     def owners(self) -> list[Owner]:
         """What has variables of the mesh and its solver that outlast a step."""
 
+    # --- large meshes, which start from smaller ones and are corrected as membranes (solve/multilevel.py); `rim` is None
 
-class Prolongation(Protocol):
-    """Carries what changes on a smaller mesh over to a larger one of the same knit."""
+    def prolongation(self, smaller: Any) -> Any:
+        """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one.
 
-    def carry(self, response: Any) -> bool:
-        """Add what changed on the smaller mesh since the last time; `response`: of the cloth at the load. False: the larger mesh
-        cannot take it, and keeps its state."""
+        Its `carry(response)` adds what changed on the smaller mesh since the last time; `response`: of the cloth at the load. It
+        returns False where the larger mesh cannot take it, and keeps its state.
+        """
 
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> Any:
+        """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], which balances the mesh as a membrane.
 
-class MembraneGrid(Protocol):
-    """The coarse grid over a mesh, on which it is balanced as a membrane (solve/membrane.py)."""
-
-    @property
-    def max_strain(self) -> float:
-        """Largest strain of one correction."""
-
-    @property
-    def least_lift(self) -> float:
-        """[m] smallest displacement out of the plane that is worth a correction; in a planar model of no use."""
-
-    def gather(self) -> np.ndarray:
-        """(grid node, 2) [N] out-of-balance forces, as the last convergence check found them."""
-
-    def gather_across(self) -> np.ndarray | None:
-        """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them; None in a planar model."""
-
-    def spread_across(self, displacement: np.ndarray) -> None:
-        """Move the mesh out of its plane with the grid [grid node] [m]; the clamps stay."""
-
-    def spread(self, displacement: np.ndarray, response: Any) -> None:
-        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
-
-
-# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
-# what describes its state (`MultilevelMechanics.state_variables`)
-CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
-
-
-class MultilevelMechanics(Mechanics, Protocol):
-    """What a model offers besides, whose large meshes start from smaller ones and are corrected as membranes
-    (solve/multilevel.py)."""
-
-    path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
-    path_ratios: tuple[float, float]  # residual over its tolerance to which it converges in increments on the way, and at the end
-
-    def prolongation(self, smaller: Any) -> Prolongation:
-        """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one."""
-
-    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
-        """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m]."""
+        It has the largest strain of one correction `max_strain`, and the smallest displacement out of the plane that is worth one
+        `least_lift` [m]. `gather()` returns the out-of-balance forces (grid node, 2) [N] that the last convergence check found,
+        `gather_across()` those out of the plane [grid node] [N], None in a planar model. `spread(displacement, response)` moves
+        the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers, `spread_across(displacement)` out of its
+        plane [grid node] [m]; the clamps stay.
+        """
 
     def state_variables(self) -> dict[str, np.ndarray]:
         """Fields of the state (warpknit/mechanics/), for differences between states."""
@@ -284,9 +240,7 @@ class MultilevelMechanics(Mechanics, Protocol):
     def stop(self) -> None:
         """Stop all motion."""
 
-
-class EdgeMechanics(MultilevelMechanics, Protocol):
-    """What a model offers in addition, whose edge moves with the membrane (`Mechanics.rim` is None)."""
+    # --- an edge that moves with the membrane
 
     def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
         """Have the next load take the clamps from displacements (clamp, 2) [m] to others."""

@@ -3,41 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
 
 from ..kernels.wire_forces import BLOCK_SIZE
-from ..knit.cloth import Cloth
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
-from ..scene import Scene
-
-
-class RepeatModel(Protocol):
-    """A model of a mesh of repeats."""
-
-    @property
-    def scene(self) -> Scene: ...
-    @property
-    def cloth(self) -> Cloth | None: ...
-    @property
-    def table(self) -> Any: ...
-    @property
-    def panel(self) -> Panel:
-        """Of the strip of this rank."""
-
-    @property
-    def bodies(self) -> np.ndarray:
-        """[body] index in the mesh of all ranks."""
-
-    @property
-    def global_model(self) -> Any:
-        """The model of the mesh of all ranks."""
-
-    @property
-    def device(self) -> str: ...
 
 
 @dataclass(frozen=True)

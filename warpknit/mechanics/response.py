@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from .protocols import CellState, MultilevelMechanics
+from .protocols import Mechanics
 
 STRAIN = 2e-3  # strain increment of the finite differences
 LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
 UNCERTAINTY = 2.0  # the same over a negative one, which in slack cloth tells how uncertain all are
+# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
+# what describes its state (`Mechanics.state_variables`)
+CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
 OF_BODIES, KEPT = "body_", "response_"  # beginnings of names: of fields of bodies, and in a checkpoint
 
 
@@ -68,7 +72,7 @@ def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperatu
     )
 
 
-def zero_response(repeat: MultilevelMechanics, device: str) -> Response:
+def zero_response(repeat: Mechanics, device: str) -> Response:
     """A response of zero, of the cloth of one repeat, for a mesh on the device."""
     cell = repeat.model
     change = {

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -62,7 +62,6 @@ class Model:
 
     __repr__ = short_repr
 
-    has_multilevel: ClassVar[bool] = True
     scene: Scene
     cloth: Cloth | None  # None for wires that no pattern made
     table: Table

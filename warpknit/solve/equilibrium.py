@@ -5,9 +5,9 @@ It serves one mesh or many side by side. Each mesh is checked by itself, so resu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,26 +15,6 @@ from ..errors import Diverged
 from ..measure import tension_scale
 from ..mechanics.protocols import Group
 from .convergence import TENSION_FLOOR, Convergence
-from .progress import Progress
-
-
-class Relaxing(Protocol):
-    """What the loop needs of a relaxation (relax.py)."""
-
-    progress: Progress
-    watch: Callable[[Progress], None]
-
-    @property
-    def step_limit(self) -> int:
-        """Largest number of steps of a level."""
-
-    def corrected(self, ratio: float) -> float:
-        """The residual ratio after corrections beside the time steps."""
-
-    def divergence(self) -> Diverged: ...
-    def overlap_error(self, overlap: float) -> Diverged | None: ...
-    def stalled(self) -> Diverged: ...
-    def exceeded_steps(self) -> Diverged: ...
 
 
 @dataclass(frozen=True)
@@ -48,7 +28,8 @@ class CheckOutcome:
 class Equilibrium:
     """Finds the equilibria of a group of meshes, each under its own load."""
 
-    def __init__(self, group: Group, relaxations: Sequence[Relaxing]) -> None:
+    def __init__(self, group: Group, relaxations: Sequence[Any]) -> None:
+        """relaxations: the `Relaxation` (relax.py) of each mesh of the group."""
         self.group, self.relaxations = group, relaxations
         scene = group.model.scene
         self.convergence = Convergence(

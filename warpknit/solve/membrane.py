@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
-from ..mechanics.protocols import MultilevelMechanics
+from ..mechanics.protocols import Mechanics
 from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
@@ -45,7 +45,7 @@ class Correction:
 class Membrane:
     """The coarse grid over a gripped mesh."""
 
-    def __init__(self, mechanics: MultilevelMechanics, rim: Rim) -> None:
+    def __init__(self, mechanics: Mechanics, rim: Rim) -> None:
         self.model, self.rim = mechanics.model, rim
         self.tangent = np.zeros((2, 2, 2, 2))
         size = np.array(self.model.panel.size)

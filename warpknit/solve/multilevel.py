@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import cast
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text, stretch
 from ..mechanics.numerics import renewed_pace
-from ..mechanics.protocols import EdgeMechanics, MultilevelMechanics, advance
+from ..mechanics.protocols import Mechanics, advance
 from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.rim import LoadPoint, Rim, build_rim
 from .convergence import TENSION_FLOOR
@@ -76,7 +75,7 @@ class MultilevelRelaxation(Relaxation):
 
     def __init__(
         self,
-        mechanics: MultilevelMechanics,
+        mechanics: Mechanics,
         progress: Progress | None = None,
         watch: Callable[[Progress], None] = lambda _: None,
         *,
@@ -86,13 +85,12 @@ class MultilevelRelaxation(Relaxation):
         """`smaller`: a smaller mesh of the same knit, the start of each level; `cell`: one periodic repeat, for the membrane
         stiffness of a large gripped mesh. At least one of them is given."""
         super().__init__(mechanics, progress, watch)
-        self.mechanics: MultilevelMechanics = mechanics
         self.smaller = smaller
         self.cell = cell
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
         repeated = cell or smaller
         assert repeated is not None
-        self._response = zero_response(cast(MultilevelMechanics, repeated.mechanics), self.model.device)
+        self._response = zero_response(repeated.mechanics, self.model.device)
         self.membrane: Membrane | None = None
         self._rim: Rim | None = None
         self._stations = np.zeros((0, 2))
@@ -270,7 +268,7 @@ class MultilevelRelaxation(Relaxation):
             return
         if not self.membrane.tangent.any():
             begin, self._stations = self.stations, self.stations + displacement
-            cast(EdgeMechanics, self.mechanics).move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
+            self.mechanics.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
             self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
             return
         remaining = 1.0
@@ -284,7 +282,7 @@ class MultilevelRelaxation(Relaxation):
             remaining = remaining * (1.0 - share) if share < 1.0 else 0.0
             if remaining > 0.0:
                 self._step_on(MOVE_STEPS)
-                cast(EdgeMechanics, self.mechanics).renew_damping()
+                self.mechanics.renew_damping()
 
     def _begin_solving(self, to_ratio: float, *, drift_counts: bool = True) -> None:
         super()._begin_solving(to_ratio, drift_counts=drift_counts)
@@ -333,7 +331,7 @@ class MultilevelRelaxation(Relaxation):
         of the plane. Returns whether the mesh has moved."""
         progress, rim = self.progress, membrane.rim
         least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
-        pulled = cast(EdgeMechanics, self.mechanics).clamp_forces() if rim.is_free else np.zeros((0, 2))
+        pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
         solve = membrane.solve_rim if progress.gave_up else membrane.solve
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
@@ -393,7 +391,7 @@ class MultilevelRelaxation(Relaxation):
         if self.rim is not None:
             self._stations = self.stations + correction.stations
             clamps = self.rim.clamps @ self.stations
-            cast(EdgeMechanics, self.mechanics).move_clamps(clamps, clamps)
+            self.mechanics.move_clamps(clamps, clamps)
 
 
 def _load_of(relaxation: Relaxation) -> LoadPoint:

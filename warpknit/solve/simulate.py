@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ..compute import device_of_mesh
 from ..compute.ranks import One, Ranks
 from ..errors import InputError, ModelError
 from ..measure.table import Record
-from ..mechanics.protocols import Model, MultilevelMechanics
+from ..mechanics.protocols import Mechanics, Model
 from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
 from ..scene import Scene
 from .drive import Drive
@@ -60,7 +60,8 @@ class Simulation:
         self.watch = watch or (lambda _progress: None)
         self.solving = ""  # which smaller mesh is solved for the start of a large one, and how far it is
         if model.scene.solver.drive == "relax":
-            self.drive: Drive = self._relaxation(model, self.state, self.progress, self._cell_of(model))
+            mechanics = mechanics_of(model, self.state)
+            self.drive: Drive = self._relaxation(mechanics, self.progress, self._cell_of(mechanics))
         else:
             self.drive = Ramp(mechanics_of(model, self.state), self.progress, self._watched)
 
@@ -118,19 +119,18 @@ class Simulation:
 
     # --- drives
 
-    def _relaxation(self, model: Model, state: Any, progress: Progress, cell: Relaxation | None) -> Relaxation:
-        """A relaxation with its smaller meshes."""
-        mechanics = mechanics_of(model, state)
-        multilevel = cast(MultilevelMechanics, mechanics)  # used where the model has it
+    def _relaxation(self, mechanics: Mechanics, progress: Progress, cell: Relaxation | None) -> Relaxation:
+        """A relaxation with its smaller meshes; one whose mechanics move the edge has none."""
+        model: Model = mechanics.model
         watched = partial(self._watched, model=model)
-        scene = smaller_scene(model.scene) if model.has_multilevel and model.cloth is not None else None
+        scene = smaller_scene(model.scene) if mechanics.rim is None and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, watched)
-            return MultilevelRelaxation(multilevel, progress, watched, cell=cell)
+            return MultilevelRelaxation(mechanics, progress, watched, cell=cell)
         smaller = build_model(scene, self._device_of(model, scene), self._ranks_of(model, scene))
-        below = self._relaxation(smaller, initial_state(smaller), Progress(), cell)
-        return MultilevelRelaxation(multilevel, progress, watched, smaller=below, cell=cell)
+        below = self._relaxation(mechanics_of(smaller, initial_state(smaller)), Progress(), cell)
+        return MultilevelRelaxation(mechanics, progress, watched, smaller=below, cell=cell)
 
     @staticmethod
     def _ranks_of(model: Model, smaller: Scene) -> Ranks:
@@ -146,10 +146,11 @@ class Simulation:
         return device_of_mesh(estimated_nodes(smaller, model.cloth), model.device)
 
     @classmethod
-    def _cell_of(cls, model: Model) -> Relaxation | None:
+    def _cell_of(cls, mechanics: Mechanics) -> Relaxation | None:
         """A relaxation of one periodic repeat, for a large gripped mesh, else None."""
+        model: Model = mechanics.model
         scene = model.scene
-        if not model.has_multilevel or model.cloth is None or scene.model.boundary == "periodic":
+        if mechanics.rim is not None or model.cloth is None or scene.model.boundary == "periodic":
             return None
         if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None

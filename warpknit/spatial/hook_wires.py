@@ -53,7 +53,7 @@ def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
     step = hook.length / segments
     along = (np.arange(segments + 2) - 0.5) * step
     arcs = (TiltedArc(hook, LEFT, -tilt(hook)), TiltedArc(hook, RIGHT, tilt(hook)))
-    lines = [line_along(arc, along, step) for arc in arcs]
+    lines = [line_along(arc, arc.slope(along), along, step) for arc in arcs]
     count = segments + 2
     held = np.array([[0, 1, count - 2, count - 1], [count, count + 1, 2 * count - 2, 2 * count - 1]])
     points = tuple(arc(along) for arc in arcs)

@@ -1,4 +1,4 @@
-"""The mechanics of the spatial model (protocol `Mechanics` of mechanics.py)."""
+"""The mechanics of the spatial model (protocol `Mechanics` of mechanics/protocols.py)."""
 
 from __future__ import annotations
 

@@ -75,11 +75,6 @@ class SpatialModel:
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
 
     @property
-    def has_multilevel(self) -> bool:
-        """Whether multilevel starts and membrane corrections are available; not with an edge that moves (clamps.py)."""
-        return not self.scene.has_moving_edge
-
-    @property
     def time_step(self) -> float:
         """[s] initial time step."""
         return 1.0 if self.ramp is None else self.ramp.time_step

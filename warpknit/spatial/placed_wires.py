@@ -14,8 +14,8 @@ the first or last segment, half as long as its neighbours, and holds its two nod
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -33,16 +33,6 @@ MEAN_OVER = 3.0  # thicknesses, of the curvature
 SAMPLES = 12  # a thickness of plan length
 LEAST_SHARE = 0.5  # smallest spacing over the mean one, and
 LEAST_SPACING = 1.5  # in thicknesses: the smaller one of both
-
-
-class Curve(Protocol):
-    """A centre line by its arc length [m]."""
-
-    def __call__(self, s: np.ndarray) -> np.ndarray:
-        """Points (m, 3) [m]."""
-
-    def slope(self, s: np.ndarray) -> np.ndarray:
-        """(m, 3) of any length, along the line."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +171,7 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
             along = _clamped_nodes(thread, float(panel.wire_begin[w]), float(panel.wire_length[w]))
         nodes.append(along)
         points.append(thread(along.arcs))
-        lines.append(line_along(thread, along.arcs, along.segment))
+        lines.append(line_along(thread, thread.slope(along.arcs), along.arcs, along.segment))
     origin = np.column_stack([panel.block_origin[block], np.zeros(len(block))])
     begin, step = np.array([one.begin for one in nodes])[form], np.array([one.step for one in nodes])[form]
     wire = panel.pair_wire.reshape(-1, 2)
@@ -235,11 +225,16 @@ def _forms(cloth: Cloth, panel: Panel, *, closed: bool) -> tuple[np.ndarray, np.
     return example, form.reshape(-1)
 
 
-def line_along(curve: Curve, arcs: np.ndarray, step: np.ndarray | float) -> CentreLine:
-    """The centre line at nodes at arc lengths `arcs` [m], and on the segments of lengths `step` [m] behind them."""
+def line_along(
+    curve: Callable[[np.ndarray], np.ndarray], slope: np.ndarray, arcs: np.ndarray, step: np.ndarray | float
+) -> CentreLine:
+    """The centre line at nodes at arc lengths `arcs` [m], and on the segments of lengths `step` [m] behind them.
+
+    curve: points (m, 3) [m] at arc lengths [m]; slope (node, 3) of any length, along it at the nodes.
+    """
     step = np.broadcast_to(step, arcs.shape)
     places = curve((arcs[:, None] + FIT_PLACES * step[:, None]).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
-    return CentreLine(curve.slope(arcs), places - curve(arcs)[:, None], step)
+    return CentreLine(slope, places - curve(arcs)[:, None], step)
 
 
 def _closed_nodes(thread: SpacedThread, first: int, count: int) -> _FormNodes:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain, pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -56,41 +56,6 @@ NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they sa
 NODES_IN_CACHE = 1_000  # of worlds that take their steps before others do
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 GROUP_NODES = 4096  # of a group, or one longer wire: their forces take 64 B a node
-
-
-class Contact(Protocol):
-    """Contact forces between the wires."""
-
-    @property
-    def version(self) -> tuple[int, int]:
-        """Numbers of the arrays that `launches` uses; launches are captured once per version."""
-
-    @property
-    def touch(self) -> TouchArrays:
-        """What the launches find."""
-
-    def launches(self, part: int, parts: int) -> Sequence[Launch]:
-        """Launches of one part of the contact forces."""
-
-    def refresh(self, moved: float) -> None:
-        """Renew the lists of pairs after nodes were moved by up to `moved` [m] from outside."""
-
-    def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
-        """List the pairs that may touch within a travel [m] or [row] from the state last evaluated."""
-
-    def bound_stiffness(self, rows: np.ndarray) -> None:
-        """Write bounds on the stiffness of the contacts that may touch, up to the gap of the last evaluation."""
-
-
-class Clamps(Protocol):
-    """Motion of held nodes."""
-
-    @property
-    def need_forces(self) -> bool:
-        """Whether they move by the forces on their nodes."""
-
-    def launches(self, worlds: range) -> Sequence[Launch]:
-        """Launches that move held nodes of some worlds after the step."""
 
 
 class WireGroup(NamedTuple):
@@ -157,8 +122,8 @@ class RodStepper:
         self.arrays: RodArrays = upload_rods(rods, device, precision, worlds)
         self.state: RodState = rest_state(rods, device, precision, worlds) if state is None else state
         self.steering = Steering(self.state.control)  # [world]
-        self.contact: Contact | None = None
-        self.clamps: Clamps | None = None
+        self.contact: Any = None  # `WireContact` (wire_contact.py), and `MovingClamps` (clamps.py), which set themselves
+        self.clamps: Any = None
         pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
         each = max(1, NODES_IN_CACHE * worlds // rods.node_count)
