@@ -11,7 +11,7 @@ import tomli_w
 from click.testing import CliRunner
 
 from warpknit.commands.cli import main
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.compute.ranks import One
 from warpknit.errors import InputError
 from warpknit.runner.run import run_scene
@@ -133,7 +133,7 @@ def test_every_rule_holds(folder, rule):
         said = refusal(folder, table, traits)
         assert "; " in said and is_refused(traits)
     else:
-        planned = outline_of(make_scene(table), "cpu").physics
+        planned = overview_of(make_scene(table), "cpu").physics
         assert any(sentence.startswith("without effect: ") and sentence.endswith(f"({rule.why})") for sentence in planned)
 
 

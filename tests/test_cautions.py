@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from reference.in_words import in_words, table_of
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.knit.centreline import Thread
 from warpknit.knit.cloth import Cloth
 from warpknit.knit.straight_wires import ROUNDED, least_length
@@ -35,7 +35,7 @@ warnings_of, _contacts_as_knitted, _overstressed, _taut_between_grips = map(
 
 def planned(scene: Scene, *device: str) -> list[str]:
     """The warnings of a plan."""
-    return [str(warning) for warning in outline_of(scene, *device).warnings]
+    return [str(warning) for warning in overview_of(scene, *device).warnings]
 
 
 @pytest.mark.parametrize(("friction", "frames", "says"), [(0.4, 32, True), (0.4, 511, True), (0.4, 512, False), (0.1, 32, False)])
@@ -213,7 +213,7 @@ def test_a_run_of_a_tight_knit_says_what_plan_says_of_its_preset(changes: list[s
     said = [line for line in cautions(build_model(scene), []) if "of the reference preset" in line]
     assert len(said) == says
     for line in said:
-        assert line.removeprefix(f"preset {scene.solver.preset}: ") in outline_of(scene, "cpu").accuracy
+        assert line.removeprefix(f"preset {scene.solver.preset}: ") in overview_of(scene, "cpu").accuracy
 
 
 def test_a_wire_hooked_once_each_way_needs_the_polygon_through_its_hooks() -> None:

@@ -12,7 +12,7 @@ import warp as wp
 from click.testing import CliRunner
 
 from warpknit.commands.cli import main
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.commands.run import run
 from warpknit.compute import DEFAULT_DEVICE, LEAST_NODES, device, device_of_mesh, memory
 from warpknit.compute.ranks import One
@@ -100,19 +100,19 @@ def test_a_study_of_a_small_mesh_takes_the_cpu(graphics: None, monkeypatch: pyte
 
 def test_a_plan_compares_with_the_memory_that_is_free_on_the_gpu(graphics: None, monkeypatch: pytest.MonkeyPatch) -> None:
     small_gpu(monkeypatch, 2**28)
-    assert outline_of(load_scene(CELL), "cuda:0").available_bytes == 2**28
+    assert overview_of(load_scene(CELL), "cuda:0").available_bytes == 2**28
     small_gpu(monkeypatch, 2**60)
     monkeypatch.setattr("warpknit.commands.plan.available_memory", lambda name="cpu": 2**30 if name == "cpu" else 2**60)
-    assert outline_of(load_scene(CELL), "cuda:0").available_bytes == 2**30
+    assert overview_of(load_scene(CELL), "cuda:0").available_bytes == 2**30
 
 
 def test_a_mesh_that_the_gpu_has_no_room_for_is_refused(graphics: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is laid out in main memory first, so that it needs room there, too."""
     small_gpu(monkeypatch, 2**20)
-    for ask in (outline_of, knit_scene):
+    for ask in (overview_of, knit_scene):
         with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[8, 8\]: 8.19e\+03 nodes need .* 0.000977 GiB are available"):
             ask(load_scene(CELL, PATCH), "cuda:0")
-    assert outline_of(load_scene(CELL, PATCH), "cpu").device == "cpu"
+    assert overview_of(load_scene(CELL, PATCH), "cpu").device == "cpu"
     small_gpu(monkeypatch, 2**60)
     monkeypatch.setattr(memory, "available_memory", lambda name="cpu": 2**20 if name == "cpu" else 2**60)
     with pytest.raises(MemoryNeeded):

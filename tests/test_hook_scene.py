@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.runner.run import run_scene
 from warpknit.scene import SceneError, load_scene, make_scene, resolved_toml
 
@@ -96,7 +96,7 @@ def test_a_run_of_a_hook_leaves_what_was_asked_for(tmp_path: Path) -> None:
 
 
 def test_the_plan_of_a_hook() -> None:
-    plan = outline_of(load_scene(SCENES / "hook_ring.toml"), "cpu")
+    plan = overview_of(load_scene(SCENES / "hook_ring.toml"), "cpu")
     assert (plan.wires, plan.bodies, plan.nodes) == (2, 1, 2 * 51)
     assert any("'ring'" in sentence for sentence in plan.physics)
     assert plan.mesh[0][0] == "hook"

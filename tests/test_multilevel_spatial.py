@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.kernels.banded_mass import HELD_NODE
 from warpknit.measure.table import values
 from warpknit.mechanics.response import zero_response
@@ -332,7 +332,9 @@ def test_plan_says_from_which_mesh_a_run_starts() -> None:
     cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
 
     def starts(*changes: str) -> list[str]:
-        return [line for line in outline_of(load_scene(CELL, [*SCENE, *changes]), "cpu").physics if line.startswith("multilevel")]
+        return [
+            line for line in overview_of(load_scene(CELL, [*SCENE, *changes]), "cpu").physics if line.startswith("multilevel")
+        ]
 
     assert "8 x 3 repeats" in starts(STRIP, "model.boundary=gripped")[0]
     assert "1 x 1 repeats" in starts("knit.repeats=[3, 2]")[0]

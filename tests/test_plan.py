@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpknit.commands.plan import make_plan, outline_of
+from warpknit.commands.plan import make_plan, overview_of
 from warpknit.compute import device, memory
 from warpknit.compute.memory import MEMORY_PER_NODE
 from warpknit.errors import DeviceError, InputError, MemoryNeeded
@@ -39,7 +39,7 @@ def test_keys_are_those_scripts_rely_on():
 
 def test_counts_of_the_cell():
     """One repeat of the double atlas: 2 threads, 8 loops of 16 nodes, 12 bodies with two pairs each."""
-    planned = outline_of(load_scene(CELL), "cpu")
+    planned = overview_of(load_scene(CELL), "cpu")
     assert (planned.wires, planned.nodes, planned.bodies) == (2, 8 * 16, 12)
     assert planned.is_whole
 
@@ -61,9 +61,9 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
     A gripped mesh of 7 x 6 repeats loses clasps on a rim of at most a quarter of a repeat, 2 (1/7 + 1/6)/4 of all.
     """
     scene = load_scene(PATCH, [f'model.boundary="{boundary}"'])
-    counted = outline_of(scene, "cpu")
+    counted = overview_of(scene, "cpu")
     monkeypatch.setattr(sample_run, "SAMPLE_NODES", 0)
-    estimated = outline_of(scene, "cpu")
+    estimated = overview_of(scene, "cpu")
     assert not estimated.is_whole and estimated.mesh[1][1].startswith("about ")
     allowed = 0.0 if boundary == "periodic" else 0.5 * (1 / 7 + 1 / 6)
     assert estimated.nodes == pytest.approx(counted.nodes, rel=allowed, abs=0)
@@ -88,7 +88,7 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
     ],
 )
 def test_physics_is_named_where_the_scene_asks_for_it(override, sentence):
-    planned = outline_of(load_scene(CELL, ["knit.repeats=[2, 2]", override]), "cpu")
+    planned = overview_of(load_scene(CELL, ["knit.repeats=[2, 2]", override]), "cpu")
     assert any(text.startswith(f"{sentence}:") for text in planned.physics)
 
 
@@ -112,7 +112,7 @@ def test_wires_too_thick_for_the_loops_are_told_as_by_a_run(bars, kind, diameter
     knit = {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"}
     model = {"kind": kind, "boundary": "periodic", "nodes_per_loop": 24}
     scene = load_scene({"wire": {"diameter": diameter}, "knit": knit, "model": model, "load": {"strain_weft": 0.01}})
-    told = [text for text in map(str, outline_of(scene).warnings) if "too thick" in text]
+    told = [text for text in map(str, overview_of(scene).warnings) if "too thick" in text]
     assert told == ([] if line is None else [f"{line}the yarn is too thick for the loops, or the bars lap through each other"])
     if line is not None and kind == "spatial":
         mechanics = Simulation(build_model(scene)).mechanics
@@ -124,7 +124,7 @@ def test_wires_too_thick_for_the_loops_are_told_as_by_a_run(bars, kind, diameter
 
 def test_physics_that_is_off_is_not_named():
     overrides = ["solver.axial_softening=1", "solver.multipliers=false"]
-    named = {text.split(":")[0] for text in outline_of(load_scene(CELL, overrides), "cpu").physics}
+    named = {text.split(":")[0] for text in overview_of(load_scene(CELL, overrides), "cpu").physics}
     assert named == {
         "stretching", "bending", "contact", "periodic boundary", "affine prediction", "relaxation", "double precision",
     }  # fmt: skip
@@ -133,10 +133,10 @@ def test_physics_that_is_off_is_not_named():
 def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
     """Of a mesh; of two hooked wires there is one. A map alone runs no [[path]]."""
     for scene, said in ((CELL, "a tight mesh may have several, of which the load path decides"), (HOOK, "independent of")):
-        [relaxation] = [text for text in outline_of(load_scene(scene), "cpu").physics if text.startswith("relaxation: ")]
+        [relaxation] = [text for text in overview_of(load_scene(scene), "cpu").physics if text.startswith("relaxation: ")]
         assert said in relaxation
     swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}
-    physics = outline_of(load_scene(CELL, swept), "cpu").physics
+    physics = overview_of(load_scene(CELL, swept), "cpu").physics
     assert "without effect: path (a map runs only [load])" in physics
 
 
@@ -289,7 +289,7 @@ def test_the_default_device_goes_by_the_size_of_the_mesh(monkeypatch):
     assert device.find_device(None, nodes=lambda: 1000) == "cpu"
     assert [device.find_device(None, place, lambda: 10**6) for place in range(3)] == ["cuda:0", "cuda:1", "cuda:0"]
     assert device.find_device("cuda:1", nodes=lambda: 1000) == "cuda:1"
-    assert outline_of(load_scene(CELL)).device == "cpu"
+    assert overview_of(load_scene(CELL)).device == "cpu"
 
 
 def test_a_knit_that_cannot_be_made_is_refused():

@@ -5,7 +5,7 @@ import pytest
 
 from reference.rods import SECTION
 from warpknit import Simulation, build_model
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.scene import SceneError, load_scene
 from warpknit.spatial.from_file import panel_of_wires
 from warpknit.spatial.rod_step import RodStepper
@@ -138,13 +138,13 @@ def test_a_given_set_fraction_takes_the_place_of_the_natural_shape(tmp_path):
         "wires": {"file": str(path), "unit": "mm", "node_spacing": "0.05 mm"},
         "wire": {"diameter": "20 um", "set_fraction": 0.5}, "model": {"boundary": "periodic"}, "load": {"strain_weft": 0.01},
     }  # fmt: skip
-    file = outline_of(load_scene(table)).file
+    file = overview_of(load_scene(table)).file
     assert file is not None and file.wires.natural_turns is None
     assert file.warnings[:2] == [
         "blocks that are not read: *Colour",
         "natural curvature and twist of zero.pyp (*RK, *RT) are not used: wire.set_fraction = 0.5 sets them",
     ]
-    whole = outline_of(load_scene(table, {"wire.set_fraction": 1})).file
+    whole = overview_of(load_scene(table, {"wire.set_fraction": 1})).file
     assert whole is not None and whole.wires.natural_turns is not None and not np.any(whole.wires.natural_turns[0])
 
 

@@ -5,7 +5,7 @@ import pytest
 import wire_samples as samples
 from pxr import Sdf, Usd, UsdGeom
 
-from warpknit.commands.plan import outline_of
+from warpknit.commands.plan import overview_of
 from warpknit.errors import SceneError
 from warpknit.scene import load_scene
 from warpknit.scene.scene import resolved_toml
@@ -87,7 +87,7 @@ def test_other_widths_are_no_thickness(tmp_path, widths, fault):
     assert found.radius is None and fault in found.no_radius
     with pytest.raises(SceneError, match="wire.diameter: missing: 'pair.usda' has"):
         scene_of(tmp_path, widths)
-    file = outline_of(scene_of(tmp_path, widths, wire={"diameter": "0.1 mm"})).file
+    file = overview_of(scene_of(tmp_path, widths, wire={"diameter": "0.1 mm"})).file
     assert file is not None and any(fault in line and line.startswith("widths that are not used") for line in file.warnings)
 
 
@@ -118,7 +118,7 @@ def test_a_given_diameter_stands_before_the_file_and_the_difference_is_reported(
     scene = scene_of(tmp_path, EACH, wire={"diameter": "0.1 mm"})
     assert (
         not scene.wires.widths
-        and outline_of(scene).file.warnings[0] == "wires are 0.2 to 0.4 mm thick in the file, 0.1 mm in the scene"
+        and overview_of(scene).file.warnings[0] == "wires are 0.2 to 0.4 mm thick in the file, 0.1 mm in the scene"
     )
     model = build_model(scene)
     assert model.rods.of_wires("thickness") == pytest.approx([0.1e-3, 0.1e-3])

@@ -24,7 +24,7 @@ from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
 from ..scene.wire import Wire
-from .plan import Outline, outline_of
+from .plan import Overview, overview_of
 from .run import naming_the_file
 
 if sys.version_info >= (3, 11):
@@ -67,13 +67,13 @@ def _refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path}: the file exists; give another name, or --force to replace it")
 
 
-def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Outline]:
+def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overview]:
     """The text of the file of a request, its scene and what would run. Raises the errors of `warpknit plan`."""
     text = scene_text(request, path.name)
     scene = make_scene(tomllib.loads(text), path=path)
     try:
         with naming_the_file(scene):
-            return text, scene, outline_of(scene, "cpu")
+            return text, scene, overview_of(scene, "cpu")
     except InputError as error:
         if isinstance(error.__cause__, KnitError):
             wales, courses = request.spacings
@@ -108,7 +108,7 @@ def _has_room(request: SceneRequest) -> bool:
 def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Finding]:
     """Write the scene of a request; return the lines of its table."""
     _refuse_existing(path, force)
-    text, scene, outline = planned_scene(request, path)
+    text, scene, overview = planned_scene(request, path)
     with write_aside(path) as file:
         file.write(text)
     wire, knit = scene.wire, request.named
@@ -116,11 +116,11 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Findi
     lines = (
         ("scene", str(path)),
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
-        ("", outline.mesh[0][1]),
+        ("", overview.mesh[0][1]),
         ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{_plated(wire)}"),
         ("model", f"{scene.model.kind} ({scene.kind_reason})"),
-        *outline.mesh[1:],
-        *(("warning", str(warning)) for warning in outline.warnings),
+        *overview.mesh[1:],
+        *(("warning", str(warning)) for warning in overview.warnings),
         ("next", f"warpknit plan {shlex.quote(str(path))}"),
         ("", f"warpknit run {shlex.quote(str(path))}"),
     )

@@ -34,8 +34,8 @@ HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their directi
 
 
 @dataclass(frozen=True)
-class Outline:
-    """What would run, without steps and time: result of `outline_of`."""
+class Overview:
+    """What would run, without steps and time: result of `overview_of`."""
 
     scene: Scene
     device: str
@@ -54,7 +54,7 @@ class Outline:
 
 
 @dataclass(frozen=True)
-class Plan(Outline):
+class Plan(Overview):
     """Result of `make_plan`."""
 
     run: Measured
@@ -132,25 +132,25 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
 
     Raises the errors of a run: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`, `SceneError`.
     """
-    outline = outline_of(scene, device)
-    run = measure_run(outline.model, outline.nodes, scene)
+    overview = overview_of(scene, device)
+    run = measure_run(overview.model, overview.nodes, scene)
     failed = run.small.failure
     failure = [ResultWarning("W59", f"a small mesh of this scene fails: {failed}")] if failed else []
-    warnings = (*outline.warnings, *failure)
-    return Plan(**vars(outline) | {"warnings": warnings}, run=run, map_s=_map_time(scene, outline))
+    warnings = (*overview.warnings, *failure)
+    return Plan(**vars(overview) | {"warnings": warnings}, run=run, map_s=_map_time(scene, overview))
 
 
-def _map_time(scene: Scene, outline: Outline) -> float | None:
+def _map_time(scene: Scene, overview: Overview) -> float | None:
     """[s] of the pairs of the sweep one after another on one core, each with its load levels; None without a sweep."""
     if scene.sweep is None:
         return None
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
-    run = measure_run(sample_model(farthest)[0], outline.nodes, farthest)
+    run = measure_run(sample_model(farthest)[0], overview.nodes, farthest)
     levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
     return scene.sweep.seeds * levels / scene.output.levels * run.seconds
 
 
-def outline_of(scene: Scene, device: str | None = None) -> Outline:
+def overview_of(scene: Scene, device: str | None = None) -> Overview:
     """What would run. Raises the errors of `make_plan`."""
     name = find_device(device, nodes=lambda: mesh_nodes(scene))
     file = None if scene.wires is None else wire_report(scene)
@@ -171,7 +171,7 @@ def outline_of(scene: Scene, device: str | None = None) -> Outline:
         ("mesh", f"{about}{nodes:,} nodes{on_wires}"),
         ("contact", f"{about}{kind.contacts(bodies)}"),
     )
-    return Outline(
+    return Overview(
         scene=scene,
         device=name,
         model=model,
@@ -285,8 +285,7 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
         step = exact(solver.target_time_step, "s")
         yield f"mass scaling: masses raised for a stable step of {step}, solver.target_time_step"
     if solver.precision == "single":
-        positions = "float64" if scene.model.kind == "spatial" else "32-bit fixed point"
-        yield f"single precision: displacements are {positions}, the rest is float32, solver.precision"
+        yield f"single precision: displacements are {scene.model.of_kind.single_positions}, the rest is float32, solver.precision"
     else:
         yield "double precision: float64 throughout, solver.precision"
 

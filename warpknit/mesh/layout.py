@@ -121,7 +121,7 @@ def smaller_scene(scene: Scene) -> Scene | None:
         return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
-    elif scene.model.kind == "spatial" and (scene.panel.outline != "rectangle" or scene.has_moving_edge):
+    elif not scene.model.of_kind.fades_out and (scene.panel.outline != "rectangle" or scene.has_moving_edge):
         return None
     elif scene.panel.outline != "rectangle":
         return one_repeat(scene)

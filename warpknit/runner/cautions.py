@@ -54,7 +54,7 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]
         yield from (ResultWarning("W25", text) for text in few_nodes(scene.model.nodes_per_loop))
         yield from _about_tension(scene, cloth, scene.stages)
         yield from _about_strain(scene, cloth, scene.stages)
-        if scene.model.kind == "spatial" and not scene.depends_on_path and smaller_scene(scene) is None:
+        if scene.model.of_kind.has_branches and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
     if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
         yield from _about_friction(scene)
@@ -102,7 +102,7 @@ def preset_cautions(scene: Scene) -> Iterator[ResultWarning]:
         return
     if scene.preset_caveat:
         yield ResultWarning("W37", f"preset {scene.preset_in_force}: {scene.preset_caveat}")
-    elif scene.model.kind == "spatial" and not scene.depends_on_path:
+    elif scene.model.of_kind.has_branches and not scene.depends_on_path:
         yield ResultWarning(
             "W38",
             "a tight knit without friction has several equilibria under one load, and this is one of them",

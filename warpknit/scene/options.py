@@ -32,6 +32,23 @@ TREATMENT_KEYS = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class KindOfModel:
+    """Where the kinds of model differ for scenes, meshes and messages."""
+
+    # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit; None: they lie in one plane
+    crossing: float | None
+    single_positions: str  # what displacements are in single precision
+    has_branches: bool  # a tight knit may have several equilibria under one load, without friction too
+    fades_out: bool  # a mesh starts from one repeat up to an edge of any shape, or one that moves
+
+
+KINDS = {
+    "planar": KindOfModel(crossing=None, single_positions="32-bit fixed point", has_branches=False, fades_out=True),
+    "spatial": KindOfModel(crossing=1.3, single_positions="float64", has_branches=True, fades_out=False),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
 class ModelOptions(Table):
     """[model]: the kind of model and its discretisation."""
 
@@ -58,6 +75,11 @@ class ModelOptions(Table):
         " frame does not expand.",
         0.0,
     )
+
+    @property
+    def of_kind(self) -> KindOfModel:
+        """What the kind of model has."""
+        return KINDS[self.kind]
 
 
 @dataclass(frozen=True, kw_only=True)

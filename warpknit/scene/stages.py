@@ -135,7 +135,6 @@ def _displaced(source: Source, location: Sequence[int | str], displacement: floa
 SHORTEST = 0.5  # radii of wire
 LEAST_OVERLAP = 1.5  # diameters of the wire
 LEAST_RADIUS = 4.0  # diameters of the wire
-CROSSING = {"planar": None, "spatial": 1.3}  # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit
 
 
 def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
@@ -164,7 +163,7 @@ def hook_of(source: Source, file: SceneFile, wire: Wire) -> Hook | None:
 
 def _crossing_distance(source: Source, file: SceneFile, table: Hook, wire: Wire, overlap: float) -> float | None:
     """[m] crossing distance with its default; None in the planar model."""
-    usual = CROSSING[file.model.kind]
+    usual = file.model.of_kind.crossing
     if usual is None:
         return None
     given = table.crossing_distance

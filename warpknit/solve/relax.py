@@ -219,7 +219,7 @@ class Relaxation(Drive):
     def _fewest_levels(self, stage: Stage) -> int:
         """Levels of a stage in which nothing happens: increments of a tight knit stay on its path."""
         follows = self.scene.depends_on_path or self.model.cloth is None or smaller_scene(self.scene) is not None
-        if follows or self.scene.model.kind != "spatial" or not is_tight(self.scene):
+        if follows or not self.scene.model.of_kind.has_branches or not is_tight(self.scene):
             return FEWEST_LEVELS
         strain = float(np.abs(self.target(stage, 1.0).gradient - self.state.gradient).max())
         return max(FEWEST_LEVELS, math.ceil(strain / FOLLOWED_INCREMENT - 1e-6))
