@@ -205,7 +205,7 @@ def test_stages(body, reason):
 
 
 def test_a_stage_that_the_library_never_finishes(tmp_path, monkeypatch):
-    monkeypatch.setattr(file_curves, "PATIENCE", 0.01)
+    monkeypatch.setattr(file_curves, "STAGE_PATIENCE", 0.01)
     assert "not read after 0.01 s" in refused(valid(tmp_path, ".usda"), unit=None)
 
 

@@ -53,7 +53,7 @@ FAULTS = (
 )  # fmt: skip
 CENTIMETRE = 0.01  # USD's unit where a stage does not say
 SAME_WIDTH = 1e-3  # relative difference of widths along a wire that is none
-PATIENCE = 300.0  # [s] that a stage may take to read
+STAGE_PATIENCE = 300.0  # [s] that a stage may take to read
 
 
 def read_npz(path: Path, interpolation: str, *, closed: bool = False) -> CurveFile:
@@ -325,11 +325,11 @@ def _read_stage(path: Path, time: float | None, state: tuple[int, int]) -> dict[
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            timeout=PATIENCE,
+            timeout=STAGE_PATIENCE,
             check=False,
         )
     except subprocess.TimeoutExpired as error:
-        raise BadFile(f"a file that is not read after {PATIENCE:g} s") from error
+        raise BadFile(f"a file that is not read after {STAGE_PATIENCE:g} s") from error
     if done.returncode == 2 and done.stdout:
         raise BadFile(done.stdout.decode(errors="replace"))
     if done.returncode != 0:
