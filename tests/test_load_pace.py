@@ -66,7 +66,7 @@ def test_parts_of_a_correction_become_smaller_after_deep_overlaps():
     overlaps = iter((0.4, 0.2, 0.05, 0.0, 0.0, 0.0))
     relaxation.mechanics = SimpleNamespace(search=lambda: None, overlap=lambda: next(overlaps))
     relaxation._move = lambda _, correction: parts.append(float(correction.grid[0, 0]))
-    relaxation._step_on = steps.append
+    relaxation.advance = steps.append
     relaxation._move_in_parts(None, Correction(np.ones((1, 2)), np.zeros((0, 2)), 0.25))
     assert parts == pytest.approx([0.25, 0.125, 0.125, 0.25, 0.25])
     assert steps == [PART_STEPS] * 4

@@ -351,7 +351,7 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
     drive._begin_solving(1.0)
     grid = np.ones((int(np.prod(membrane._cells + 1)), 2))
     monkeypatch.setattr(membrane, "move", lambda correction: moved.append(correction.grid[0, 0]))
-    monkeypatch.setattr(drive, "_step_on", lambda steps: None)
+    monkeypatch.setattr(drive, "advance", lambda steps: None)
     for tolerances, parts in ((0.5, 0), (3.0, 3)):
         stress = tolerances * MEMBRANE_TOLERANCE * drive.least_tension
         correction = Correction(grid, np.zeros((0, 2)), share), stress

@@ -8,11 +8,11 @@ import pytest
 
 from reference.planar import planar_scene
 from warpknit import measure
+from warpknit.measure.observables import PanelMap
 from warpknit.measure.surface import find_surface
 from warpknit.measure.tiles import Tiles
 from warpknit.mesh.rim import Rim, build_rim
-from warpknit.planar.observables import read
-from warpknit.planar.panel_map import PanelMap, find_panel_map
+from warpknit.planar.observables import find_panel_map, read
 from warpknit.scene import Cord
 from warpknit.scene.outline import Outline, disc, rectangle, turned
 from warpknit.solve.model import build_model, initial_state

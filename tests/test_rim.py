@@ -8,11 +8,11 @@ import pytest
 from reference.planar import planar_scene
 from warpknit import measure
 from warpknit.mesh.rim import Rim, build_rim
+from warpknit.planar.mechanics import wire_thermal_strain
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
-from warpknit.planar.thermal import wire_thermal_strain
 from warpknit.runner.run import run_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import EDGE_TOLERANCE, MEMBRANE_TOLERANCE

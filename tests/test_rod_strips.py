@@ -16,7 +16,6 @@ from warpknit import measure
 from warpknit.compute.host import fetch, store
 from warpknit.compute.ranks import One, Ranks
 from warpknit.errors import Diverged, ModelError, SceneError
-from warpknit.mechanics.protocols import advance
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
@@ -230,7 +229,7 @@ def test_strips_are_one_membrane() -> None:
         drive = Simulation(model, initial_state(model)).drive
         drive.mechanics.search()
         drive.mechanics.set_load(LoadPoint(np.diag([1.03, 1.03]), model.scene.wire.reference_temperature), 75)
-        advance(drive.mechanics, 75)
+        drive.advance(75)
         drive.mechanics.group.check(np.array([0]), np.array([3]), np.array([False]))
         drive.membrane.warm_up(drive._response)
         force = drive.membrane.imbalance().copy()

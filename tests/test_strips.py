@@ -15,15 +15,13 @@ from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.compute.ranks import One, Ranks, exact_parts
 from warpknit.errors import ModelError
-from warpknit.mechanics.protocols import advance
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.rim import LoadPoint
 from warpknit.mesh.strip import Strip, cut_strip
-from warpknit.planar.friction import friction_energy
+from warpknit.planar.host_state import friction_energy
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import Stepper
-from warpknit.planar.strip_step import StripStepper
+from warpknit.planar.world_step import WorldStepper
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
 from warpknit.solve.membrane import Correction
@@ -125,8 +123,8 @@ def test_strips_are_one_membrane() -> None:
         state = initial_state(model)
         drive = Simulation(model, state).drive
         drive.mechanics.set_load(LoadPoint(np.diag([1.05, 1.05]), model.scene.wire.reference_temperature), 80)
-        advance(drive.mechanics, 100)
-        drive.mechanics.slowest_mode.update(use=False)
+        drive.advance(100)
+        drive.mechanics.group.slowest_mode.measure(np.array([0]))
         drive.membrane.warm_up(drive._response)
         force = drive.membrane.imbalance().copy()
         drive.membrane.move(Correction(1e-6 * np.random.default_rng(3).normal(size=force.shape), np.zeros((0, 2))))
@@ -223,10 +221,9 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_pair: bo
         model = build_model(here, "cpu", ranks)
         state = initial_state(model)
         drive = Simulation(model, state).drive
-        kind = Stepper if model.strip is None else StripStepper
-        drive.stepper = kind(model, state, by_pair=by_pair, threads=threads)
+        drive.mechanics.group.stepper = WorldStepper(model, state=state, by_pair=by_pair, threads=threads)
         drive.mechanics.set_load(LoadPoint(np.diag([1.1, 1.1]), model.scene.wire.reference_temperature), 100)
-        advance(drive.mechanics, 150)
+        drive.advance(150)
         reading = read(model, state)
         if ranks.is_first:
             assert np.count_nonzero(reading.pair_force) > 0

@@ -20,7 +20,7 @@ def contact_parts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the pairs in touch: forces on body and four nodes (pair, 5, 2) [N], their places relative to the segment's
     first node (pair, 5, 2) [m], and the length of the segment (pair,) [m]."""
     model, panel, table = mesh.model, mesh.model.panel, mesh.model.table
-    mesh.probe(by_pair=model.device != "cpu").evaluate()
+    mesh.probe(by_pair=model.device != "cpu").probe(np.array([0]))
     r = read(model, mesh.state)
     pairs = np.nonzero(r.pair_force > 0)[0]
     on_body = np.stack([mesh.state.pair_body_x.numpy(), mesh.state.pair_body_y.numpy()], axis=1)[pairs]

@@ -21,7 +21,7 @@ from reference import emulated_gpu
 TESTS = Path(__file__).parents[1]
 KERNELS = TESTS.parent / "kernels"
 ON_THE_CPU = {
-    "find_contact_forces_by_batch", "step_replicas", "wait_for_all",
+    "find_contact_forces_by_batch", "step_worlds", "wait_for_all",
 }  # fmt: skip
 TABLE = Path(__file__).parent / "cuda_resources.json"  # at sm_90, of each kernel and its overloads, as `Resources`
 Resources = tuple[int, int, int]  # registers and stack [B] a thread, shared memory [B] a block
@@ -133,7 +133,7 @@ def test_kernels_keep_their_budgets_of_registers_stack_and_shared_memory() -> No
 
 
 def test_the_table_has_every_kernel_that_a_gpu_launches() -> None:
-    """Those that run on the CPU alone are left out: kernels of blocks, batches, threads and replicas."""
+    """Those that run on the CPU alone are left out: kernels of blocks, batches, threads and worlds."""
     source = {name for path in KERNELS.glob("*.py") for name in re.findall(r"@wp.kernel.*\ndef (\w+)", path.read_text())}
     assert source - {name.split(".")[1].split("[")[0] for name in table()} == ON_THE_CPU
 

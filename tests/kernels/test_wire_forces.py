@@ -76,12 +76,12 @@ def test_a_step_takes_the_forces_of_the_formulas(mesh: str, by_pair: bool) -> No
     made.state.pair_offset.zero_()
     made.state.steering.set(contact_stiffness=0.0)
     probe = made.probe(by_pair)
-    probe.evaluate()
+    probe.probe(np.array([0]))
     panel, force = made.model.panel, expected.segment_force
     before = np.roll(force, 1, axis=0)
     before[panel.wire_first] = force[panel.wire_first + panel.wire_count - 1]
     mass = np.repeat(made.state.wire_mass.numpy(), panel.wire_count) / made.model.rest.inverse_mass.numpy()[panel.node_entry]
     free = np.ones(panel.node_count, dtype=bool)
     free[panel.held_node] = False
-    found = np.stack([probe.acceleration_x.numpy(), probe.acceleration_y.numpy()], axis=1) * mass[:, None]
+    found = np.stack([values.numpy() for values in probe.accelerations[0]], axis=1) * mass[:, None]
     assert found[free] == pytest.approx((force - before)[free], rel=1e-12, abs=2 * rounding(made, expected).force)

@@ -13,7 +13,7 @@ from reference.solved import solved
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model
 from warpknit.planar.state import State, initial_state
-from warpknit.planar.step import ForceProbe, Stepper
+from warpknit.planar.world_step import WorldStepper
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -35,8 +35,8 @@ class Mesh:
     model: Model
     state: State
 
-    def probe(self, by_pair: bool) -> ForceProbe:
-        return ForceProbe(self.model, self.state, Stepper(self.model, self.state, by_pair=by_pair))
+    def probe(self, by_pair: bool) -> WorldStepper:
+        return WorldStepper(self.model, state=self.state, by_pair=by_pair)
 
 
 @cache
@@ -86,13 +86,13 @@ def shaken(mesh: str, precision: str = "double", device: str = "cpu", size: floa
     return made
 
 
-def node_forces(mesh: Mesh, probe: ForceProbe) -> np.ndarray:
+def node_forces(mesh: Mesh, probe: WorldStepper) -> np.ndarray:
     """Forces (node, 2) [N]; zero at held nodes."""
-    probe.evaluate()
+    probe.probe(np.array([0]))
     panel = mesh.model.panel
     per_wire = mesh.state.wire_mass.numpy().astype(float)
     mass = np.repeat(per_wire, panel.wire_count) / mesh.model.rest.inverse_mass.numpy().astype(float)[node_entries(mesh.model)]
-    acceleration = np.stack([probe.acceleration_x.numpy(), probe.acceleration_y.numpy()], axis=1).astype(float)
+    acceleration = np.stack([values.numpy() for values in probe.accelerations[0]], axis=1).astype(float)
     return acceleration * mass[:, None]
 
 

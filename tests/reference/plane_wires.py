@@ -19,7 +19,7 @@ from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model, assemble_model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import ForceProbe, Stepper
+from warpknit.planar.world_step import WorldStepper
 from warpknit.scene import Scene, make_scene
 
 LEAD = BLOCK_SIZE + 40
@@ -168,8 +168,8 @@ class Rig:
     def __init__(self, table: Table, panel: Panel, device: str = "cpu", *, by_pair: bool | None = None, **solver: object) -> None:
         self.model = model_of_wires(table, panel, device, **solver)
         self.state = initial_state(self.model)
-        self.stepper = Stepper(self.model, self.state, by_pair=by_pair)
-        self.probe = ForceProbe(self.model, self.state, self.stepper)
+        self.worlds = WorldStepper(self.model, state=self.state, by_pair=by_pair)
+        (self.stepper,) = self.worlds.steppers
         entry = node_entries(self.model)
         self.rest = np.concatenate([np.stack([table.x[entry], table.y[entry]], axis=1), panel.body_rest])
         body_mass = np.full(panel.body_count, self.model.body_mass)
@@ -225,9 +225,9 @@ class Rig:
         """Forces [N] at these positions, or where things are; zero at held nodes."""
         if position is not None:
             self.place(position)
-        self.probe.evaluate()
+        self.worlds.probe(np.array([0]))
         s = self.state
-        acceleration = np.stack([self.probe.acceleration_x.numpy(), self.probe.acceleration_y.numpy()], axis=1)
+        acceleration = np.stack([values.numpy() for values in self.worlds.accelerations[0]], axis=1)
         force = np.zeros_like(self.rest)
         force[: self.nodes] = acceleration * self.mass[: self.nodes, None]
         if self.model.pair_count:

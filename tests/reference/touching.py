@@ -1,12 +1,9 @@
 """Wires of diameter 1 that touch: what tests of contact and of friction share."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 
 from reference.rods import SECTION, update
-from warpknit.mechanics import protocols as mechanics
+from warpknit.compute.steering import Steering
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
@@ -31,8 +28,17 @@ def touching(wires: list[np.ndarray], **options: float) -> tuple[RodStepper, Wir
 
 def advance(contact: WireContact, steps: int) -> int:
     """Take steps, with searches where the travel budget is used up; the steps taken, fewer where the state diverged."""
-    stepping: Any = SimpleNamespace(state=contact.stepper.state, step=contact.stepper.step, search=contact.refresh)
-    return mechanics.advance(stepping, steps)[0]
+    taken, steering = 0, contact.stepper.state.steering
+    while taken < steps:
+        before = int(steering.step)
+        contact.stepper.step(steps - taken)
+        now = steering.read()
+        taken += int(now.step) - before
+        if now.status == Steering.DIVERGED:
+            return taken
+        if now.status == Steering.STALE:
+            contact.refresh()
+    return taken
 
 
 def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple[WireContact, RodRelaxation, int]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.planar.multiplier_rules import AXIAL_ERROR
+from warpknit.mechanics.numerics import AXIAL_ERROR
 from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene

@@ -14,8 +14,8 @@ import pytest
 from hook_reference import Contact, Hook
 
 from warpknit import measure
+from warpknit.measure.observables import HookContact
 from warpknit.mesh.hook_mesh import LEFT_TOP, RIGHT_TOP
-from warpknit.planar.hook_contact import HookContact, hook_contact
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state
@@ -53,7 +53,7 @@ def readings(scene: Scene, device: str = "cpu") -> list[PlanarObservables]:
 
 
 def contacts(scene: Scene) -> list[HookContact]:
-    return [hook_contact(reading) for reading in readings(scene)]
+    return [reading.hook_contact for reading in readings(scene)]
 
 
 @cache
@@ -146,7 +146,7 @@ def test_upper_ends_are_free_along_the_warp_only(drive: str, device: str) -> Non
     panel, hook = last.model.panel, scene.hook
     at = np.zeros((4, 2))
     np.add.at(at, panel.held_clamp, last.held_forces)
-    pull = hook_contact(last).drive_force
+    pull = last.hook_contact.drive_force
     allowed = 0.02 if drive == "ramp" else 2e-3
     assert np.abs(at[[LEFT_TOP, RIGHT_TOP], 1]).max() < allowed * abs(pull)
     conjugate = last.nominal_stress[0, 1] * np.prod(panel.size) / hook.height

@@ -6,7 +6,7 @@ from condensation import PLANAR, SCENE, SINGLE_ATLAS, SPATIAL, TRICOT, lens_of
 
 from warpknit.measure import wires_slid
 from warpknit.mesh.layout import knit_scene
-from warpknit.planar.limits import slid_wires, tight_loops
+from warpknit.planar.model import slid_wires, tight_loops
 from warpknit.planar.state import initial_state
 from warpknit.results.row import Row
 from warpknit.scene import load_scene

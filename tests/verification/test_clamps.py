@@ -8,7 +8,7 @@ import pytest
 from warpknit.kernels import clamp
 from warpknit.planar.diagnostics import Diagnostics
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.world_step import WorldStepper
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 
@@ -34,8 +34,8 @@ def test_arcs_next_to_a_clamp_are_as_long_as_elsewhere() -> None:
         now = values[state.parity].numpy()
         now[:count] = model.precision.counts(shift)
         values[state.parity].assign(now)
-    diagnostics = Diagnostics(model, state, Stepper(model, state))
-    diagnostics.sums()
-    strain = diagnostics.strain.numpy()[1 : count - 4]
+    diagnostics = Diagnostics(WorldStepper(model, state=state))
+    diagnostics.sums(np.array([0]))
+    strain = diagnostics.of_nodes(0)["strain"].numpy()[1 : count - 4]
     expected = (turn**2 - table.rest_turn[entry[4]] ** 2) / 24.0
     assert strain == pytest.approx(np.full(len(strain), expected), abs=1e-12)

@@ -9,8 +9,8 @@ import warp as wp
 from warpknit import measure
 from warpknit.kernels.contact_friction import LOOSE, TANGENTIAL
 from warpknit.planar.bending import normal_forces
-from warpknit.planar.friction import friction_energy
-from warpknit.planar.history_variables import HistoryVariables
+from warpknit.planar.host_state import friction_energy
+from warpknit.planar.mechanics import HistoryVariables
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper

@@ -7,7 +7,7 @@ import pytest
 
 from reference.wire_forces import wire_forces
 from warpknit import measure
-from warpknit.planar.history_variables import HistoryVariables
+from warpknit.planar.mechanics import HistoryVariables
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state

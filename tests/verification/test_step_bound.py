@@ -9,8 +9,7 @@ import pytest
 
 from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from reference.rings import DEPTH, SPACING, deformed, two_rings
-from warpknit.planar.frequency import frequency_square
-from warpknit.planar.time_step import largest_step
+from warpknit.planar.time_step import frequency_square, largest_step
 
 
 @pytest.mark.parametrize("softening", [1.0, 1e6])

@@ -308,7 +308,7 @@ def tight_in_plane(knit: str, name: str, overrides: list[str], *, may_slide: boo
 
 def hold_wires(state: State, start: np.ndarray) -> None:
     """Put wires back that have slid as a whole along the warp."""
-    for array in (*state.node_uy, state.node_vy):
+    for array in (*(state.node_uy[k] for k in (0, 1)), state.node_vy):
         values = array.numpy()
         count = np.diff(np.append(start, len(values)))
         array.assign(values - np.repeat(np.add.reduceat(values, start) / count, count))

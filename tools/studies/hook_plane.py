@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from study import COLOURS, CROSSES, SCENES, new_figure, picture_path, table_path, tidy, without_nan, write_rows
 
 from warpknit.errors import Diverged
-from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.measure.observables import HookContact
 from warpknit.planar.model import Model
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model
@@ -84,7 +84,7 @@ def run(treatment: str, parameter: str, value: float, *overrides: str) -> Finish
     states, note = [], ""
     try:
         for record in simulation.run():
-            states.append(hook_contact(record.observables))
+            states.append(record.observables.hook_contact)
     except Diverged:
         note = "does not converge"
     wall = time.perf_counter() - begin

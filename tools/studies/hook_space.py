@@ -15,7 +15,7 @@ from lens_law import Law
 from matplotlib.axes import Axes
 from study import COLOURS, CROSSES, SCENES, new_figure, picture_path, table_path, tidy, without_nan, write_rows
 
-from warpknit.planar.hook_contact import HookContact, hook_contact
+from warpknit.measure.observables import HookContact
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
@@ -84,7 +84,7 @@ def free_body(overrides: Sequence[str], friction: float) -> list[Row]:
     model = build_model(load_scene(SCENES / "hook_free_body.toml", [*given, f"contact.friction={friction}"]))
     begin, rows = time.perf_counter(), []
     for record in Simulation(model).run():
-        c: HookContact = hook_contact(record.observables)
+        c: HookContact = record.observables.hook_contact
         rows.append(Row("free body", friction, 1.0, 1.0, c.displacement, 0.5 * (c.force_left + c.force_right), c.drive_force,
                         c.arc_left, c.arc_right, steps=record.steps, wall_s=time.perf_counter() - begin))  # fmt: skip
         show(rows[-1])

@@ -12,12 +12,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
-from warpknit.mechanics import protocols as mechanics
+from warpknit.compute.steering import Steering
 from warpknit.spatial.contact_multipliers import ContactMultipliers
 from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
@@ -63,6 +61,15 @@ def trefoil_points(length: float, nodes: int) -> np.ndarray:
     return length / arc[-1] * points
 
 
+def advance(stepper: RodStepper, contact: WireContact) -> None:
+    """Take CHECK_STEPS steps, with searches where the travel budget is used up, fewer where the state diverges."""
+    end = stepper.state.steering.step + CHECK_STEPS
+    while (now := stepper.state.steering.read()).step < end and now.status != Steering.DIVERGED:
+        if now.status == Steering.STALE:
+            contact.refresh()
+        stepper.step(int(end - now.step))
+
+
 def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilRow]:
     """States at falling L/d. The rod has the length of the first, the distance d grows."""
     begin = time.perf_counter()
@@ -76,11 +83,10 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
         stepper.rods = replace(rods, thicker=np.full(1, 0.5 * d), section=replace(section, thickness=d))
         contact = WireContact(stepper, PENALTY * STIFFNESS / d**3)
         contact.search()
-        stepping: Any = SimpleNamespace(state=stepper.state, step=stepper.step, search=contact.refresh)
         rest = RodRelaxation(stepper, softening=STRETCH * (d / length) ** 2)
         multipliers = ContactMultipliers(contact, PENALTY * STIFFNESS / d**3)
         for check in range(MOST_CHECKS):
-            mechanics.advance(stepping, CHECK_STEPS)
+            advance(stepper, contact)
             steps += CHECK_STEPS
             stepper.evaluate()
             rest.renew_damping()

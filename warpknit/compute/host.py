@@ -97,11 +97,14 @@ def fetch(array: wp.array) -> np.ndarray:
     if view is not None:
         return view
     host = take(array)
-    if not is_in_place(array.device) or not array.is_contiguous or not host.nbytes:
+    if not is_in_place(array.device) or not array.is_contiguous:
         return host
-    # a view that refers to its array, which keeps it, would never be freed: NumPy's arrays are no part of garbage collection
-    memory = (ctypes.c_char * host.nbytes).from_address(array.ptr)
-    view = np.frombuffer(memoryview(memory), dtype=host.dtype).reshape(host.shape)
+    if not host.nbytes:
+        view = host.copy()
+    else:
+        # a view that refers to its array, which keeps it, would never be freed: NumPy's arrays are no part of garbage collection
+        memory = (ctypes.c_char * host.nbytes).from_address(array.ptr)
+        view = np.frombuffer(memoryview(memory), dtype=host.dtype).reshape(host.shape)
     array.__dict__[_VIEW] = view
     return view
 

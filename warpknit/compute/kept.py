@@ -23,6 +23,7 @@ import warp as wp
 from .host import fetch, is_in_place, store
 
 Kept = dict[str, np.ndarray]
+ARRAYS, VALUES, COLLECTIONS = (wp.array, np.ndarray), (bool, int, float, str, np.generic), (list, tuple, dict)
 TYPE = "/type"  # ending of the name under which the type of a collection is saved, with its length or keys
 
 
@@ -85,11 +86,11 @@ def _save_variables(owner: Owner, prefix: str, kept: Kept, *, copied: bool) -> N
 def _save(value: Any, name: str, owner: Owner, kept: Kept, *, copied: bool) -> None:
     if value is None:
         return
-    if isinstance(value, wp.array | np.ndarray):
+    if isinstance(value, ARRAYS):
         kept[name] = _part(value, owner, copied=copied)
-    elif isinstance(value, bool | int | float | str | np.generic):
+    elif isinstance(value, VALUES):
         kept[name] = np.array(value)
-    elif isinstance(value, list | tuple | dict):
+    elif isinstance(value, COLLECTIONS):
         keys = list(value) if isinstance(value, dict) else list(range(len(value)))
         kept[name + TYPE] = np.array(json.dumps([type(value).__name__, keys]))
         for key in keys:
@@ -100,14 +101,12 @@ def _save(value: Any, name: str, owner: Owner, kept: Kept, *, copied: bool) -> N
 
 def _part(array: Any, owner: Owner, *, copied: bool) -> np.ndarray:
     """The rows of a world, on the host."""
-    if not array.ndim:
-        return np.array(array)
-    rows = rows_of(array, owner.world, owner.worlds)
-    if isinstance(array, wp.array):
-        array = fetch(array)[rows] if is_in_place(array.device) else fetch(array[rows] if owner.worlds > 1 else array)
-    else:
-        array = array[rows]
-    return np.array(array) if copied else np.asarray(array)
+    if owner.worlds > 1 and array.ndim:
+        rows = rows_of(array, owner.world, owner.worlds)
+        is_host = not isinstance(array, wp.array) or not is_in_place(array.device)
+        array = array[rows] if is_host else fetch(array)[rows]
+    host = fetch(array) if isinstance(array, wp.array) else array
+    return np.array(host) if copied else np.asarray(host)
 
 
 def _restore_variables(owner: Owner, prefix: str, kept: Kept) -> None:

@@ -1,13 +1,13 @@
 """The protocols by which the engine loads, steps, checks and records a model.
 
-`Model` is constant, a state moves, `Mechanics` steps a state. A `Group` steps many states of one model side by side;
-`SingleMesh` is a group of one.
+`Model` is constant, a state moves, `Mechanics` loads and observes one world. A `Group` steps and checks worlds, one or many
+side by side.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from ..base.text import engineering
 from ..compute.kept import Owner
-from ..compute.steering import Steering
 from ..measure import MeshModel
 from ..mesh.rim import LoadPoint, Rim
 
@@ -71,14 +70,14 @@ class Drift:
 
 @dataclass(frozen=True)
 class Check:
-    """Result of a convergence check; arrays [mesh] for many meshes."""
+    """Result of a convergence check."""
 
-    residual: Any  # out-of-balance force and motion, for solver.residual_tolerance; nan during loading
-    ratio: Any  # largest of all criteria over its tolerance: converged below 1; inf during loading
+    residual: np.ndarray  # [row] out-of-balance force and motion, for solver.residual_tolerance; nan during loading
+    ratio: np.ndarray  # [row] largest of all criteria over its tolerance: converged below 1; inf during loading
 
 
 class Mechanics(Protocol):
-    """Steps one mesh. Methods change only what they document."""
+    """One world of a group. Methods change only what they document."""
 
     notes: list[str]  # for the user
     may_overlap: bool  # wires may overlap now, as knitted
@@ -96,7 +95,11 @@ class Mechanics(Protocol):
 
     @property
     def group(self) -> Any:
-        """The group of which this is a mesh."""
+        """The group of which this is a world."""
+
+    @property
+    def rows(self) -> np.ndarray:
+        """[1] its index in the group."""
 
     @property
     def model(self) -> Any: ...
@@ -166,15 +169,6 @@ class Mechanics(Protocol):
     @property
     def has_left(self) -> bool:
         """Whether the mesh has left an equilibrium of this level that was not stable."""
-
-    def check(self, checks: int, *, loading: bool) -> Check:
-        """Check convergence, and update damping and multipliers.
-
-        `checks`: those of the level so far, this one included.
-        """
-
-    def renew(self, checks: int) -> None:
-        """Update stiffnesses and masses to the current load."""
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
@@ -253,9 +247,7 @@ class Mechanics(Protocol):
 
 
 class Group(Protocol):
-    """Meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
-
-    keeps_equilibria: bool  # whether a mesh may return to an earlier state
+    """Worlds: meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
 
     @property
     def model(self) -> Any: ...
@@ -272,34 +264,19 @@ class Group(Protocol):
         """`Mechanics.overlap` of all rows."""
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Take steps; return steps taken [row] and whether diverged [row]."""
+        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether a load is being applied."""
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        """`Mechanics.check` of all rows, at the checks [row] of their level."""
+        """Check convergence, and update damping and multipliers; checks [row]: those of the level so far, this one included."""
 
     def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        """`Mechanics.renew` of all rows."""
+        """Update stiffnesses and masses to the current load; checks [row]: see `check`."""
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2, 2) [N/m]: `Mechanics.stress` of all rows."""
-
-
-def advance(mechanics: Mechanics, steps: int) -> tuple[int, bool]:
-    """Take steps with neighbour searches; return steps taken and whether the state diverged."""
-    taken, state = 0, mechanics.state
-    while taken < steps:
-        before = int(state.steering.step)
-        mechanics.step(steps - taken)
-        now = state.steering.read()
-        taken += int(now.step) - before
-        if now.status == Steering.DIVERGED:
-            return taken, True
-        if now.status == Steering.STALE:
-            mechanics.search()
-    return taken, False
 
 
 # cause of contacts that carry force as knitted
@@ -309,39 +286,3 @@ TOO_THICK = "the yarn is too thick for the loops, or the bars lap through each o
 def strength_exceeded(stress: float, strength: float) -> str:
     """Cause of non-convergence, after a comma: stress [Pa] above the strength; else empty."""
     return f", wire stress {engineering(stress, 'Pa')} exceeds the strength" if stress > strength else ""
-
-
-class SingleMesh:
-    """A group of one mesh."""
-
-    keeps_equilibria = True
-
-    def __init__(self, mechanics: Mechanics) -> None:
-        self.model, self.members = mechanics.model, (mechanics,)
-        self._mesh = mechanics
-
-    def together(self) -> AbstractContextManager[None]:
-        return nullcontext()
-
-    def search(self, rows: np.ndarray) -> None:
-        self._mesh.search()
-
-    def overlap(self, rows: np.ndarray) -> np.ndarray:
-        return np.zeros(len(rows))
-
-    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        taken, diverged = advance(self._mesh, steps)
-        return np.array([taken]), np.array([diverged])
-
-    def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        return np.array([self._mesh.state.steering.is_loading])
-
-    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        check = self._mesh.check(int(checks[0]), loading=bool(loading[0]))
-        return Check(np.array([check.residual]), np.array([check.ratio]))
-
-    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        self._mesh.renew(int(checks[0]))
-
-    def stress(self, rows: np.ndarray) -> np.ndarray:
-        return self._mesh.stress()[None]

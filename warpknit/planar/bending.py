@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .friction import friction_force
-from .host_state import HostState, pair_distances
+from .host_state import HostState, friction_force, pair_distances
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from ..knit.cloth import Cloth
 from ..mechanics.protocols import TOO_THICK
 from ..scene import Scene
 from ..scene.presets import PRESETS
-from .limits import tight_loops as limitations
 from .model import Model
+from .model import tight_loops as limitations
 
 __all__ = ["accuracy", "contacts", "limitations", "overlaps_as_knitted", "physics"]
 

@@ -1,7 +1,8 @@
-"""Diagnostics of a state between steps: sums over nodes and pairs for a convergence check.
+"""What a convergence check finds of worlds between steps: sums over nodes and pairs, the residual, and the damping.
 
-They are summed on the device (kernels/sums.py); one row a wire and a few values are copied to the host. Records use
-the full state on the host (observables.read).
+They are summed on the device (kernels/sums.py, kernels/rayleigh.py); one row a wire and a few values are copied to the host.
+Records use the full state on the host (observables.read). The first axis of an array on the host counts worlds; `rows` are
+indices of some of them.
 """
 
 from __future__ import annotations
@@ -11,146 +12,146 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .. import measure
 from ..compute.host import Entries, fetch
 from ..compute.launch import Launch, bind
+from ..compute.steering import Steering
 from ..kernels import sums as k
-from ..mesh.panel import Panel
+from ..kernels.rayleigh import sum_rayleigh
+from ..mechanics.numerics import (
+    ENERGY_FLOOR,
+    FORCE_FLOOR,
+    LOCAL_ALLOWANCE,
+    SLOWEST_WAVE,
+    renewed_damping,
+    slowest_damping,
+)
 from .host_state import evaluation
 from .model import Model
-from .state import State
 from .step import Stepper
+from .world_step import WorldStepper
+
+ROUND_OFF_RMS = 3.0  # rms residual of round-off over that of an edge: 1.7 of its length, two edges a force
+ROUND_OFF_LARGEST = 4.0  # the same for the largest residual
+ROUND_OFF_SHARE = 0.1  # of the mean contact force: larger round-off needs double precision
 
 
 @dataclass(frozen=True)
 class Sums:
-    """Sums of a convergence check; with replicas the first axis is the replica, scalars are arrays [replica]."""
+    """Sums of a convergence check, by world."""
 
-    strain_max: np.ndarray  # [wire] largest |strain| of an arc
-    error_mean: np.ndarray  # [wire] |mean of strain - tension/EA|
-    tension_max: np.ndarray  # [wire] [N]
-    turning_max: np.ndarray  # [wire] [rad] largest change of a turning angle
-    error_largest: np.ndarray | float  # largest |strain - tension/EA| over all wires of the mesh
-    error_square: np.ndarray | float  # summed over all segments
-    tension_largest: np.ndarray | float  # [N]
-    turning_largest: np.ndarray | float  # [rad]
-    tension_square: np.ndarray | float  # [N2] over all segments
-    turning_square: np.ndarray | float  # [rad2] over all nodes
-    closed: np.ndarray | float  # pairs that carry force
-    force_mean: np.ndarray | float  # [N] of those
-    gap_max: np.ndarray | float  # [m] largest gap or overlap of those
-    gap_square: np.ndarray | float  # [m2] summed over those
-    stress: np.ndarray  # (2, 2) [N/m] nominal stress of the mesh; see `Observables.nominal_stress`
-
-
-def first_blocks(panel: Panel) -> np.ndarray:
-    """[wire] first block of each wire."""
-    return np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
-
-
-def sum_up(model: Model, first: np.ndarray, wires: np.ndarray, pairs: np.ndarray, held_stress: np.ndarray) -> Sums:
-    """Sums of the partial sums of kernels/sums.py: rows (..., block, WIRE_COLUMNS) and (..., pair block, PAIR_COLUMNS).
-
-    `first` [wire]: see `first_blocks`.
-    `held_stress` (..., 2, 2) [N m] is the contribution of held nodes. A leading axis counts replicas.
-    """
-    panel, ranks = model.panel, model.ranks
-    largest = np.maximum.reduceat(wires, first, axis=-2)
-    error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], first, axis=-1)
-    total, contact = wires.sum(axis=-2), pairs.sum(axis=-2)
-    stress = total[..., int(k.WIRE_STRESS) :] + contact[..., int(k.PAIR_STRESS) :]
-    stress = stress.reshape(*stress.shape[:-1], 2, 2) + held_stress
-    sums = [total[..., int(column)] for column in (k.ERROR_SQUARE, k.TENSION_SQUARE, k.TURNING_SQUARE)]
-    sums += [contact[..., int(column)] for column in (k.CLOSED, k.FORCE_SUM, k.GAP_SQUARE)]
-    sums += [stress[..., a, b] for a, b in np.ndindex(2, 2)]
-    error_square, tension_square, turning_square, closed, force, gap_square, *stresses = ranks.sum(np.stack(sums))
-    most = [largest[..., int(column)].max(axis=-1) for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
-    *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=-1)]))
-    return Sums(
-        strain_max=largest[..., int(k.STRAIN_MAX)],
-        error_mean=np.abs(error_sum) / panel.wire_count,
-        tension_max=largest[..., int(k.TENSION_MAX)],
-        turning_max=largest[..., int(k.TURNING_MAX)],
-        error_largest=most[0],
-        error_square=error_square,
-        tension_largest=most[1],
-        turning_largest=most[2],
-        tension_square=tension_square,
-        turning_square=turning_square,
-        closed=closed,
-        force_mean=force / np.maximum(1.0, closed),
-        gap_max=gap_max,
-        gap_square=gap_square,
-        stress=np.stack(stresses, axis=-1).reshape(stress.shape) / panel.area,
-    )
+    strain_max: np.ndarray  # [row, wire] largest |strain| of an arc
+    error_mean: np.ndarray  # [row, wire] |mean of strain - tension/EA|
+    tension_max: np.ndarray  # [row, wire] [N]
+    turning_max: np.ndarray  # [row, wire] [rad] largest change of a turning angle
+    error_largest: np.ndarray  # [row] largest |strain - tension/EA| over all wires of the mesh
+    error_square: np.ndarray  # [row] summed over all segments
+    tension_largest: np.ndarray  # [row] [N]
+    turning_largest: np.ndarray  # [row] [rad]
+    tension_square: np.ndarray  # [row] [N2] over all segments
+    turning_square: np.ndarray  # [row] [rad2] over all nodes
+    closed: np.ndarray  # [row] pairs that carry force
+    force_mean: np.ndarray  # [row] [N] of those
+    gap_max: np.ndarray  # [row] [m] largest gap or overlap of those
+    gap_square: np.ndarray  # [row] [m2] summed over those
+    stress: np.ndarray  # (row, 2, 2) [N/m] nominal stress of the mesh; see `Observables.nominal_stress`
 
 
 class Diagnostics:
-    """`strain`, `tension` and `turning` of the last check stay on the device, [node]; see kernels/energy.py."""
+    """Evaluates worlds: forces, strains, tensions and turnings of the nodes stay on the device; see kernels/energy.py."""
 
-    def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
-        self.model = model
-        self.state = state
+    def __init__(self, stepper: WorldStepper) -> None:
+        self.stepper, self.model = stepper, stepper.model
+        model, worlds = self.model, len(stepper.states)
         panel, real, device = model.panel, model.precision.real, model.device
         names = ("force_x", "force_y", "strain", "tension", "turning")
-        arrays = {name: wp.zeros(panel.node_count, dtype=real, device=device) for name in names}
-        self._force_x, self._force_y, self.strain, self.tension, self.turning = arrays.values()
-        self.stepper, self._arrays = stepper, arrays
+        arrays = {name: wp.zeros((worlds, panel.node_count), dtype=real, device=device) for name in names}
+        self._of_nodes = [{name: array[world] for name, array in arrays.items()} for world in range(worlds)]
         pair, held = _pairs_at_clamps(model), panel.held_node
         self._held_entries = Entries(np.concatenate([held, np.maximum(held - 1, 0)]), device)
         self._clamp_pairs = Entries(pair, device) if len(pair) else None
         self._clamp_nodal = Entries((4 * pair[:, None] + np.arange(4)).ravel(), device) if len(pair) else None
         self._held_first = np.isin(panel.held_node, panel.wire_first)
-        self._first_block = first_blocks(panel)
-        self._wires = wp.zeros((len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
-        self._pairs = wp.zeros((max(1, -(-model.pair_count // k.PAIR_BLOCK)), k.PAIR_COLUMNS), dtype=wp.float64, device=device)
+        self._first_block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))  # [wire]
+        pair_blocks = max(1, -(-model.pair_count // k.PAIR_BLOCK))
+        self._wires = wp.zeros((worlds, len(panel.block_first), k.WIRE_COLUMNS), dtype=wp.float64, device=device)
+        self._pairs = wp.zeros((worlds, pair_blocks, k.PAIR_COLUMNS), dtype=wp.float64, device=device)
         self._squares = wp.zeros(len(panel.block_first), dtype=wp.float64, device=device)
 
-    def sums(self) -> Sums:
-        """Diagnostics of the current state: wire rows of this rank's strip, all other sums of the global mesh."""
-        self.stepper.run(self.evaluate, self.sum)
-        return self.last_sums()
+    def sums(self, rows: np.ndarray) -> Sums:
+        """Sums of the current states: wire rows of this rank's strip, all others of the global mesh."""
+        self.stepper.run(rows, self._evaluate, self._sum)
+        return self._sum_up(rows)
 
-    def last_sums(self) -> Sums:
-        """Those of the state in which the stages `evaluate` and `sum` were run last."""
-        return sum_up(self.model, self._first_block, *self.partial_sums())
+    def of_nodes(self, world: int) -> dict[str, wp.array]:
+        """Arrays [node] of a world, as last evaluated: force_x, force_y [N], strain, tension [N], turning [rad]."""
+        return self._of_nodes[world]
 
-    def evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
+    def _evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
         """Stage of work: forces, strains, tensions and turnings of the nodes."""
-        return [evaluation(self.model, self.state, self.state.parity, self._arrays, stepper.blocks_of(part))]
+        state = stepper.state
+        return [evaluation(self.model, state, state.parity, self.of_nodes(stepper.world), stepper.blocks_of(part))]
 
-    def sum(self, stepper: Stepper, part: int) -> list[Launch]:
+    def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
         """Stage of work: their sums, and those of the pairs."""
-        sources = (self.model.rest, self.model.mesh, self.state, self.model.constants)
+        sources, world = (self.model.rest, self.model.mesh, stepper.state, self.model.constants), stepper.world
         block, blocks = stepper.blocks_of(part)
-        pair, pairs = stepper.team.share(self._pairs.shape[0], part)
-        rows = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs}
+        pair, pairs = stepper.team.share(self._pairs.shape[1], part)
+        rows = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs[world]}
         return [
-            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires, **self._arrays),
+            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires[world], **self.of_nodes(world)),
             bind(k.sum_pairs, pairs, *sources, first_block=pair, **rows),
         ]
 
-    def partial_sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Partial sums of the last check, for `sum_up`: of wires, of pairs, of held nodes."""
-        return fetch(self._wires), fetch(self._pairs), self.held_stress()
+    def _sum_up(self, rows: np.ndarray) -> Sums:
+        """The sums of the partial sums on the device."""
+        panel, ranks = self.model.panel, self.model.ranks
+        wires, pairs = fetch(self._wires)[rows], fetch(self._pairs)[rows]
+        largest = np.maximum.reduceat(wires, self._first_block, axis=1)
+        error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], self._first_block, axis=1)
+        total, contact = wires.sum(axis=1), pairs.sum(axis=1)
+        stress = (total[:, int(k.WIRE_STRESS) :] + contact[:, int(k.PAIR_STRESS) :]).reshape(-1, 2, 2)
+        if len(panel.held_node):
+            stress += np.array([self._held_stress(row) for row in rows.tolist()])
+        sums = [total[:, int(column)] for column in (k.ERROR_SQUARE, k.TENSION_SQUARE, k.TURNING_SQUARE)]
+        sums += [contact[:, int(column)] for column in (k.CLOSED, k.FORCE_SUM, k.GAP_SQUARE)]
+        sums += [stress[:, a, b] for a, b in np.ndindex(2, 2)]
+        error_square, tension_square, turning_square, closed, force, gap_square, *stresses = ranks.sum(np.stack(sums))
+        most = [largest[..., int(column)].max(axis=1) for column in (k.ERROR_MAX, k.TENSION_MAX, k.TURNING_MAX)]
+        *most, gap_max = ranks.largest(np.stack([*most, pairs[..., int(k.GAP_MAX)].max(axis=1)]))
+        return Sums(
+            strain_max=largest[..., int(k.STRAIN_MAX)],
+            error_mean=np.abs(error_sum) / panel.wire_count,
+            tension_max=largest[..., int(k.TENSION_MAX)],
+            turning_max=largest[..., int(k.TURNING_MAX)],
+            error_largest=most[0],
+            error_square=error_square,
+            tension_largest=most[1],
+            turning_largest=most[2],
+            tension_square=tension_square,
+            turning_square=turning_square,
+            closed=closed,
+            force_mean=force / np.maximum(1.0, closed),
+            gap_max=gap_max,
+            gap_square=gap_square,
+            stress=np.stack(stresses, axis=-1).reshape(-1, 2, 2) / panel.area,
+        )
 
-    def held_stress(self) -> np.ndarray:
+    def _held_stress(self, world: int) -> np.ndarray:
         """(2, 2) [N m] contribution of held nodes, which move with their clamp."""
-        panel = self.model.panel
-        if not len(panel.held_node):
-            return np.zeros((2, 2))
-        return np.einsum("ia,ib->ab", self._held_forces(), panel.held_lever)
+        return np.einsum("ia,ib->ab", self._held_forces(world), self.model.panel.held_lever)
 
-    def clamp_forces(self) -> np.ndarray:
+    def clamp_forces(self, world: int) -> np.ndarray:
         """(clamp, 2) [N] forces of the wires on their clamps, at the last check."""
         panel = self.model.panel
         total = np.zeros((len(panel.clamp_position), 2))
-        np.add.at(total, panel.held_clamp, self._held_forces())
+        np.add.at(total, panel.held_clamp, self._held_forces(world))
         return total
 
-    def _held_forces(self) -> np.ndarray:
+    def _held_forces(self, world: int) -> np.ndarray:
         """(held, 2) [N] forces of wires and contacts on held nodes."""
-        state, node = self.state, self.model.panel.held_node
-        both = np.stack([self._held_entries.fetch(array) for array in (self._force_x, self._force_y)], axis=1).astype(np.float64)
+        state, node, of_nodes = self.stepper.states[world], self.model.panel.held_node, self.of_nodes(world)
+        both = np.stack([self._held_entries.fetch(of_nodes[name]) for name in ("force_x", "force_y")], axis=1).astype(np.float64)
         force, before = both[: len(node)], both[len(node) :]
         before[self._held_first] = 0.0
         total = force - before
@@ -165,9 +166,9 @@ class Diagnostics:
         np.add.at(total, place[held], np.stack(nodal, axis=2)[held])
         return total
 
-    def distance_from_chord(self) -> np.ndarray:
+    def distance_from_chord(self, world: int) -> np.ndarray:
         """[wire] [m] root mean square distance of the nodes of a wire from the straight line through its ends."""
-        model, state, panel, table = self.model, self.state, self.model.panel, self.model.table
+        model, state, panel, table = self.model, self.stepper.states[world], self.model.panel, self.model.table
         unit, now = model.precision.unit, state.parity
         ux, uy = state.node_ux[now], state.node_uy[now]
         first, last = panel.wire_first, panel.wire_first + panel.wire_count - 1
@@ -192,6 +193,100 @@ class Diagnostics:
             start=starts, normal=normals, gradient=wp.mat22d(*gradient.ravel()), square=self._squares,
         ).run(model.device)  # fmt: skip
         return np.sqrt(np.add.reduceat(self._squares.numpy(), block) / panel.wire_count)
+
+
+class SlowestMode:
+    """Damping near critical for the slowest active mode, by Rayleigh quotients of the change since the last check."""
+
+    KEPT = ("_last",)
+
+    def __init__(self, stepper: WorldStepper) -> None:
+        self.stepper, self.model = stepper, stepper.model
+        model, worlds = self.model, len(stepper.states)
+        h = float(model.table.spacing.min())
+        wave = SLOWEST_WAVE * model.scene.model.nodes_per_loop * h
+        heaviest = 1.0 / float(model.rest.inverse_mass.numpy().min())
+        self._slowest = slowest_damping(model.bending_stiffness, wave, h, heaviest)
+        nodes, device = model.panel.node_count, model.device
+        kinds = [model.precision.coordinate] * 2 + [model.precision.real] * 2
+        self._last = [wp.zeros((worlds, nodes), dtype=kind, device=device) for kind in kinds]
+        self._partial = wp.zeros((worlds, len(model.panel.block_first), 2), dtype=wp.float64, device=device)
+
+    def measure(self, rows: np.ndarray) -> None:
+        """Sum the changes since the last check, and store the states."""
+        self.stepper.probe(rows, self._sum)
+
+    def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Stage of work after the probe."""
+        model, state, world, (block, blocks) = self.model, stepper.state, stepper.world, stepper.blocks_of(part)
+        names = ("last_ux", "last_uy", "last_acceleration_x", "last_acceleration_y")
+        kept = {name: array[world] for name, array in zip(names, self._last, strict=True)}
+        return [
+            bind(
+                sum_rayleigh, blocks, model.rest, model.mesh, state, model.constants, self.stepper.accelerations[world],
+                first_block=block, ux=state.node_ux[state.parity], uy=state.node_uy[state.parity],
+                partial=self._partial[world], **kept,
+            )
+        ]  # fmt: skip
+
+    def renew_damping(self, rows: np.ndarray) -> None:
+        """Set the damping by the last sums; unchanged without motion."""
+        steering, partial = self.stepper.state.steering, fetch(self._partial)
+        blocks = partial[rows].swapaxes(0, 1)
+        total = self.model.ranks.exact_sum(blocks.reshape(len(blocks), -1)).reshape(-1, 2)
+        renewed = renewed_damping(steering.damping[rows], total[:, 0], total[:, 1], self._slowest)
+        steering.set(rows, damping=renewed)
+
+
+class Residual:
+    """Computes the residual from the sums of a convergence check."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        h = float(model.table.spacing.min())
+        epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
+        # rounding of an edge times the stretching and the bending stiffness of a segment
+        self._round_off_terms = (epsilon, 4 * model.bending_stiffness / h**2)
+        self._stretch_energy = h / model.axial_stiffness
+        self._bend_energy = model.bending_stiffness / h
+
+    def measure(self, control: Steering, sums: Sums, axial: np.ndarray) -> np.ndarray:
+        """[row] the larger of balance and motion, for solver.residual_tolerance.
+
+        `axial` [row, wire] [N]: the stiffnesses of the dynamics.
+
+        Balance: rms nodal residual over the mean contact force, and a share of the largest one, limited by round-off.
+        Motion: root of kinetic over stored energy, which measures soft modes with small residual forces.
+        """
+        model, tolerance = self.model, self.model.scene.solver.residual_tolerance
+        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
+        mesh = model.global_model.panel
+        round_off_rms, round_off_max = self.round_off(axial)
+        free = mesh.node_count + mesh.body_count - len(mesh.held_node)
+        rms, largest = np.sqrt(control.force_square / free), control.force_max
+        limit = ROUND_OFF_SHARE * scale
+        local = max(LOCAL_ALLOWANCE, free**0.25)  # one isolated residual changes the mean fourth power of all by this
+        balance = np.maximum(
+            rms / np.maximum(scale, np.minimum(round_off_rms, limit) / tolerance),
+            largest / (local * np.maximum(scale, np.minimum(round_off_max, limit) / tolerance)),
+        )
+        stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
+        least = ENERGY_FLOOR * measure.energy_scale(model.global_model)
+        motion = np.sqrt(0.5 * control.kinetic_twice / np.maximum(stored, least))
+        return np.maximum(balance, motion)
+
+    def round_off(self, axial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """[row] residuals [N] due to round-off, rms and largest."""
+        model = self.model
+        epsilon, bending = self._round_off_terms
+        force = epsilon * np.hypot(axial.astype(np.float64), bending)  # [row, wire]
+        square = model.ranks.sum(np.sum(force**2 * model.panel.wire_count, axis=1)) / model.global_model.panel.node_count
+        return ROUND_OFF_RMS * np.sqrt(square), ROUND_OFF_LARGEST * model.ranks.largest(force.max(axis=1))
+
+    def is_lost_in_round_off(self, sums: Sums, axial: np.ndarray) -> np.ndarray:
+        """[row] whether round-off exceeds the allowed out-of-balance forces."""
+        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(self.model))
+        return np.asarray(self.round_off(axial)[0] > ROUND_OFF_SHARE * scale)
 
 
 def _pairs_at_clamps(model: Model) -> np.ndarray:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,10 +17,10 @@ from ..compute.host import lanes, take
 from ..compute.launch import Launch, bind
 from ..compute.steering import Steering
 from ..kernels import clamp
+from ..kernels.contact_friction import LOOSE, TANGENTIAL
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
 from ..measure.strain import Boundary
-from .join import Join
 from .model import Model
 from .state import State
 
@@ -215,3 +216,71 @@ def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array]
         evaluate_wires, blocks[1] * threads, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
         threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unused,
     )  # fmt: skip
+
+
+def friction_stiffness(r: HostState) -> float:
+    """[N/m] tangential stiffness of a sticking contact."""
+    return float(TANGENTIAL) * float(r.control.contact_stiffness)
+
+
+def friction_force(r: HostState) -> np.ndarray:
+    """[pair] [N] friction force on the contact points along their wires."""
+    force = np.zeros(len(r.pair_force))
+    if not len(r.pair_stuck):
+        return force
+    sticks = np.flatnonzero((r.pair_stuck != float(LOOSE)) & (r.pair_force > 0))
+    slip = (r.pair_slide + r.pair_u - r.pair_stuck)[sticks] * r.model.table.rest_length[r.model.panel.pair_table[sticks]]
+    limit = r.model.scene.contact.friction * r.pair_force[sticks]
+    force[sticks] = np.clip(-friction_stiffness(r) * slip, -limit, limit)
+    return force
+
+
+def friction_energy(r: HostState) -> float:
+    """[J] elastic energy of sticking contacts: F_t^2/(2 k_t) each."""
+    if not len(r.pair_stuck):
+        return 0.0
+    force = friction_force(r)
+    return float(np.sum(0.5 * force**2) / friction_stiffness(r))
+
+
+class Join:
+    """Gathers arrays of all ranks on the first one, or `everywhere`; a collective call. With one rank it returns its arrays.
+
+    On ranks without a result the arrays are empty.
+    """
+
+    def __init__(self, model: Model, *, everywhere: bool = False) -> None:
+        self._strip, self._panel = model.strip, model.global_model.panel
+        self._collect: Callable[[np.ndarray], list[np.ndarray]] = model.ranks.everyone if everywhere else model.ranks.gather
+        if model.strip is not None:
+            self._body_places = self._collect(model.strip.body[: model.strip.owned_bodies])
+            self._pair_places = self._collect(model.strip.pair_of_whole)
+
+    def nodes(self, values: np.ndarray) -> np.ndarray:
+        """[node, ...] of the global mesh; nodes are in the order of the wires."""
+        if self._strip is None:
+            return values
+        parts = self._collect(values)
+        return np.concatenate(parts) if parts else values[:0]
+
+    wires = clamps = nodes
+
+    def bodies(self, values: np.ndarray) -> np.ndarray:
+        """[body, ...]"""
+        if self._strip is None:
+            return values
+        return self._placed(values[: self._strip.owned_bodies], self._body_places, self._panel.body_count)
+
+    def pairs(self, values: np.ndarray) -> np.ndarray:
+        """[pair, ...]"""
+        if self._strip is None:
+            return values
+        return self._placed(values[self._strip.pair], self._pair_places, 2 * self._panel.body_count)
+
+    def _placed(self, values: np.ndarray, places: list[np.ndarray], count: int) -> np.ndarray:
+        """(count, ...) with the values of each rank at its places."""
+        parts = self._collect(values)
+        joined = np.empty((count if parts else 0, *values.shape[1:]), dtype=values.dtype)
+        for part, place in zip(parts, places, strict=True):
+            joined[place] = part
+        return joined

@@ -1,9 +1,9 @@
-"""The mechanics of one planar mesh (protocol: warpknit/mechanics/protocols.py)."""
+"""Worlds of the planar model, and the mechanics of one of them (protocols: warpknit/mechanics/protocols.py)."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Any
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 import warp as wp
@@ -13,26 +13,24 @@ from ..compute.host import fetch
 from ..compute.kept import Owner
 from ..compute.launch import bind
 from ..compute.steering import Steering
+from ..kernels.anchored_bodies import draw_anchors
+from ..kernels.contact_friction import stick_contacts
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
-from ..mechanics.protocols import TOO_THICK, Check, Drift, SingleMesh, strength_exceeded
+from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
 from ..mesh.rim import LoadPoint, Rim
-from .diagnostics import Diagnostics, Sums
-from .history_variables import HistoryVariables
-from .membrane_grid import MembraneGrid
+from .diagnostics import Diagnostics, Residual, SlowestMode, Sums
+from .host_state import read_strip
 from .model import Model
 from .multipliers import Multipliers
 from .neighbours import RAMP_SHARE, NeighbourSearch
 from .observables import PlanarObservables, read
-from .prolongation import Prolongation
-from .residual import Residual
-from .slowest_mode import SlowestMode
 from .state import State
-from .state_variables import state_variables
-from .strip_step import stepper_of
-from .thermal import wire_thermal_strain
+from .step import anchor_launch
 from .time_step import stable_step
+from .transfer import MembraneGrid, Prolongation, state_variables
+from .world_step import WorldStepper
 
 LOAD_STEPS = 100  # over which a load is applied that no prediction leads to
 SOFTENING_CHECKS = 10  # convergence checks between updates of the bound on the softening
@@ -48,8 +46,88 @@ def drift_of(nodes_per_loop: int) -> Drift:
     return Drift(min(highest, max(lowest, round(lowest * (nodes_per_loop / DRIFT_NODES) ** 2))))
 
 
+class PlanarWorlds:
+    """Meshes of one model, each under its own load, stepped and checked side by side. `rows` are indices of some of them."""
+
+    def __init__(self, models: Sequence[Model], state: State | None = None, *, threads: int | None = None) -> None:
+        """`models`: of each world, alike but for their loads; `state`: of a single one, default as knitted.
+
+        `threads`: see `WorldStepper`.
+        """
+        self.model = model = models[0]
+        self.stepper = WorldStepper(model, len(models), state, threads=threads)
+        self.state, self.steering = self.stepper.state, self.stepper.state.steering
+        self.diagnostics, self.residual = Diagnostics(self.stepper), Residual(model)
+        self.slowest_mode, self.multipliers = SlowestMode(self.stepper), Multipliers(self.diagnostics)
+        self.checked_stress = np.zeros((len(models), 2, 2))  # [N/m] nominal stress at the last convergence check
+        self.members = [PlanarMechanics(self, one, world) for world, one in enumerate(models)]
+
+    def together(self) -> AbstractContextManager[None]:
+        """Nothing: loads begin with little work."""
+        return nullcontext()
+
+    def search(self, rows: np.ndarray) -> None:
+        """Search neighbours, and reset the travel budget."""
+        for row in rows.tolist():
+            self.members[row].search()
+
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        """[row] zero: wires of the plane do not pass through each other."""
+        return np.zeros(len(rows))
+
+    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
+        begin = now = self.steering.step
+        diverged, active = np.zeros(len(begin), dtype=bool), rows
+        while len(active):
+            self.stepper.step(active, begin[active] + steps)
+            read = self.steering.read()
+            now, status = read.step, read.status
+            for row in active[status[active] == Steering.STALE].tolist():
+                self.members[row].search()
+            diverged[active] = status[active] == Steering.DIVERGED
+            active = active[~diverged[active] & (now[active] < begin[active] + steps)]
+        return (now - begin)[rows].astype(int), diverged[rows]
+
+    def is_loading(self, rows: np.ndarray) -> np.ndarray:
+        """[row] whether a load is being applied."""
+        return np.asarray(self.steering.is_loading[rows])
+
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        """Check convergence, and update damping and multipliers; checks [row]: of the level so far, this one included."""
+        residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
+        self.slowest_mode.measure(rows)
+        if not loading.all():
+            residual[~loading], ratio[~loading] = self._update(rows[~loading])
+        return Check(residual, ratio)
+
+    def _update(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals [row] and ratios [row] of all criteria; updates damping and multipliers."""
+        self.slowest_mode.renew_damping(rows)
+        solver, sums = self.model.scene.solver, self.diagnostics.sums(rows)
+        self.checked_stress[rows] = sums.stress
+        residual = self.residual_of(rows, sums)
+        ratio = residual / solver.residual_tolerance
+        if solver.multipliers:
+            ratio = np.maximum(ratio, self.multipliers.update(rows, sums, ratio < NEARLY_CONVERGED))
+        return residual, ratio
+
+    def residual_of(self, rows: np.ndarray, sums: Sums) -> np.ndarray:
+        """[row] out-of-balance force and motion, for solver.residual_tolerance."""
+        return self.residual.measure(Steering(self.steering.values[rows]), sums, fetch(self.state.wire_axial)[rows])
+
+    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
+        """Bound the softening by the shape of the wires, now and then."""
+        if self.model.scene.solver.multipliers:
+            self.multipliers.bound_softening(rows[checks % SOFTENING_CHECKS == 0])
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] nominal stress of the meshes."""
+        return self.diagnostics.sums(rows).stress
+
+
 class PlanarMechanics:
-    """Steps one state of a planar model."""
+    """Steps one world of a planar model."""
 
     KEPT = ("notes", "_last")
 
@@ -61,40 +139,22 @@ class PlanarMechanics:
     rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
     stations = np.zeros((0, 2))
 
-    def __init__(self, model: Model, state: State) -> None:
-        self.model, self.state = model, state
-        self.group = SingleMesh(self)
+    def __init__(self, group: PlanarWorlds, model: Model, world: int) -> None:
+        self.group, self.model, self.world, self.rows = group, model, world, np.array([world])
+        self.state, self.stepper = group.stepper.states[world], group.stepper.steppers[world]
         self.notes: list[str] = []
         self.drift = drift_of(model.scene.model.nodes_per_loop)
-        self.stepper = stepper_of(model, state)
-        self.neighbours = NeighbourSearch(model, state)
-        self.diagnostics = Diagnostics(model, state, self.stepper)
-        self.residual = Residual(model)
+        self.neighbours = NeighbourSearch(model, self.state)
+        self.history = HistoryVariables(model, self.state)
+        self._relaxes = model.scene.solver.drive == "relax"
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
         # values at the end of the previous level
         self._last = [wp.zeros_like(value) for value in self._level_values()] if self._relaxes else []
         self._predictions: dict[int, list[wp.Launch]] = {}  # by parity
         self._active_as_knitted = 0  # pairs that carry force as knitted
 
-    # for relaxations only
-
-    @cached_property
-    def multipliers(self) -> Multipliers:
-        return Multipliers(self.model, self.state, self.diagnostics)
-
-    @cached_property
-    def slowest_mode(self) -> SlowestMode:
-        return SlowestMode(self.model, self.state, self.stepper)
-
-    @cached_property
-    def history(self) -> HistoryVariables:
-        return HistoryVariables(self.model, self.state)
-
-    @property
-    def _relaxes(self) -> bool:
-        return self.model.scene.solver.drive == "relax"
-
     def compile(self) -> None:
+        """Compile all kernels."""
         if self._relaxes:
             self.history.advance()
         self.search()
@@ -102,8 +162,7 @@ class PlanarMechanics:
         if not self._relaxes:
             self.residual_now()
             return
-        self.slowest_mode.update(use=True)
-        self.check(1, loading=False)
+        self.group.check(self.rows, np.ones(1, dtype=int), np.zeros(1, dtype=bool))
         self.predict(0.0)
         self.set_load(LoadPoint(np.eye(2), self.model.scene.wire.reference_temperature), LOAD_STEPS)
 
@@ -174,7 +233,7 @@ class PlanarMechanics:
         self.neighbours.search()
 
     def step(self, count: int) -> None:
-        self.stepper.step(count)
+        self.group.stepper.step(self.rows, self.group.steering.step[self.rows] + count)
 
     def deepest_overlap(self) -> str:
         return ""
@@ -195,41 +254,25 @@ class PlanarMechanics:
     # --- convergence of a relaxation
 
     def begin_level(self) -> None:
-        self.multipliers.begin_level()
+        self.group.multipliers.rules.begin_level(self.rows)
 
     def begin_test(self, *, is_certain: bool) -> None:
         """Nothing: of the plane no unstable equilibrium is known."""
 
     has_left = False
 
-    def check(self, checks: int, *, loading: bool) -> Check:
-        control, diagnostics = self.state.steering.read(), self.diagnostics
-        if loading:
-            self.slowest_mode.update(use=False)
-            return Check(np.nan, np.inf)
-        solver = self.model.scene.solver
-        self.slowest_mode.update(diagnostics.evaluate, diagnostics.sum, use=True)
-        self.sums = diagnostics.last_sums()
-        residual = float(self._residual(control, self.sums))
-        ratio = residual / solver.residual_tolerance
-        if solver.multipliers:
-            ratio = max(ratio, self.multipliers.update(self.sums, nearly_converged=ratio < NEARLY_CONVERGED))
-        return Check(residual, ratio)
-
-    def _residual(self, control: Steering, sums: Sums) -> np.ndarray:
-        return self.residual.measure(control, sums, fetch(self.state.wire_axial))
-
-    def renew(self, checks: int) -> None:
-        if self.model.scene.solver.multipliers and checks % SOFTENING_CHECKS == 0:
-            self.multipliers.bound_softening()
-
     def stress(self) -> np.ndarray:
-        return self.diagnostics.sums().stress
+        """(2, 2) [N/m] nominal stress of the mesh."""
+        return self.group.stress(self.rows)[0]
+
+    @property
+    def _sums(self) -> Sums:
+        return self.group.diagnostics.sums(self.rows)
 
     def causes(self) -> str:
         strength, stress = self.model.scene.wire.tensile_strength, measure.largest_stress(self.observe())
         causes = strength_exceeded(stress, strength)
-        if self.residual.is_lost_in_round_off(self.diagnostics.sums(), self.state.wire_axial.numpy()):
+        if self.group.residual.is_lost_in_round_off(self._sums, fetch(self.group.state.wire_axial)[self.rows])[0]:
             name = self.model.precision.name
             causes += f", round-off in {name} precision exceeds the forces: set solver.precision = 'double'"
         if self._active_as_knitted:
@@ -241,11 +284,11 @@ class PlanarMechanics:
         if not load.is_as_knitted(self.model.scene.wire.reference_temperature):
             return False
         self.stepper.evaluate_contact()
-        sums = self.diagnostics.sums()
-        self._active_as_knitted = int(sums.closed)
+        sums = self._sums
+        self._active_as_knitted = int(sums.closed[0])
         least = UNLOADED * force_scale(self.model)
         bend = self.model.bending_stiffness / float(self.model.table.hinge_length.min()) ** 2
-        return bool(sums.closed == 0 and sums.tension_largest < least and sums.turning_largest * bend < least)
+        return bool(sums.closed[0] == 0 and sums.tension_largest[0] < least and sums.turning_largest[0] * bend < least)
 
     # --- real time
 
@@ -264,7 +307,7 @@ class PlanarMechanics:
             self.neighbours.follow(control.gradient.ravel())
 
     def residual_now(self) -> float:
-        return float(self._residual(self.state.steering.read(), self.diagnostics.sums()))
+        return float(self.group.residual_of(self.rows, self._sums)[0])
 
     # --- meshes of one knit (solve/multilevel.py)
 
@@ -272,7 +315,7 @@ class PlanarMechanics:
         return Prolongation(self.model, self.state, smaller.model, smaller.state)
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
-        return MembraneGrid(self.model, self.state, self.slowest_mode.probe, low, cell, cells)
+        return MembraneGrid(self.model, self.state, self.group.stepper.accelerations[self.world], low, cell, cells)
 
     def state_variables(self) -> dict[str, np.ndarray]:
         return state_variables(self.model, self.state)
@@ -281,21 +324,24 @@ class PlanarMechanics:
         self.state.move_clamps(begin, end)
 
     def clamp_forces(self) -> np.ndarray:
-        return self.diagnostics.clamp_forces()
+        return self.group.diagnostics.clamp_forces(self.world)
 
     def renew_damping(self) -> None:
-        self.slowest_mode.update(use=True)
+        self.group.slowest_mode.measure(self.rows)
+        self.group.slowest_mode.renew_damping(self.rows)
 
     @property
     def checked_stress(self) -> np.ndarray:
-        return self.sums.stress
+        return self.group.checked_stress[self.world]
 
     @property
     def owners(self) -> list[Owner]:
-        owners: list[Any] = [self.state, self.neighbours, self]
+        group, worlds = self.group, len(self.group.members)
+        owners = [Owner(self.state), Owner(self.neighbours), Owner(self)]
         if self._relaxes:
-            owners += [self.history, self.multipliers.rules, self.slowest_mode]
-        return [Owner(one) for one in owners]
+            of_worlds = [Owner(one, self.world, worlds) for one in (group.multipliers.rules, group.slowest_mode)]
+            owners += [Owner(self.history), *of_worlds]
+        return owners
 
     # --- observation
 
@@ -305,3 +351,69 @@ class PlanarMechanics:
     def edge_work_terms(self, observed: PlanarObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         clamps = observed.edge_force, observed.clamp_shift
         return [clamps, (observed.thermal_strain_force, observed.thermal_strain)]
+
+
+class HistoryVariables:
+    """Stick places of contacts, plastic turning of wires and anchors of bodies, updated at every equilibrium."""
+
+    KEPT = ("dissipated",)
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.dissipated = 0.0  # [J]
+        self._slipped = wp.zeros(len(state.pair_stuck), dtype=wp.float64, device=model.device)
+
+    def advance(self) -> None:
+        """Update the history variables from an equilibrium."""
+        if len(self.state.pair_stuck):
+            model, state = self.model, self.state
+            sources = (model.rest, model.mesh, state, model.constants)
+            bind(stick_contacts, model.pair_count, *sources, slipped=self._slipped).run(model.device)
+            own = slice(None) if model.strip is None else model.strip.pair
+            self._dissipate(np.sum(self._slipped.numpy()[own]))
+        if self.model.yield_moment:
+            self._yield()
+        if self.model.treatment.anchored:
+            self._draw_anchors()
+
+    def _draw_anchors(self) -> None:
+        """Move the anchors of bodies whose spring is at its force limit."""
+        bodies = self.model.panel.body_count
+        anchor_launch(draw_anchors, bodies, self.model, self.state).run(self.model.device)
+
+    def _yield(self) -> None:
+        """Update plastic turning: backward Euler, bilinear bending with kinematic hardening."""
+        host = read_strip(self.model, self.state)
+        kept = self.model.scene.wire.hardening
+        beyond = host.turning - host.plastic_turn - host.back_turn
+        change = np.sign(beyond) * np.maximum(np.abs(beyond) - host.yield_turn, 0.0) * (1.0 - kept)
+        self.state.plastic_turn.assign(host.plastic_turn + change)
+        if kept < 1.0:
+            self.state.back_turn.assign(host.back_turn + kept / (1.0 - kept) * change)
+        self._dissipate(self.model.yield_moment * np.sum(np.abs(change)))
+
+    def _dissipate(self, energy: float) -> None:
+        """Add dissipated energy [J] of all ranks."""
+        self.dissipated += float(self.model.ranks.sum(np.array([energy]))[0])
+
+
+def wire_thermal_strain(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:
+    """(wire, 2): relative excess of the length factor at the first node of each wire, and its increment a node.
+
+    The temperature [K] is that of the centre of the panel, its gradient [K/m] is along weft and warp at rest. Along a wire it
+    is interpolated linearly from end to end: the loops deviate from that by less than a stitch.
+    """
+    panel, table, wire = model.panel, model.table, model.scene.wire
+    block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
+    last_block = np.append(block[1:], len(panel.block_wire)) - 1
+    middle = panel.low + 0.5 * panel.size
+    excess = []
+    for b, entry in (
+        (block, panel.block_table[block]),
+        (last_block, panel.block_table[last_block] + panel.block_count[last_block] - 1),
+    ):
+        place = np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[b] - middle
+        excess.append(place @ np.array(gradient))
+    factor = wire.length_factor(temperature)
+    first, last = (wire.expansion * e / factor for e in excess)
+    return np.stack([first, (last - first) / (panel.wire_count - 1)], axis=1)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..base.text import at_most, exact, short_repr
+from ..base.text import at_most, exact, percent, short_repr
 from ..compute.device import start_warp
 from ..compute.precision import Precision, precision_of
 from ..compute.ranks import One, Ranks
@@ -29,15 +29,17 @@ from ..mesh.layout import contact_classes, knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
+from ..mesh.tight_loops import TIGHT, first_touch, way_left
 from ..results.finding import ResultWarning
 from ..results.frame import WireLayout, curve_parts
 from ..results.row import Row
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
-from .limits import slid_wires, tight_loops
 from .numerics import choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
+SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
+INSTEAD = "use model.kind = 'spatial'"
 NODES_AT_CLAMP = 3  # at either end of a wire, of which clamps may cut the wire that they stand for
 
 
@@ -296,3 +298,27 @@ def body_blocks(model: Model) -> int:
 
 def contact_batches(model: Model) -> int:
     return -(-model.pair_count // int(PAIR_BATCH))
+
+
+def slid_wires(scene: Scene, rows: Sequence[Row]) -> Iterator[ResultWarning]:
+    """Warning where wires slid along each other, which invalidates the result."""
+    slid = max((row.get("slid_max_m") or 0.0 for row in rows), default=0.0) / scene.wire.diameter
+    if slid > SLID:
+        text = f"this planar result is not valid: wires slid along each other by {slid:.2g} wire diameters"
+        yield ResultWarning("W01", text, INSTEAD, link="; ")
+
+
+def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[ResultWarning]:
+    """Warning where wires in space touch long before the lenses of the plane close."""
+    share, loops = first_touch(scene), "tight loops"
+    if share >= TIGHT and scene.knit.scatter:
+        wire, loops = scene.wire, "the tightest of the scattered loops"
+        share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
+    if share < TIGHT:
+        yield ResultWarning(
+            "W02",
+            f"{loops}: the planar model closes contacts too late, and its tension is too small (first touch at"
+            f" {percent(share, 0)} of the planar approach)",
+            INSTEAD,
+            link="; ",
+        )

@@ -8,20 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from ..base.text import short_repr
-from ..measure import active_threshold, section
+from ..measure import active_threshold, pair_active, section
 from ..measure.drawn_curve import planar_curve
-from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, WireStress
+from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, WireStress, arcs_along
 from ..measure.strain import rotation
-from ..measure.tiles import has_map
+from ..measure.tiles import Tiles, has_map, panel_map_of
+from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from ..results.frame import curve_parts
 from .bending import bending_moments
-from .contact_places import contact_places
-from .friction import friction_energy
-from .hook_contact import hook_contact
-from .host_state import HostState, joined, pair_levers, read_strip
+from .host_state import HostState, friction_energy, joined, pair_levers, read_strip
 from .model import Model
-from .panel_map import find_panel_map
 from .state import State
+
+NODES_AT_ONCE = 1_000_000  # of a panel map
 
 
 @dataclass(frozen=True)
@@ -182,12 +181,60 @@ class PlanarObservables(HostState):
     @property
     def contact_places(self) -> ContactPlaces:
         """One place for each body both of whose pairs are active."""
-        return contact_places(self)
+        panel, table = self.model.panel, self.model.table
+        both = pair_active(self).reshape(-1, 2).all(axis=1)
+        pairs = np.flatnonzero(np.repeat(both, 2))
+        u = self.pair_u[pairs]
+        knitted = np.stack([table.x, table.y], axis=1)
+        towards = np.stack([table.rest_x, table.rest_y], axis=1)
+
+        def place(entry: np.ndarray) -> np.ndarray:
+            return np.asarray(knitted[entry] + u[:, None] * towards[entry])
+
+        # [m] as knitted, in the repeat of the body, and in that of the wire
+        at_body = place(panel.pair_table[pairs] + self.pair_slide[pairs]) + panel.pair_shift[pairs]
+        origin = np.repeat(panel.block_origin, panel.block_count, axis=0)[self.pair_node[pairs]]
+        at_wire = place(self.entry[self.pair_node[pairs]]) + origin
+        wires = len(panel.wire_first)
+        chords = np.add.reduceat(self.natural_length, panel.wire_first)
+        arc_per_chord = np.repeat(panel.wire_length / chords, panel.wire_count)
+        lengths = self.length_factor * self.natural_length * arc_per_chord
+        wire = panel.pair_wire[pairs]
+        return ContactPlaces(
+            force=self.pair_force.reshape(-1, 2)[both].mean(axis=1),
+            wire=wire.reshape(-1, 2),
+            arc=arcs_along(lengths, panel.wire_first, wire, self.pair_node[pairs], u).reshape(-1, 2),
+            rest=at_wire.reshape(-1, 2, 2),
+            reach=at_body[1::2] - at_body[::2],
+            wire_length=np.add.reduceat(lengths, panel.wire_first),
+            wire_period=np.tile([0.0, panel.size[1]], (wires, 1)),
+        )
 
     @cached_property
     def hook_contact(self) -> HookContact | None:
         """The contact of two hooked wires."""
-        return None if self.model.scene.hook is None else hook_contact(self)
+        model, panel = self.model, self.model.panel
+        if model.scene.hook is None:
+            return None
+        height = model.scene.hook.height
+        # the first node is one spacing before the lower clamp
+        local = panel.pair_seed - panel.wire_first[panel.pair_wire] + self.pair_slide - 1
+        arc = (local + self.pair_u) * model.table.spacing[panel.pair_wire]
+        at_clamps = np.zeros((len(panel.clamp_position), 2))
+        np.add.at(at_clamps, panel.held_clamp, self.held_forces)
+        on_wires = self.pair_nodal[self.pair_force > 0.0].sum(axis=(0, 1))
+        return HookContact(
+            displacement=float(self.gradient[0, 1]) * height,
+            drive_force=-float(at_clamps[RIGHT_TOP, 0]),
+            force_left=float(self.pair_force[LEFT]),
+            force_right=float(self.pair_force[RIGHT]),
+            arc_left=float(arc[LEFT]),
+            arc_right=float(arc[RIGHT]),
+            # both pairs of a single contact point act on wires, with opposite forces
+            ground_force=float(np.hypot(*on_wires)) if model.treatment.anchored else 0.0,
+            body=self.body_position[0, :2],
+            threshold=active_threshold(model),
+        )
 
     # --- wires
 
@@ -312,3 +359,27 @@ def read(model: Model, state: State) -> PlanarObservables:
     """
     host = joined(read_strip(model, state))
     return PlanarObservables(**{field.name: getattr(host, field.name) for field in fields(host)})
+
+
+def find_panel_map(r: PlanarObservables) -> PanelMap:
+    """The map of a gripped panel."""
+    panel, table = r.model.panel, r.model.table
+    tiles = Tiles.of(r.model)
+    virial, stress_max = tiles.zeros(2, 2), tiles.zeros()
+    force, stress = r.segment_force, r.wire_stress.node
+    inside = np.any(r.edge != 0.0, axis=1)
+    origin = np.repeat(np.arange(len(panel.block_first)), panel.block_count)
+    for begin in range(0, panel.node_count, NODES_AT_ONCE):
+        part = slice(begin, begin + NODES_AT_ONCE)
+        entry = r.entry[part]
+        where = tiles.at(np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[origin[part]])
+        np.maximum.at(stress_max, where, stress[part])
+        rest_edge = np.where(inside[part, None], np.stack([table.rest_x[entry], table.rest_y[entry]], axis=1), 0.0)
+        tiles.add(virial, where, np.einsum("na,nb->nab", force[part], rest_edge))
+    del force, stress
+    touching = np.nonzero(r.pair_force > 0)[0]
+    lever = np.einsum("pka,pkb->pab", r.pair_nodal[touching], pair_levers(r, touching))
+    tiles.add(virial, tiles.of_body[touching // 2], lever)
+    held = np.einsum("na,nb->nab", r.held_forces, panel.held_lever)
+    tiles.add(virial, tiles.at(panel.clamp_position[panel.held_clamp]), held)
+    return panel_map_of(r, tiles, virial, stress_max, r.body_u)

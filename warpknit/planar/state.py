@@ -2,12 +2,13 @@
 
 Positions are x = F X + u: the displacement u from the affinely mapped rest shape is stored (in counts, see
 kernels/__init__.py), never x itself. Two copies of the node displacements alternate: `node_ux[parity]` is current.
+Worlds have the world as the first axis of every array; a `State` is one of them, or all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -39,8 +40,8 @@ class State:
 
     __repr__ = short_repr
 
-    node_ux: list[wp.array]  # 2 x [node] [counts]
-    node_uy: list[wp.array]
+    node_ux: wp.array  # [2, node] [counts]
+    node_uy: wp.array
     node_vx: wp.array  # [node] [m/s]
     node_vy: wp.array
     tension_offset: wp.array  # [node] [N] augmented Lagrangian multiplier of the segment to the next node
@@ -69,9 +70,7 @@ class State:
     pair_stuck: wp.array  # [pair, or none without friction] where a contact sticks to its wire (kernels/contact_friction.py)
     plastic_turn: wp.array  # [node, or one without yield] [rad] plastic turning (kernels/bend.py)
     back_turn: wp.array  # [node, or one] [rad] back turning of kinematic hardening
-    wire_thermal_strain: (
-        wp.array
-    )  # [wire] vec2d: excess of the length factor at its first node, relative, and its growth (thermal.py)
+    wire_thermal_strain: wp.array  # [wire] vec2d: excess of the length factor at its first node, relative, and its growth
     cached_slide: wp.array  # cache of kernels/contact_by_batch.py; follows from the other arrays
     cached_node: wp.array
     cached_number: wp.array
@@ -80,23 +79,23 @@ class State:
     body_partial: wp.array  # [body block, PARTIAL_COUNT]
     parity: int = 0
 
-    def replica(self, index: int) -> State:
-        """One of the replicas of `initial_state`: its arrays are rows of the common ones."""
+    def world(self, index: int) -> State:
+        """One of the worlds of `initial_worlds`: its arrays are rows of the common ones."""
+        return self._with(lambda array: array[index] if array.size else _empty(array.shape[1:], array))
 
-        def row(array: wp.array) -> wp.array:
-            # Warp has no rows of empty arrays
-            return array[index] if array.size else wp.empty(array.shape[1:], dtype=array.dtype, device=array.device)
+    def alone(self) -> State:
+        """This state as the only one of worlds, with the same memory."""
+        return self._with(lambda array: array.reshape((1, *array.shape)) if array.size else _empty((1, *array.shape), array))
 
-        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "parity"}
-        rows: dict[str, Any] = {n: [row(a) for a in v] if isinstance(v, list) else row(v) for n, v in arrays.items()}
-        return State(**rows)
+    def _with(self, change: Callable[[wp.array], wp.array]) -> State:
+        """The same with all arrays changed."""
+        return State(**{f.name: change(getattr(self, f.name)) for f in fields(self) if f.name != "parity"}, parity=self.parity)
 
     def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
         """All arrays on the host, by name; not `copied`: on a CPU valid until the next step."""
-        now = self.parity
-        named = {name: getattr(self, name) for name in ARRAYS}
-        named |= {"node_ux": self.node_ux[now], "node_uy": self.node_uy[now], "control": self.control}
-        return {name: fetch(array).copy() if copied else fetch(array) for name, array in named.items()}
+        named = {name: fetch(getattr(self, name)) for name in (*ARRAYS, "control")}
+        named |= {"node_ux": fetch(self.node_ux)[self.parity], "node_uy": fetch(self.node_uy)[self.parity]}
+        return {name: values.copy() for name, values in named.items()} if copied else named
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Restore what `arrays` returned."""
@@ -135,12 +134,18 @@ class State:
         self.steering.set(contact_stiffness=penalty, body_inverse_mass=1.0 / (MASS_MARGIN * penalty))
 
 
-def initial_state(model: Model, replicas: int | None = None) -> State:
-    """The initial state: knitted shape, no velocity, no load.
+def _empty(shape: tuple[int, ...], like: wp.array) -> wp.array:
+    """An array without entries, of which Warp makes no view."""
+    return wp.empty(shape, dtype=like.dtype, device=like.device)
 
-    With `replicas`, that many states: the replica is the first axis of every array.
-    """
-    lead = () if replicas is None else (replicas,)
+
+def initial_state(model: Model) -> State:
+    """The initial state: knitted shape, no velocity, no load."""
+    return initial_worlds(model, 1).world(0)
+
+
+def initial_worlds(model: Model, count: int) -> State:
+    """So many initial states: the world is the first axis of every array."""
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)
@@ -149,18 +154,18 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
 
     asleep = np.where(model.panel.pair_wire < 0, ASLEEP, 0.0)
 
-    def zeros(count: int, dtype: type) -> wp.array:
-        return wp.zeros((*lead, count), dtype=dtype, device=device)
+    def zeros(size: int, dtype: type) -> wp.array:
+        return wp.zeros((count, size), dtype=dtype, device=device)
 
-    def full(count: int, value: float, dtype: type) -> wp.array:
-        return wp.full((*lead, count), value, dtype=dtype, device=device)
+    def full(size: int, value: float, dtype: type) -> wp.array:
+        return wp.full((count, size), value, dtype=dtype, device=device)
 
-    def rows(count: int) -> wp.array:
-        return wp.zeros((*lead, count, PARTIAL_COUNT), dtype=wp.float64, device=device)
+    def rows(size: int) -> wp.array:
+        return wp.zeros((count, size, PARTIAL_COUNT), dtype=wp.float64, device=device)
 
     state = State(
-        node_ux=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
-        node_uy=[zeros(nodes, coordinate), zeros(nodes, coordinate)],
+        node_ux=wp.zeros((count, 2, nodes), dtype=coordinate, device=device),
+        node_uy=wp.zeros((count, 2, nodes), dtype=coordinate, device=device),
         node_vx=zeros(nodes, real),
         node_vy=zeros(nodes, real),
         tension_offset=zeros(nodes, real),
@@ -175,7 +180,7 @@ def initial_state(model: Model, replicas: int | None = None) -> State:
         anchor_y=zeros(anchored, wp.float64),
         pair_slide=zeros(pairs, wp.int32),
         pair_u=full(pairs, 0.5, real),
-        pair_wake=wp.array(np.broadcast_to(asleep, (*lead, pairs)), dtype=real, device=device),
+        pair_wake=wp.array(np.broadcast_to(asleep, (count, pairs)), dtype=real, device=device),
         pair_offset=zeros(pairs, real),
         pair_node=zeros(pairs, wp.int32),
         pair_gap=zeros(pairs, real),

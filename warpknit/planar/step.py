@@ -15,7 +15,7 @@ from typing import Any
 
 import warp as wp
 
-from ..compute.host import lanes, store
+from ..compute.host import lanes
 from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.team import Pace, Team
 from ..kernels.anchored_bodies import step_anchored_bodies
@@ -38,27 +38,27 @@ LONG_STEP_NODES = 100_000  # from there on a step takes longer than threads wait
 NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they save
 # launches of one part of a stage of work, for a stepper and the number of its part
 Stage = Callable[["Stepper", int], list[Launch]]
-# a step then stores f/m as velocities and moves nothing
-PROBING = {"velocity_factor": 0.0, "force_factor": 1.0, "time_step": 0.0}
 
 
 class Stepper:
     """Takes steps of a model's state."""
 
-    def __init__(self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None) -> None:
+    def __init__(
+        self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None, world: int = 0
+    ) -> None:
         """`by_pair`: contact with a thread a pair (GPU), else a thread a batch of pairs (CPU). Default: by the device.
 
         `threads` of a step on the CPU; default: by cores and mesh size, and where a step is short, by what is faster.
+        `world`: which one of many the state is.
         """
-        self.model = model
-        self.state = state
+        self.model, self.state, self.world = model, state, world
         self.by_pair = model.device != "cpu" if by_pair is None else by_pair
         # hook contact constraints are not split between threads
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self.team = Team(self.threads, model.device)
         short = threads is None and self.threads > 1 and model.panel.node_count < LONG_STEP_NODES and model.strip is None
-        self._alone = Stepper(model, state, threads=1) if short else None
+        self._alone = Stepper(model, state, threads=1, world=world) if short else None
         self._faster: Stepper = self
         self._pace = Pace()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
@@ -114,22 +114,20 @@ class Stepper:
 
         They are captured at the first call at a parity, and again for other stages: functions that compare equal.
         """
-        self._faster._run_stages((contact_stage, *stages) if contact else stages)
+        faster = self._faster
+        faster.team.together(faster.work((contact_stage, *stages) if contact else stages))
 
-    def _run_stages(self, stages: tuple[Stage, ...]) -> None:
+    def work(self, stages: tuple[Stage, ...]) -> list[Callable[[], None]]:
+        """A function for each thread that does its part of stages of work at the present parity."""
         key = (stages, self.state.parity)
         if key not in self._runs:
             self._runs[key] = [replay(self._launches_of(stages, part), self.model.device) for part in range(self.threads)]
-        self.team.together(self._runs[key])
+        return self._runs[key]
 
     def _launches_of(self, stages: Sequence[Stage], part: int) -> list[Launch]:
         """One thread's part of stages of work, with barriers in between."""
         launches = [stage(self, part) for stage in stages]
         return [*launches[0], *chain.from_iterable([*self.team.barrier(), *later] for later in launches[1:])]
-
-    def all_launches(self, stages: Sequence[Stage]) -> list[Launch]:
-        """All parts of stages of work, for a single thread."""
-        return [launch for stage in stages for part in range(self.threads) for launch in stage(self, part)]
 
     def evaluate_contact(self) -> None:
         """Contact forces of the current state, without a step."""
@@ -209,30 +207,6 @@ class Stepper:
 def contact_stage(stepper: Stepper, part: int) -> list[Launch]:
     """Stage of work: contact forces of the state."""
     return stepper._contact_work(stepper.state.parity, part)
-
-
-class ForceProbe:
-    """Accelerations f/m of the current state, without a step: the same kernels with VELOCITY_FACTOR = TIME_STEP = 0."""
-
-    def __init__(self, model: Model, state: State, stepper: Stepper) -> None:
-        self.state = state
-        real, nodes, device = model.precision.real, model.panel.node_count, model.device
-        self.acceleration_x = wp.zeros(nodes, dtype=real, device=device)
-        self.acceleration_y = wp.zeros(nodes, dtype=real, device=device)
-        self._unused = [wp.zeros(nodes, dtype=model.precision.coordinate, device=device) for _ in range(2)]
-        self._stepper = stepper
-
-    def stage(self, stepper: Stepper, part: int) -> list[Launch]:
-        """Evaluate, after the contact forces; the control array must hold PROBING."""
-        block, blocks = stepper.blocks_of(part)
-        return [stepper.wire_launch(self.state.parity, block, blocks, self.acceleration_x, self.acceleration_y, *self._unused)]
-
-    def evaluate(self, *then: Stage) -> None:
-        """Evaluate, and go on with other stages of work."""
-        kept = self.state.steering.values.copy()
-        self.state.steering.set(None, **PROBING)
-        self._stepper.run(self.stage, *then, contact=True)
-        store(self.state.control, kept)
 
 
 def body_launch(model: Model, state: State, blocks: int, first_block: int, bodies: slice, partial_sums: wp.array) -> Launch:

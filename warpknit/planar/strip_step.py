@@ -30,7 +30,9 @@ VALUES_A_PAIR = 3  # force and its components
 class StripStepper(Stepper):
     """Takes steps of a strip's state, together with the other ranks."""
 
-    def __init__(self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None) -> None:
+    def __init__(
+        self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None, world: int = 0
+    ) -> None:
         strip = model.strip
         assert strip is not None
         self._make_border(model, strip)
@@ -41,7 +43,7 @@ class StripStepper(Stepper):
         shared = model.panel.body_count - model.owned_bodies
         self._shared_blocks = -(-shared // BODY_BLOCK)
         self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
-        super().__init__(model, state, by_pair=by_pair, threads=threads)
+        super().__init__(model, state, by_pair=by_pair, threads=threads, world=world)
         self._parts = [
             {name: [self._commands(work) for work in self._work(name, parity)] for name in ("contact", "motion", "control")}
             for parity in (0, 1)
@@ -146,8 +148,3 @@ class StripStepper(Stepper):
                 for launch in self._parts[parity][name][part]:
                     launch.launch()
         return capture.graph
-
-
-def stepper_of(model: Model, state: State) -> Stepper:
-    """The stepper of a model: of the global mesh, or of a strip with the other ranks."""
-    return Stepper(model, state) if model.strip is None else StripStepper(model, state)

@@ -76,7 +76,7 @@ class Drive(ABC):
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Host copies of the state, the solver variables and the progress."""
-        return self.state_dict() | {"progress": np.array(json.dumps(self.progress.as_dict()))}
+        return self.state_dict() | {"progress": np.array(json.dumps(vars(self.progress), default=vars))}
 
     def restore(self, kept: dict[str, np.ndarray]) -> None:
         """Restore a snapshot."""
@@ -95,6 +95,13 @@ class Drive(ABC):
     def load_state_dict(self, kept: Kept) -> None:
         """Restore a `state_dict`."""
         restore(kept, *self.owners)
+
+    def advance(self, steps: int) -> None:
+        """Take time steps, with searches in between. Raises `Diverged`."""
+        taken, diverged = self.mechanics.group.advance(self.mechanics.rows, steps)
+        self.progress.steps += int(taken[0])
+        if diverged[0]:
+            raise self.divergence()
 
     # --- loads
 

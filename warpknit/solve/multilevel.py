@@ -17,7 +17,7 @@ from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text, stretch
 from ..mechanics.numerics import renewed_pace
-from ..mechanics.protocols import Mechanics, advance
+from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.rim import LoadPoint, Rim, build_rim
 from .convergence import TENSION_FLOOR
@@ -281,7 +281,7 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.search()
             remaining = remaining * (1.0 - share) if share < 1.0 else 0.0
             if remaining > 0.0:
-                self._step_on(MOVE_STEPS)
+                self.advance(MOVE_STEPS)
                 self.mechanics.renew_damping()
 
     def _begin_solving(self, to_ratio: float, *, drift_counts: bool = True) -> None:
@@ -313,13 +313,6 @@ class MultilevelRelaxation(Relaxation):
             if self._correct_as_membrane(membrane, ratio):  # not converged at a check that has moved it
                 return max(ratio, progress.imbalance, progress.to_ratio)
         return max(ratio, progress.imbalance)
-
-    def _step_on(self, steps: int) -> None:
-        """Take time steps between two parts of a displacement. Raises `Diverged`."""
-        taken, diverged = advance(self.mechanics, steps)
-        self.progress.steps += taken
-        if diverged:
-            raise self.divergence()
 
     @property
     def least_tension(self) -> float:
@@ -375,7 +368,7 @@ class MultilevelRelaxation(Relaxation):
         while (part := pace * correction.max_factor) < 1.0 - 1e-9:
             self._move(membrane, correction.scaled(part))
             self.mechanics.search()
-            self._step_on(PART_STEPS)
+            self.advance(PART_STEPS)
             pace = float(renewed_pace(np.array(pace), np.array(self.mechanics.overlap())))
             correction = correction.scaled(1.0 - part)
         self._move(membrane, correction)

@@ -23,7 +23,6 @@ from ..compute.steering import Steering
 from ..measure import tension_scale
 from ..measure.table import Record
 from ..mechanics.numerics import CHECK_STEPS
-from ..mechanics.protocols import advance
 from ..mesh.rim import LoadPoint
 from ..scene import Stage
 from .drive import Drive
@@ -68,10 +67,7 @@ class Ramp(Drive):
         while True:
             step = self._step()
             self._follow(stage, step)
-            taken, diverged = advance(self.mechanics, CHECK_STEPS)
-            progress.steps += taken
-            if diverged:
-                raise self.divergence()
+            self.advance(CHECK_STEPS)
             if (error := self.overlap_error(self.mechanics.overlap())) is not None:
                 raise error
             progress.time += CHECK_STEPS * step

@@ -106,8 +106,7 @@ class Relaxation(Drive):
     ) -> None:
         """`equilibrium`: the solver of many meshes, of which this is number `row`; default: its own."""
         super().__init__(mechanics, progress or Progress(), watch)
-        group = mechanics.group if equilibrium is None else equilibrium.group
-        self._may_cut = group.keeps_equilibria and self.model.global_model.node_count <= MOST_KEPT
+        self._may_cut = self.model.global_model.node_count <= MOST_KEPT
         self.equilibrium = equilibrium or Equilibrium(mechanics.group, [self])
         self.row = row
         self._last_gradient: np.ndarray | None = None  # of the previous level

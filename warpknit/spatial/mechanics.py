@@ -51,7 +51,6 @@ DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 class SpatialWorlds:
     """Meshes of one topology, stepped and checked side by side; one is a group too. `rows` are indices of some of them."""
 
-    keeps_equilibria = True
     KEPT = ("deepest",)
 
     def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:

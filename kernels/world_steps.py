@@ -1,8 +1,8 @@
-"""Many explicit steps of many small meshes on the CPU, a mesh a thread.
+"""Many explicit steps of the worlds of a small mesh on the CPU, a world a thread.
 
-Replicas are independent states of one mesh: every array has the replica as its first axis, and each replica has its own control
-row (control.py). Wires are elastic and contacts frictionless. A thread takes all steps of its replica in sequence, so that a
-small mesh stays in the L1 cache; it stops when the replica is frozen.
+Worlds are independent states of one mesh: every array has the world as its first axis, and each world has its own control row
+(control.py). Wires are elastic and contacts frictionless. A thread takes all steps of its world in sequence, so that a small
+mesh stays in the L1 cache; it stops when the world is frozen.
 Each step is that of contact_by_batch.py, wires.py, bodies.py, grip.py and control.py, in this order.
 """
 
@@ -18,9 +18,9 @@ from .wires import block_step, rounding_phase
 
 
 @wp.kernel
-def step_replicas(
-    # in: which replicas, and up to which step [replica]
-    replicas: wp.array(dtype=wp.int32),
+def step_worlds(
+    # in: which worlds, and up to which step [world]
+    worlds: wp.array(dtype=wp.int32),
     last_step: wp.array(dtype=wp.float64),
     # how
     unit: Any,
@@ -66,7 +66,7 @@ def step_replicas(
     held_node: wp.array(dtype=wp.int32),
     held_lever_x: wp.array(dtype=wp.float64),
     held_lever_y: wp.array(dtype=wp.float64),
-    # state in: [replica, ...]
+    # state in: [world, ...]
     pair_wake: wp.array2d(dtype=Any),
     pair_offset: wp.array2d(dtype=Any),
     tension_offset: wp.array2d(dtype=Any),
@@ -74,11 +74,11 @@ def step_replicas(
     back_turn: wp.array2d(dtype=Any),
     wire_axial: wp.array2d(dtype=Any),
     wire_mass: wp.array2d(dtype=Any),
-    # state in and out: which of the two buffers of displacements is current [replica], both buffers [2, replica, node] ...
+    # state in and out: which of the two buffers of displacements is current [world], both buffers [world, 2, node] ...
     parity: wp.array(dtype=wp.int32),
     node_ux: wp.array3d(dtype=Any),
     node_uy: wp.array3d(dtype=Any),
-    # in and out: the rest [replica, ...]
+    # in and out: the rest [world, ...]
     node_vx: wp.array2d(dtype=Any),
     node_vy: wp.array2d(dtype=Any),
     body_ux: wp.array2d(dtype=Any),
@@ -91,7 +91,7 @@ def step_replicas(
     cached_node: wp.array2d(dtype=wp.int32),
     cached_number: wp.array2d(dtype=Any),
     control: wp.array2d(dtype=wp.float64),
-    # in and out: what a step leaves for its next part [replica, ...]
+    # in and out: what a step leaves for its next part [world, ...]
     pair_node: wp.array2d(dtype=wp.int32),
     pair_force: wp.array2d(dtype=Any),
     pair_body_x: wp.array2d(dtype=Any),
@@ -103,15 +103,15 @@ def step_replicas(
     # out
     pair_gap: wp.array2d(dtype=Any),
 ):
-    r = replicas[wp.tid()]
-    while control[r, STATUS] == STATUS_RUNNING and control[r, STEP] < last_step[r]:
-        now = parity[r]
+    w = worlds[wp.tid()]
+    while control[w, STATUS] == STATUS_RUNNING and control[w, STEP] < last_step[w]:
+        now = parity[w]
         then = 1 - now
-        phase = type(unit)(rounding_phase(control[r, STEP]))
+        phase = type(unit)(rounding_phase(control[w, STEP]))
         for batch in range(batches):
             contact_of_batch(
                 batch,
-                control[r],
+                control[w],
                 unit,
                 reach_at_rest,
                 table_x,
@@ -127,33 +127,33 @@ def step_replicas(
                 pair_side,
                 pair_rest_x,
                 pair_rest_y,
-                pair_wake[r],
-                pair_offset[r],
+                pair_wake[w],
+                pair_offset[w],
                 wire_first,
                 wire_count,
                 wire_closed,
-                node_ux[now, r],
-                node_uy[now, r],
-                body_ux[r],
-                body_uy[r],
-                pair_slide[r],
-                pair_u[r],
-                cached_slide[r],
-                cached_node[r],
-                cached_number[r],
-                pair_node[r],
-                pair_gap[r],
-                pair_force[r],
-                pair_body_x[r],
-                pair_body_y[r],
-                pair_nodal_x[r],
-                pair_nodal_y[r],
+                node_ux[w, now],
+                node_uy[w, now],
+                body_ux[w],
+                body_uy[w],
+                pair_slide[w],
+                pair_u[w],
+                cached_slide[w],
+                cached_node[w],
+                cached_number[w],
+                pair_node[w],
+                pair_gap[w],
+                pair_force[w],
+                pair_body_x[w],
+                pair_body_y[w],
+                pair_nodal_x[w],
+                pair_nodal_y[w],
             )
         for block in range(block_first.shape[0]):
             block_step(
                 block,
                 wp.int32(0),
-                control[r],
+                control[w],
                 phase,
                 unit,
                 gripped,
@@ -167,8 +167,8 @@ def step_replicas(
                 wire_count,
                 wire_closed,
                 wire_clamp,
-                wire_axial[r],
-                wire_mass[r],
+                wire_axial[w],
+                wire_mass[w],
                 rest_x,
                 rest_y,
                 rest_length,
@@ -177,45 +177,45 @@ def step_replicas(
                 hinge_stiffness,
                 inverse_mass,
                 node_mass,
-                tension_offset[r],
+                tension_offset[w],
                 type(unit)(0.0),
                 type(unit)(0.0),
-                plastic_turn[r],
-                back_turn[r],
+                plastic_turn[w],
+                back_turn[w],
                 block_pair,
-                pair_node[r],
-                pair_force[r],
-                pair_nodal_x[r],
-                pair_nodal_y[r],
+                pair_node[w],
+                pair_force[w],
+                pair_nodal_x[w],
+                pair_nodal_y[w],
                 held_node,
-                node_ux[now, r],
-                node_uy[now, r],
-                node_vx[r],
-                node_vy[r],
-                node_ux[then, r],
-                node_uy[then, r],
-                wire_partial[r],
+                node_ux[w, now],
+                node_uy[w, now],
+                node_vx[w],
+                node_vy[w],
+                node_ux[w, then],
+                node_uy[w, then],
+                wire_partial[w],
             )
         for block in range(body_blocks):
             step_block_of_bodies(
                 block,
                 wp.int32(0),
-                control[r],
+                control[w],
                 phase,
                 unit,
                 slow_when_free,
-                pair_force[r],
-                pair_body_x[r],
-                pair_body_y[r],
-                body_ux[r],
-                body_uy[r],
-                body_vx[r],
-                body_vy[r],
-                body_partial[r],
+                pair_force[w],
+                pair_body_x[w],
+                pair_body_y[w],
+                body_ux[w],
+                body_uy[w],
+                body_vx[w],
+                body_vy[w],
+                body_partial[w],
             )
         for h in range(held_node.shape[0]):
-            move = held_move(control[r], wp.vec2d(held_lever_x[h], held_lever_y[h]))
-            node_ux[then, r, held_node[h]] = count_of(move[0], unit)
-            node_uy[then, r, held_node[h]] = count_of(move[1], unit)
-        renew_control(all_rows(wire_partial[r], body_partial[r]), control[r])
-        parity[r] = then
+            move = held_move(control[w], wp.vec2d(held_lever_x[h], held_lever_y[h]))
+            node_ux[w, then, held_node[h]] = count_of(move[0], unit)
+            node_uy[w, then, held_node[h]] = count_of(move[1], unit)
+        renew_control(all_rows(wire_partial[w], body_partial[w]), control[w])
+        parity[w] = then
