@@ -47,6 +47,7 @@ class Record:
     edge_work: float  # [J] work of pulls at the edge, cords and uneven thermal strain
     stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it follows the load
     observables: Observables
+    world: int = 0  # of many side by side
 
 
 @dataclass(frozen=True)

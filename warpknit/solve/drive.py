@@ -105,6 +105,18 @@ class Drive(ABC):
 
     # --- loads
 
+    def begin_stage(self, stage: Stage) -> None:
+        """Begin a stage, unless it goes on."""
+        self.progress.stage = stage.name
+        if not self.progress.start.gradient:
+            self.progress.start = self.load_now()
+
+    def end_stage(self) -> None:
+        """Go on to the next stage."""
+        progress = self.progress
+        progress.stage_index += 1
+        progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
+
     def load_now(self) -> LoadStart:
         """The current load, at the start of a stage."""
         index = self.progress.stage_index

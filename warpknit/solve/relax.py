@@ -145,18 +145,23 @@ class Relaxation(Drive):
     # --- levels
 
     def stage(self, stage: Stage) -> Iterator[Record]:
-        levels = self.refined_levels(stage) if self._is_refined else self.levels(stage)
-        step = next(levels, None)
+        records = self.records(stage)
+        step = next(records, None)
         while step is not None:
             if isinstance(step, Unsolved):
                 try:
                     self.equilibrium.solve()
                 except Diverged as error:
-                    step = levels.throw(error)
+                    step = records.throw(error)
                     continue
             else:
-                yield self.record(stage, step, steady=True)
-            step = next(levels, None)
+                yield step
+            step = next(records, None)
+
+    def records(self, stage: Stage) -> Generator[Record | Unsolved, None, None]:
+        """Records of a stage; UNSOLVED wherever the mesh is to be brought to equilibrium first, see `levels`."""
+        levels = self.refined_levels(stage) if self._is_refined else self.levels(stage)
+        return found_at(levels, lambda factor: self.record(stage, factor, steady=True))
 
     def levels(self, stage: Stage, levels: int | None = None) -> Generator[float | Unsolved, None, None]:
         """Load factors of equal levels of a stage, each as the mesh is in equilibrium there; UNSOLVED wherever it is to be
@@ -481,3 +486,18 @@ class Relaxation(Drive):
             f"residual {self.progress.residual:.2g}, tolerance {self.scene.solver.residual_tolerance:g},{self._unmet_text()}"
             f" fastest at wire {wire}, node {node}{self.mechanics.causes()}"
         )
+
+
+def found_at(levels: Generator[float | Unsolved, None, None], find: Callable[[float], Any]) -> Generator[Any, None, None]:
+    """What is found at the load factors of levels, but for None; UNSOLVED, and what is thrown in, goes through."""
+    step = next(levels, None)
+    while step is not None:
+        if isinstance(step, Unsolved):
+            try:
+                yield step
+            except Diverged as error:
+                step = levels.throw(error)
+                continue
+        elif (found := find(step)) is not None:
+            yield found
+        step = next(levels, None)

@@ -10,14 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..errors import Diverged
 from ..measure import Observables
 from ..scene import Scene, Stage
-from ..solve.equilibrium import Equilibrium
-from ..solve.model import build_model, worlds_of
-from ..solve.relax import Relaxation, Unsolved
+from ..solve.model import build_model
+from ..solve.relax import Relaxation, found_at
+from ..solve.side_by_side import Findings, SideBySide
 
 Mesh = Any  # a model of either kind
 MOST_NODES = 500_000  # of all meshes side by side
@@ -48,65 +46,36 @@ class Batch:
 
         `watch` is called at every convergence check, and may raise to stop.
         """
-        self.model, self.stages = model, tuple(stages)
-        self.group = worlds_of([model] * len(self.stages))
-        self.members: list[Relaxation] = []
-        self.equilibrium = Equilibrium(self.group, self.members)
-        for row, mechanics in enumerate(self.group.members):
-            self.members.append(Relaxation(mechanics, equilibrium=self.equilibrium, row=row))
-        self._count = list(levels or [model.scene.output.levels] * len(self.stages))
-        of_each = zip(self.members, self.stages, self._count, strict=True)
-        self._levels = [member.levels(stage, count) for member, stage, count in of_each]
+        self._stages = tuple(stages)
+        self._count = list(levels or [model.scene.output.levels] * len(self._stages))
+        self._worlds = SideBySide([model] * len(self._stages), self._last_record)
         self._watch = watch or (lambda _batch: None)
 
     @property
     def steps(self) -> int:
         """Steps of all meshes together."""
-        return sum(member.progress.steps for member in self.members)
+        return sum(member.progress.steps for member in self._worlds.members)
 
     @property
     def done(self) -> float:
         """Completed share of all load levels; the first one of each mesh is unloaded."""
-        return sum(max(0, member.progress.level - 1) for member in self.members) / max(1, sum(self._count))
+        return sum(max(0, member.progress.level - 1) for member in self._worlds.members) / max(1, sum(self._count))
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium of every mesh under its load."""
-        rows = np.arange(len(self.members))
-        self.group.search(rows)
-        for member, stage in zip(self.members, self.stages, strict=True):
-            member.progress.stage = stage.name
-            member.progress.start = member.load_now()
-        due: dict[int, Diverged | None] = dict.fromkeys(
-            rows.tolist()
-        )  # rows that go on to their next level, after an error or none
-        active: list[int] = []
-        while due or active:
-            with self.group.together():
-                outcomes = {row: self._next_level(row, error) for row, error in due.items()}
-            yield from (outcome for outcome in outcomes.values() if outcome is not None)
-            active = sorted([*active, *(row for row, outcome in outcomes.items() if outcome is None)])
-            if not active:
-                return
-            check = self.equilibrium.advance(np.array(active))
-            due = {row: check.failed.get(row) for row in [*check.failed, *check.converged]}
-            active = [row for row in active if row not in due]
-            self._watch(self)
+        for row, found in self._worlds.run(lambda: self._watch(self)):
+            steps = self._worlds.members[row].progress.steps
+            if isinstance(found, Diverged):
+                yield Outcome(row, steps, None, found)
+            else:
+                yield Outcome(row, steps, found.observables, None)
 
-    def _next_level(self, row: int, error: Diverged | None = None) -> Outcome | None:
-        """Apply the next load, or a smaller one after an error; return the outcome after the full load, or of a failure."""
-        member, levels = self.members[row], self._levels[row]
-        try:
-            step = next(levels, None) if error is None else levels.throw(error)
-            while step is not None:
-                if isinstance(step, Unsolved):
-                    return None
-                step = next(levels, None)
-        except Diverged as failure:  # also where no strain carries the tension
-            return self._outcome(row, None, failure)
-        return self._outcome(row, member.record(self.stages[row], 1.0, steady=True).observables, None)
-
-    def _outcome(self, row: int, observables: Any, error: Diverged | None) -> Outcome:
-        return Outcome(row, self.members[row].progress.steps, observables, error)
+    def _last_record(self, member: Relaxation) -> Findings:
+        """The levels of a mesh, and the record of the last one."""
+        stage = self._stages[member.row]
+        member.begin_stage(stage)
+        yield from found_at(member.levels(stage, self._count[member.row]), lambda _: None)
+        yield member.record(stage, 1.0, steady=True)
 
 
 def mesh_of(scene: Scene) -> Any:
