@@ -238,9 +238,10 @@ def test_a_plan_in_space_refuses_what_a_run_refuses(name, overrides, line, tmp_p
     assert str(planned.value) == str(run.value)
 
 
-@pytest.mark.parametrize(("precision", "share"), [("single", 0.45), ("double", 0.55)])
+@pytest.mark.parametrize(("precision", "share"), [("single", 0.55), ("double", 0.65)])
 def test_memory_per_node_covers_the_arrays(precision, share):
-    """The arrays of a stepping mesh take `share` of MEMORY_PER_NODE, to 10 points; copies made by exports the rest.
+    """The arrays of a stepping mesh, with those of its last level, take `share` of MEMORY_PER_NODE, to 10 points; copies made by
+    exports the rest.
 
     What a repeat or a launch takes once is small beside 86,400 nodes.
     """
@@ -261,8 +262,8 @@ def array_bytes(thing, seen):
     seen.add(id(thing))
     if isinstance(thing, np.ndarray):
         return thing.nbytes if thing.base is None else 0
-    if isinstance(thing, wp.array):
-        return thing.capacity
+    if isinstance(thing, wp.array):  # parts of an array have its memory
+        return 0 if ("memory", thing.ptr) in seen or seen.add(("memory", thing.ptr)) else thing.capacity
     if isinstance(thing, (list, tuple)):
         return sum(array_bytes(part, seen) for part in thing)
     if is_dataclass(thing):

@@ -134,7 +134,8 @@ def _restored(value: Any, name: str, owner: Owner, kept: Kept) -> Any:
         value[rows_of(value, owner.world, owner.worlds) if value.ndim else ...] = kept[name]
         return value
     if name in kept:
-        return kept[name].copy() if kept[name].ndim else kept[name].item()
+        saved = np.asarray(kept[name])
+        return saved.copy() if saved.ndim else saved.item()
     if name + TYPE in kept:
         return _restored_items(value, name, owner, kept)
     if hasattr(value, "KEPT") or hasattr(value, "state_dict") or is_dataclass(value):
