@@ -3,7 +3,8 @@
     scene.usda                 the stage: units, time codes, camera, lights, materials, levels of detail, the list of frames
     wires.topology.usdc        what does not move: curve counts, widths, names; and the pose of the first frame
     wires.manifest.usda        which attributes move
-    frames/wires.######.usdc   one frame each, joined by value clips
+    frames/wires.######.usdc   one frame each, with /Full, /K8, /Contacts and /Surface; payloads and value clips of a
+                               variant join those that it shows
 
     /World/Panel               variantSet lod: full; k8, at most every eighth node of a wire; surface, a sheet of repeats
       /Tile_ii_jj              whole wires under a double translate, so that float32 points lie near zero: column ii along
