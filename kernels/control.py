@@ -18,6 +18,17 @@ modes are not affected. The step is stable up to w dt = 2/sqrt(1 + 2 g). A ramp 
 The boundary moves by the deformation gradient F, which follows a ramp from FROM to TO over RAMP_STEPS steps, smooth or even;
 over more where it lags. A displacement above STEP_LIMIT in a step freezes the state (STATUS_DIVERGED), and so does a travel
 above TRAVEL_LIMIT since the last neighbour search (STATUS_STALE): later steps of the graph then change nothing.
+
+In a direction given by tension the strain of the boundary is an unknown of the relaxation, with a mass and the same damping (the
+cell of Parrinello and Rahman 1981, J. Appl. Phys. 52, 7182). With F = R^T U, U upper triangular, and P the nominal stress of the
+step, in the frame in which the boundary is strained by U,
+
+    T = diag(R P U^T)/det U                                     true tensions [N/m]
+    v' = ((1 - c/2) v + (T* - T) U_other/M)/(1 + c/2)           strain a step, at most STRAIN_LIMIT
+    U_own' = U_own + v'
+
+The wanted tensions T* follow the ramp of the load. Where the mesh has a history, strains stay within STRAIN_RANGE of their
+origin until the next equilibrium, and tensions in proportion: none goes further on its way than those of strains at that limit.
 """
 
 import warp as wp
@@ -73,7 +84,22 @@ IS_LOADING = wp.constant(57)  # 1 while a load is applied
 STICKING = wp.constant(58)  # [N/m] tangential stiffness of contacts
 STEP_TRAVEL = wp.constant(59)  # [m] of wires in space: the part of TRAVEL that steps of nodes have made
 RAMP_LAG = wp.constant(60)  # of a step: by so much less RAMP_STEP moves on in each
-CONTROL_COUNT = 61
+# directions given by tension, weft and warp: 2 entries each
+IS_DRIVEN = wp.constant(61)  # 1: the strain moves by what the tension lacks
+TENSION_FROM = wp.constant(63)  # [N/m] wanted at the start of the ramp
+TENSION_TO = wp.constant(65)  # [N/m] at its end
+STRAIN_SPEED = wp.constant(67)  # strain of the last step
+STRAIN_MASS = wp.constant(69)  # [N/m]
+TENSION = wp.constant(71)  # [N/m] in the last step
+STRAIN_LIMIT = wp.constant(73)  # largest strain of a step
+CELL_AREA = wp.constant(74)  # [m2] of the mesh at rest
+STRESS_UNIT = wp.constant(75)  # [N m] of a count of the stress of a step (rod_stress.py)
+STRAIN_ORIGIN = wp.constant(76)  # 2 entries: strain at the last equilibrium
+STRAIN_RANGE = wp.constant(78)  # largest change of a strain from one equilibrium to the next
+AT_LIMIT = wp.constant(79)  # 2 entries: 1 where the strain has changed by that much
+CONTROL_COUNT = 81
+
+NEARLY = wp.constant(wp.float64(1.0 - 1.0e-6))  # of a limit that counts as reached
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -104,10 +130,62 @@ def smooth_ramp(x: wp.float64) -> wp.float64:
 
 
 @wp.func
-def advance_load(control: wp.array(dtype=wp.float64)):
-    """Move the deformation gradient and the length factor one step along the ramp."""
+def is_driven(control: wp.array(dtype=wp.float64)) -> bool:
+    """Whether the strain of a direction moves by what its tension lacks."""
+    return control[IS_DRIVEN] != wp.float64(0.0) or control[IS_DRIVEN + 1] != wp.float64(0.0)
+
+
+@wp.func
+def strain_by_tension(control: wp.array(dtype=wp.float64), stress: wp.vec4d):
+    """Move the strains of the driven directions by one step, and the ramp with them; stress [N/m]: nominal, xx, xy, yx, yy."""
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    weft = wp.sqrt(control[GRADIENT] * control[GRADIENT] + control[GRADIENT + 2] * control[GRADIENT + 2])
+    cosine = control[GRADIENT] / weft
+    sine = -control[GRADIENT + 2] / weft
+    shear = cosine * control[GRADIENT + 1] - sine * control[GRADIENT + 3]
+    warp = sine * control[GRADIENT + 1] + cosine * control[GRADIENT + 3]
+    # rows of R P, and U = (weft, shear; 0, warp)
+    control[TENSION] = ((cosine * stress[0] - sine * stress[2]) * weft + (cosine * stress[1] - sine * stress[3]) * shear) / (
+        weft * warp
+    )
+    control[TENSION + 1] = (sine * stress[1] + cosine * stress[3]) / weft
+    half = wp.float64(0.5) * control[DAMPING] * control[TIME_STEP]
+    share = one
+    if control[RAMP_STEP] < control[RAMP_STEPS]:
+        share = control[RAMP_SHARE]
+    for a in range(2):
+        way = control[TENSION_TO + a] - control[TENSION_FROM + a]
+        if control[AT_LIMIT + a] != zero and way != zero:
+            share = wp.clamp((control[TENSION + a] - control[TENSION_FROM + a]) / way, zero, share)
+    limit = control[STRAIN_LIMIT] * (one - control[RAMP_LAG])
+    for a in range(2):
+        if control[IS_DRIVEN + a] == zero:
+            continue
+        strain = wp.where(a == 0, weft, warp) - one - control[STRAIN_ORIGIN + a]
+        wanted = control[TENSION_FROM + a] + share * (control[TENSION_TO + a] - control[TENSION_FROM + a])
+        lacking = (wanted - control[TENSION + a]) * wp.where(a == 0, warp, weft)
+        speed = wp.max(one - half, zero) * control[STRAIN_SPEED + a] + lacking / control[STRAIN_MASS + a]
+        speed = wp.clamp(speed / (one + half), -limit, limit)
+        moved = wp.clamp(strain + speed, -control[STRAIN_RANGE], control[STRAIN_RANGE])
+        control[AT_LIMIT + a] = wp.where(wp.abs(moved) >= NEARLY * control[STRAIN_RANGE], one, zero)
+        speed = moved - strain
+        control[STRAIN_SPEED + a] = speed
+        x = wp.where(a == 0, cosine, sine) * speed
+        y = wp.where(a == 0, -sine, cosine) * speed
+        for base in range(3):  # column a of F, FROM and TO
+            k = wp.where(base == 0, GRADIENT, wp.where(base == 1, FROM, TO)) + a
+            control[k] = control[k] + x
+            control[k + 2] = control[k + 2] + y
+
+
+@wp.func
+def advance_load(control: wp.array(dtype=wp.float64), stress: wp.vec4d):
+    """Move the deformation gradient and the length factor one step along the ramp, and strains by what tensions lack."""
     for k in range(4):
         control[LOAD_STEP + k] = -control[GRADIENT + k]
+    if is_driven(control):
+        strain_by_tension(control, stress)
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         control[RAMP_STEP] = wp.min(control[RAMP_STEP] + (wp.float64(1.0) - control[RAMP_LAG]), control[RAMP_STEPS])
         s = control[RAMP_STEP] / control[RAMP_STEPS]
@@ -123,7 +201,8 @@ def advance_load(control: wp.array(dtype=wp.float64)):
 @wp.func
 def is_at_rest(control: wp.array(dtype=wp.float64)) -> bool:
     """Whether the load neither moved after the last step nor moves after this one."""
-    return control[LOAD_RESTS] == wp.float64(1.0) and control[RAMP_STEP] >= control[RAMP_STEPS]
+    rests = control[LOAD_RESTS] == wp.float64(1.0) and control[RAMP_STEP] >= control[RAMP_STEPS]
+    return rests and not is_driven(control)
 
 
 @wp.func
@@ -178,8 +257,8 @@ def sum_partials(
 
 
 @wp.func
-def renew_control(sums: partial_sums, control: wp.array(dtype=wp.float64)):
-    """From the sums over the step just taken: watch the limits, set the factors of the next step and move the load."""
+def renew_control(sums: partial_sums, stress: wp.vec4d, control: wp.array(dtype=wp.float64)):
+    """From the sums over the step just taken and its nominal stress [N/m]: watch limits, set the next factors, move the load."""
     kinetic = sums[KINETIC_PART]
     finite = wp.isfinite(kinetic) and wp.isfinite(sums[FORCE_PART])
     control[KINETIC_TWICE] = kinetic
@@ -198,7 +277,7 @@ def renew_control(sums: partial_sums, control: wp.array(dtype=wp.float64)):
         control[FRAMES_AHEAD] = wp.where(is_at_rest(control), wp.float64(1.0), wp.float64(0.0))
         control[LOAD_RESTS] = wp.where(control[RAMP_STEP] >= control[RAMP_STEPS], wp.float64(1.0), wp.float64(0.0))
         factor = control[LENGTH_FACTOR]
-        advance_load(control)
+        advance_load(control, stress)
         strain = wp.abs(control[LENGTH_FACTOR] - factor)
         for k in range(4):
             strain += wp.abs(control[LOAD_STEP + k])
@@ -218,7 +297,7 @@ def update_control(
     """One thread, after each step."""
     if control[STATUS] != STATUS_RUNNING:
         return
-    renew_control(all_rows(wire_partial, body_partial), control)
+    renew_control(all_rows(wire_partial, body_partial), wp.vec4d(), control)
 
 
 @wp.kernel
@@ -227,11 +306,18 @@ def update_controls(
     first_world: int,
     world_rows: int,
     wire_partial: wp.array2d(dtype=wp.float64),
-    # in and out
+    stress_rows: int,
+    # in and out: counts of the stress, rows of each world side by side; set to zero
+    stress_count: wp.array2d(dtype=wp.int64),
     control: wp.array2d(dtype=wp.float64),
 ):
     """One thread a world, whose rows of partial sums stand side by side, after each step."""
     world = first_world + wp.tid()
     if control[world, STATUS] == STATUS_RUNNING:
         sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1)
-        renew_control(sums, control[world])
+        stress = wp.vec4d()
+        for row in range(world * stress_rows, (world + 1) * stress_rows):
+            for k in range(4):
+                stress[k] = stress[k] + wp.float64(stress_count[row, k])
+                stress_count[row, k] = wp.int64(0)
+        renew_control(sums, control[world, STRESS_UNIT] / control[world, CELL_AREA] * stress, control[world])

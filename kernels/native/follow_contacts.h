@@ -16,6 +16,7 @@ if (lane > 0) return;
     const double* steer = control.data;
     const double factor = steer[LENGTH_FACTOR];
     const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = friction == 0;
+    const bool is_driven_now = steer[IS_DRIVEN] != 0 || steer[IS_DRIVEN + 1] != 0;
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING_TRAVEL : 0.0;
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
     const double* nodes = (const double*)position.data;
@@ -182,7 +183,7 @@ if (lane > 0) return;
                     const double overlap_here = counts ? of_lane(overlap[a], l) : -NO_COMMON_WIRE;
                     if (a < 2 && force_here != 0 && overlap_here > max_penetration.data[0])
                         atomic_max(max_penetration, 0, overlap_here);
-                    if (is_running) continue; // steps need forces and couples alone
+                    if (is_running && !is_driven_now) continue; // other steps need forces and couples alone
                     touch_normal_force.data[k] = force_here;
                     touch_overlap.data[k] = overlap_here;
                     double* unit = (double*)(touch_normal.data + k);

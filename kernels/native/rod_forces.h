@@ -302,11 +302,14 @@ auto find = [&](auto kind) {
         const real about = ccx[k] * tx[k] + ccy[k] * ty[k] + ccz[k] * tz[k];
         torque.data[first - HALO + k - stored_from] = has[k] * (about - ga[k] - gb[k + 1]);
     }
-    if (steps) return;
+    if (steps && steer[IS_DRIVEN] == 0 && steer[IS_DRIVEN + 1] == 0) return;
     EACH(k, HALO, HALO + count) {
         edge[3 * k] = nx[k];
         edge[3 * k + 1] = ny[k];
         edge[3 * k + 2] = nz[k];
+    }
+    if (steps) return;
+    EACH(k, HALO, HALO + count) {
         turning[2 * k] = turn_x[k];
         turning[2 * k + 1] = turn_y[k];
         acting[3 * k] = acting_x[k];

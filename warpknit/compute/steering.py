@@ -40,7 +40,8 @@ class Entry:
         """A value with the entries along one axis."""
         if not self.shape:
             return value
-        given = np.asarray(value)
+        given = np.asarray(value, dtype=float)
+        given = np.broadcast_to(given, self.shape) if given.ndim < len(self.shape) else given
         return given.reshape(*given.shape[: given.ndim - len(self.shape)], self.count)
 
 
@@ -63,6 +64,18 @@ class Steering:
     ramp_steps = Entry(c.RAMP_STEPS)
     ramp_share = Entry(c.RAMP_SHARE)
     ramp_lag = Entry(c.RAMP_LAG)
+    is_driven = Entry(c.IS_DRIVEN, 2)
+    tension_from = Entry(c.TENSION_FROM, 2)
+    tension_to = Entry(c.TENSION_TO, 2)
+    strain_speed = Entry(c.STRAIN_SPEED, 2)
+    strain_mass = Entry(c.STRAIN_MASS, 2)
+    tension = Entry(c.TENSION, 2)
+    strain_limit = Entry(c.STRAIN_LIMIT)
+    strain_origin = Entry(c.STRAIN_ORIGIN, 2)
+    strain_range = Entry(c.STRAIN_RANGE)
+    at_limit = Entry(c.AT_LIMIT, 2)
+    cell_area = Entry(c.CELL_AREA)
+    stress_unit = Entry(c.STRESS_UNIT)
     even_ramp = Entry(c.EVEN_RAMP)
     drive = Entry(c.DRIVE)
     damping = Entry(c.DAMPING)

@@ -81,6 +81,7 @@ class Mechanics(Protocol):
 
     notes: list[str]  # for the user
     may_overlap: bool  # wires may overlap now, as knitted
+    drives_tension: bool  # strains of directions given by tension are unknowns of the relaxation
     check_steps: int  # steps between convergence checks of a relaxation
     path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
     path_ratios: tuple[float, float]  # residual over its tolerance to which it converges in increments on the way, and at the end
@@ -136,6 +137,10 @@ class Mechanics(Protocol):
 
     def advance_history(self) -> None:
         """Update the history variables (friction, yield) from an equilibrium."""
+
+    @property
+    def has_load(self) -> bool:
+        """Whether the whole load is applied: with a history, strains have a limit from one equilibrium to the next."""
 
     @property
     def dissipated(self) -> float:
@@ -275,8 +280,8 @@ class Group(Protocol):
     def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
         """Update stiffnesses and masses to the current load; checks [row]: see `check`."""
 
-    def stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m]: `Mechanics.stress` of all rows."""
+    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
 
 
 # cause of contacts that carry force as knitted

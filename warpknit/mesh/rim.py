@@ -29,12 +29,13 @@ class LoadPoint:
     temperature: float  # [K] in the middle
     temperature_gradient: tuple[float, float] = (0.0, 0.0)  # [K/m]
     stations: np.ndarray | None = None  # (station, 2) [m] displacement of the rim (rim.py) from the affinely mapped outline
+    tension: np.ndarray | None = None  # (2,) [N/m] wanted in weft and warp, nan where the strain is given
 
     def is_as_knitted(self, reference_temperature: float) -> bool:
         """Whether this is the unloaded state at a temperature [K]."""
         moved = self.stations is not None and bool(self.stations.any())
         even = not any(self.temperature_gradient) and self.temperature == reference_temperature
-        return np.array_equal(self.gradient, np.eye(2)) and even and not moved
+        return np.array_equal(self.gradient, np.eye(2)) and even and not moved and self.tension is None
 
     def strained(self, gradient: np.ndarray) -> LoadPoint:
         """The same at another deformation gradient (2, 2)."""

@@ -121,7 +121,7 @@ class PlanarWorlds:
         if self.model.scene.solver.multipliers:
             self.multipliers.bound_softening(rows[checks % SOFTENING_CHECKS == 0])
 
-    def stress(self, rows: np.ndarray) -> np.ndarray:
+    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2, 2) [N/m] nominal stress of the meshes."""
         return self.diagnostics.sums(rows).stress
 
@@ -132,7 +132,10 @@ class PlanarMechanics:
     KEPT = ("notes", "_last")
 
     check_steps = CHECK_STEPS
-    can_overlap = may_overlap = False
+    can_overlap = may_overlap = drives_tension = False
+    has_load = True
+    drives_tension = False
+    has_load = True
     release_parts = 1
     path_increment = 0.005
     path_ratios = (5.0, 0.4)  # a slack mesh starts well from what has converged well
@@ -263,7 +266,7 @@ class PlanarMechanics:
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
-        return self.group.stress(self.rows)[0]
+        return self.group.settled_stress(self.rows)[0]
 
     @property
     def _sums(self) -> Sums:

@@ -342,7 +342,7 @@ RULES = (
     Rule("rotation and pull", ("pull",), LEAVE_OUT, "each of them moves the clamps"),
     Rule("gradient", ("no multipliers",), LEAVE_OUT, "the multipliers apply it"),
     *(
-        Rule(load, (trait,), "write strains", SEARCHED)
+        Rule(load, ("planar", trait), "write strains", SEARCHED)
         for load in ("tension", "sweep by tension")
         for trait in ("friction", "plastic")
     ),

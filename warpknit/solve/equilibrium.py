@@ -74,7 +74,7 @@ class Equilibrium:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         members = [self.relaxations[row].progress for row in rows]
         asked, drift_counts = (np.array(values) for values in zip(*((p.to_ratio, p.drift_counts) for p in members), strict=True))
-        ratio = self.convergence.with_drift(rows, ratio, self.group.stress, asked, drift_counts)
+        ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked, drift_counts)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])

@@ -171,7 +171,7 @@ class MultilevelRelaxation(Relaxation):
         self._expected = None
         if self.smaller is not None:
             load = self._solve_smaller(self.smaller, load, wanted)
-            if wanted is not None and self.cell is not None:
+            if wanted is not None and self.cell is not None and not self.mechanics.drives_tension:
                 self._expected = self._expect(self.smaller, self.cell, load, wanted)
         if self.cell is not None and self.membrane is not None:
             there = self._expected or load

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -324,12 +324,19 @@ class Relaxation(Drive):
         self.mechanics.may_overlap = as_knitted and progress.part == 0
         if not progress.solving:
             load = self._prepare(load, wanted)
-            if wanted is None:
+            if wanted is not None and self.mechanics.drives_tension:
+                load = replace(load, tension=np.where(wanted.driven, wanted.tension, np.nan))
+            if wanted is None or self.mechanics.drives_tension:
                 self.begin_level(load, to_ratio, drift_counts=to_ratio <= 1.0)
             else:
                 self.begin_level(load, APPROXIMATE)
         yield UNSOLVED
-        if wanted is not None:
+        while wanted is not None and self.mechanics.drives_tension and not self.mechanics.has_load:
+            self.mechanics.advance_history()
+            wanted_tension = np.where(wanted.driven, wanted.tension, np.nan)
+            self.begin_level(replace(load.strained(self.state.gradient), tension=wanted_tension), to_ratio)
+            yield UNSOLVED
+        if wanted is not None and not self.mechanics.drives_tension:
             yield from self._find_tension(wanted, load)
         self.mechanics.may_overlap = False
         progress.solving, progress.level_share = False, 0.0
@@ -347,6 +354,8 @@ class Relaxation(Drive):
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """Prepare a load level; return its load, with the strain at which the wanted tension is expected."""
+        if wanted is not None and self.mechanics.drives_tension:
+            return load
         strain = None if wanted is None else self.progress.search.tangent.predicted_strain(wanted.tension, wanted.driven)
         return load if wanted is None or strain is None else load.strained(wanted.gradient(load.gradient, strain))
 

@@ -14,15 +14,17 @@ from .. import measure
 from ..compute.host import Entries, fetch, store
 from ..compute.kept import Owner
 from ..compute.steering import Steering
+from ..measure import tension_scale
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check, Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
 from ..mesh.layout import smaller_scene
-from ..mesh.rim import LoadPoint, Rim
+from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import Edge, MovingClamps
 from .contact_multipliers import ContactMultipliers
 from .convergence import Residual, Stability, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
+from .driven_strain import DrivenStrain, StepStress
 from .fields import Fields
 from .masses import Masses
 from .model import SpatialModel, initial_state, segment_thermal_strain
@@ -56,6 +58,8 @@ class SpatialWorlds:
     def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
         """models: of each world; state: of a single one, default at rest."""
         self.model = model = models[0]
+        self.scenes = [one.scene for one in models]
+        self._waiting: dict[int, LoadPoint] | None = None  # worlds whose loads begin together
         scene, worlds = model.scene, len(models)
         rods = joined([one.rods for one in models])
         curve = joined_curves([one.curve for one in models], rods)
@@ -84,10 +88,27 @@ class SpatialWorlds:
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
+        self.strains = self._driven_strains()
         self.stability = Stability(model, self.relaxation, self.contact)
         self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
-        self._waiting: list[int] | None = None  # worlds whose loads begin together
         self.members = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
+
+    def _driven_strains(self) -> DrivenStrain | None:
+        """The strains that tensions drive, where the scene gives any."""
+        model, worlds = self.model, self.stepper.worlds
+        if model.ramp is not None or not any(any(stage.by_tension) for member in self.scenes for stage in member.stages):
+            return None
+        wires, nodes = model.wires, self.stepper.arrays.world_nodes
+        held = np.concatenate([wires.held_node + k * nodes for k in range(worlds)])
+        StepStress(self.stepper, self.contact, held, np.concatenate([wires.held_lever] * worlds))
+        return DrivenStrain(
+            self.stepper,
+            self.evaluated_stress,
+            area=model.panel.area,
+            scale=tension_scale(model),
+            tolerance=model.scene.solver.residual_tolerance,
+            strain_range=PATH_STRAIN if model.scene.depends_on_path else np.inf,
+        )
 
     def _moving_clamps(self) -> MovingClamps | None:
         """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
@@ -106,24 +127,28 @@ class SpatialWorlds:
     @contextmanager
     def together(self) -> Iterator[None]:
         """Loads that are set within begin at its end, all worlds at once."""
-        self._waiting = []
+        self._waiting = {}
         try:
             yield
-            rows = np.array(sorted(set(self._waiting)), dtype=int)
+            waiting = dict(sorted(self._waiting.items()))
         finally:
             self._waiting = None
-        if len(rows):
-            self.begin_loads(rows)
+        if waiting:
+            self.begin_loads(waiting)
 
-    def begin_load(self, world: int) -> None:
+    def begin_load(self, world: int, load: LoadPoint) -> None:
         """Begin the load of a world, now or with others."""
         if self._waiting is None:
-            self.begin_loads(np.array([world]))
+            self.begin_loads({world: load})
         else:
-            self._waiting.append(world)
+            self._waiting[world] = load
 
-    def begin_loads(self, rows: np.ndarray) -> None:
+    def begin_loads(self, loads: dict[int, LoadPoint]) -> None:
         """Prepare worlds for the motion of their loads: contacts that they may close, and masses for these."""
+        rows = np.array(list(loads))
+        if self.strains is not None:
+            given = np.full(2, np.nan)
+            self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
         if self.multipliers is not None:
             self.multipliers.stiffen(rows)
         self.relaxation.stop_motion(rows)
@@ -161,7 +186,8 @@ class SpatialWorlds:
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether a load is being applied."""
-        return np.asarray(self.stepper.steering.is_loading[rows])
+        loading = np.asarray(self.stepper.steering.is_loading[rows])
+        return loading if self.strains is None else loading | self.strains.is_fast(rows)
 
     # --- convergence
 
@@ -180,12 +206,15 @@ class SpatialWorlds:
             stepper.steering.set(late, ramp_lag=1.0 - pace)
         for member, one in zip(members, loading.tolist(), strict=True):
             member.go_on_releasing(loading=one)
+        if self.strains is not None:
+            self.strains.renew_masses(rows)
         stepper.evaluate(0.0, rows=rows)
-        relaxation.renew_damping(rows)
+        relaxation.renew_damping(rows, boundary=None if self.strains is None else self.strains.motion(rows))
         stability.hold_damping()
         state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
         measured = ~loading | np.array([member.edge is not None for member in members])
         ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
+        missing = np.zeros(len(rows)) if self.strains is None else self.strains.ratio(rows)
         watched = ~loading & ~stability.is_running[rows]
         relaxation.watch_progress(ratio[watched], state.excess_ratio[watched], rows[watched])
         relaxation.renew_multipliers(state, rows, loading=loading)
@@ -197,8 +226,11 @@ class SpatialWorlds:
             if member.edge is not None:
                 ratio[k] = member.move_edge(member.edge, int(checks[k]), float(ratio[k]), loading=bool(loading[k]))
         left = stability.has_left.copy()
+        ratio = np.maximum(ratio, missing)
         if not loading.all():
             ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
+        if self.strains is not None:
+            self.strains.hold(rows, missing, is_tested=stability.is_running[rows])
         for world in np.flatnonzero(stability.has_left & ~left).tolist():
             self.members[world].tell(stability.note(world))
         tolerance = self.model.scene.solver.residual_tolerance
@@ -207,9 +239,18 @@ class SpatialWorlds:
     def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
         """Nothing: masses go with every check."""
 
+    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
+        stress = self.stress(rows)
+        return stress if self.strains is None else self.strains.settled(rows, stress)
+
     def stress(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2, 2) [N/m] nominal stress of the meshes."""
         self.stepper.evaluate(rows=rows)
+        return self.evaluated_stress(rows)
+
+    def evaluated_stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] nominal stress of the meshes in the state last evaluated."""
         with self.stepper.only(rows):
             total = self.contact.checks.stress(rows)
         return np.array([
@@ -226,6 +267,7 @@ class SpatialMechanics:
     check_steps = CHECK_STEPS
     can_overlap = True
     may_overlap = False
+    drives_tension = True
     drift = DRIFT
     path_increment = FOLLOWED_INCREMENT
     path_ratios = (1.0, 1.0)  # tight knits snap on the way
@@ -288,14 +330,14 @@ class SpatialMechanics:
         self._untested += self._strain_to(load)
         state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
         state.steering.begin_ramp([*load.gradient.ravel().tolist(), factor], steps, evenly=evenly)
-        state.steering.ramp_lag = 0.0
+        state.steering.set(ramp_lag=0.0, ramp_share=0.0 if steps else 1.0)
         if self.model.ramp is not None:
             return
         self._apply_release()
         self.relaxation.set_thermal_strain(self._thermal_strain(load), self.world)
         if self.clamps is None or steps == 0:
             self._move_clamps(load, factor)
-        self.group.begin_load(self.world)
+        self.group.begin_load(self.world, load)
 
     def search_pairs(self) -> None:
         """Search the pairs of wires that may touch."""
@@ -362,7 +404,7 @@ class SpatialMechanics:
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         (small, large), strain = LOAD_STRAINS, self._strain_to(load)
-        is_slow = self._release is not None or self.edge is not None
+        is_slow = self._release is not None or self.edge is not None or load.tension is not None
         share = max(1.0 if is_slow else min(1.0, strain / small), strain / large)
         return CHECK_STEPS * round(LOAD_STEPS / CHECK_STEPS * share)
 
@@ -429,6 +471,11 @@ class SpatialMechanics:
         wire = int(rods.wire_of[node])
         here = int(strip.wire[wire]), node - int(rods.wire_first[wire])
         return max(strip.ranks.everyone((float(speed.max()), here)))[1]
+
+    @property
+    def has_load(self) -> bool:
+        strains = self.group.strains
+        return strains is None or not strains.at_limit(self.rows).any()
 
     # --- convergence of a relaxation
 
@@ -555,7 +602,7 @@ class SpatialMechanics:
     @property
     def owners(self) -> list[Owner]:
         group = self.group
-        of_worlds = (group, self.contact, self.relaxation, self.stepper.yielding, self.stability, self.multipliers)
+        of_worlds = [group, self.contact, self.relaxation, self.stepper.yielding, self.stability, self.multipliers, group.strains]
         of_world = [Owner(one, self.world, self.stepper.worlds) for one in of_worlds if one is not None]
         return [Owner(self.state), *of_world, Owner(self)]
 

@@ -346,11 +346,15 @@ class RodRelaxation:
         """Largest difference between strain and T/EA: the remaining error of the softening."""
         return float(self.sums(of_mean=False).excess_max.max())
 
-    def renew_damping(self, rows: np.ndarray | None = None) -> None:
-        """Renew the damping by the motion since the last check, in the state last evaluated: Rayleigh's quotient."""
+    def renew_damping(self, rows: np.ndarray | None = None, *, boundary: tuple[np.ndarray, np.ndarray] | None = None) -> None:
+        """Renew the damping by the motion since the last check, in the state last evaluated: Rayleigh's quotient.
+
+        boundary: [row] [J] motion of the strains times the change of their forces, and twice the kinetic energy of that motion.
+        """
         rows = self.stepper.rows if rows is None else rows
         self._mean_energy[rows] = np.nan
-        rows = rows[self._has_last[rows]]
+        has_last = self._has_last[rows]
+        rows = rows[has_last]
         if not len(rows):
             return
         arrays, steering = self.checks.arrays, self.stepper.steering
@@ -361,6 +365,8 @@ class RodRelaxation:
             work += np.array([float(p @ f) for p, f in zip(*self._by_world(place, force), strict=True)])[rows]
             store_at(arrays.last_place, (self.clamps.sliding_node, 1), place[:, None])
         moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved", rows)
+        if boundary is not None:
+            work, moved = work + boundary[0][has_last], moved + boundary[1][has_last]
         self._mean_energy[rows] = 0.5 * moved / CHECK_STEPS**2
         steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, LEAST_DAMPING))
 

@@ -122,7 +122,9 @@ class RodStepper:
         self.arrays: RodArrays = upload_rods(rods, device, precision, worlds)
         self.state: RodState = rest_state(rods, device, precision, worlds) if state is None else state
         self.steering = Steering(self.state.control)  # [world]
-        self.contact: Any = None  # `WireContact` (wire_contact.py), and `MovingClamps` (clamps.py), which set themselves
+        # `WireContact`, `StepStress` (driven_strain.py) and `MovingClamps` set themselves
+        self.contact: Any = None
+        self.step_stress: Any = None
         self.clamps: Any = None
         pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
@@ -131,6 +133,8 @@ class RodStepper:
         # threads that share the launches of a check
         self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
         self._no_contact = no_contact(rods, device, precision)
+        rows = self.parts if worlds == 1 else worlds
+        self.stress_count = wp.zeros((rows, 4), dtype=wp.int64, device=device)  # of the stress of a step (kernels/rod_stress.py)
         self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
         block_wire, wires = fetch(self.arrays.block_wire), self.strip.wires
         self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
@@ -221,6 +225,7 @@ class RodStepper:
             launches += self.clamps.launches(worlds) if self.clamps is not None else ()
             sums, rows = fewer_rows(state.partial) if self.worlds == 1 else ([], state.partial)
             named = {"first_world": worlds.start, "world_rows": len(rows) // self.worlds, "wire_partial": rows}
+            named |= {"stress_rows": len(self.stress_count) // self.worlds, "stress_count": self.stress_count}
             launches += [*sums, bind(update_controls, len(worlds), control=state.control, **named)]
         return [*launches, *self._wait()]
 
@@ -234,9 +239,13 @@ class RodStepper:
         in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
         launches, touch = self._contact_launches(part, UNLESS_AHEAD if in_cache and not is_first else ALWAYS)
         forces = self._shared[part] if in_cache else [StepForces.of(state)] * len(groups)
+        row = part if self.worlds == 1 else -1  # of the counts of the stress
+        if self.step_stress is not None:
+            launches += self.step_stress.of_contacts(self.share_of(self.blocks, part), row)
         for group, stored in zip(groups, forces, strict=True):
             launches += [
                 force_launch(self.rods, self.arrays, state, touch, group.blocks, stored),
+                *(self.step_stress.of_group(group, stored, row) if self.step_stress is not None else ()),
                 motion_launch(self.arrays, state, group.wires, stored),
             ]
             if in_cache and not is_last:

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from ..compute.host import Mirror, fetch, is_in_place
+from ..compute.host import Mirror, fetch, is_in_place, store
 from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.steering import Steering
 from ..errors import ModelError
@@ -97,7 +97,10 @@ class StripRodStepper(RodStepper):
         self._collect_rows = ranks.table(self._row.host, self._received)
         self._is_of_wire = (np.arange(max(wires)) < np.array(wires)[:, None]).ravel()
         sums, rows = fewer_rows(self._rows.array)
-        control = bind(update_controls, 1, control=self.state.control, wire_partial=rows, first_world=0, world_rows=len(rows))
+        control = bind(
+            update_controls, 1, control=self.state.control, wire_partial=rows, first_world=0, world_rows=len(rows),
+            stress_rows=len(self.stress_count), stress_count=self.stress_count,
+        )  # fmt: skip
         self._control = replay([*sums, control], device)
         self._collect = replay(self._border.collect, device)
         self._distribute = replay(self._border.distribute, device)
@@ -140,6 +143,10 @@ class StripRodStepper(RodStepper):
         self._collect_rows()
         self._rows.host[:] = self._received[self._is_of_wire]
         self._rows.copy_to_device()
+        if self.step_stress is not None:  # whole numbers, whose sum is exact
+            counts = np.zeros_like(fetch(self.stress_count))
+            counts[0] = self.strip.ranks.sum(fetch(self.stress_count).sum(axis=0))
+            store(self.stress_count, counts)
         self.sync()
         self._control()
 

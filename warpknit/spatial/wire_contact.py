@@ -14,6 +14,7 @@ from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
 from ..errors import OutOfResources
+from ..kernels.rod_stress import count_contact_stress
 from ..kernels.wire_closest import (
     NOT_NEAR,
     ONE_PLACE,
@@ -144,6 +145,13 @@ class WireContact:
             bind(find_closest_places, threads, *sources, threads=threads, **named, **travels, **lists),
             bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own, **lists),
         ]
+
+    def stress_launch(self, blocks: range, **named: Any) -> Launch:
+        """Launch that adds up the nominal stress of the contacts of blocks of nodes in a step."""
+        pairs, friction = self._list, int(self.friction > 0.0)
+        sources = (self._wires, self.stepper.arrays, self.stepper.state, self.touch)
+        own = pairs.named("first", "second", "shift", "found", "place")
+        return bind(count_contact_stress, len(blocks), *sources, first_block=blocks.start, has_friction=friction, **own, **named)
 
     def _share(self, part: int, parts: int) -> dict[str, int]:
         """What a thread does: a part of the pairs of a single world, or all of those of its worlds."""
