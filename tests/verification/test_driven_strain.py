@@ -1,0 +1,147 @@
+"""Directions given by tension: their strain is an unknown of the relaxation (kernels/control.py)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from warpknit import Simulation, build_model, load_scene, measure
+from warpknit.measure.strain import clamp_rotation, rotation, stretch, true_stress
+from warpknit.mesh.rim import LoadPoint
+from warpknit.scene import Scene
+from warpknit.solve.progress import Progress
+from warpknit.spatial.driven_strain import TOLERANCE
+
+KNITS = {
+    "tricot": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}],
+    "atlas": [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}],
+}
+
+
+def scene_of(knit: str = "tricot", boundary: str = "periodic", repeats: tuple[int, int] = (1, 1), **tables: dict) -> Scene:
+    return load_scene(
+        {
+            "wire": {"material": "molybdenum", "diameter": "30 um"},
+            "knit": {"bars": KNITS[knit], "wales": "26 /inch", "courses": "30 /inch", "repeats": list(repeats)},
+            "model": {"kind": "spatial", "boundary": boundary},
+            "load": {"tension_weft": "1 N/m", "tension_warp": "1 N/m"},
+            "solver": {"preset": "draft"},
+            "output": {"frames": 1},
+        }
+        | tables
+    )
+
+
+def last_of(scene: Scene) -> tuple[Simulation, object]:
+    simulation = Simulation(build_model(scene))
+    *_, last = simulation.run()
+    return simulation, last
+
+
+@pytest.mark.parametrize(
+    ("boundary", "repeats", "friction", "rotation_deg"),
+    [
+        ("periodic", (1, 1), 0.0, 0.0),
+        ("periodic", (1, 1), 0.2, 0.0),
+        ("gripped", (3, 3), 0.0, 0.0),
+        ("gripped", (3, 3), 0.0, 5.0),
+    ],
+)
+def test_the_tension_of_a_step_is_that_of_its_state(boundary, repeats, friction, rotation_deg) -> None:
+    """From the forces of the step itself, in whole numbers: that of an evaluation of the same state, to their round-off."""
+    simulation = Simulation(build_model(scene_of(boundary=boundary, repeats=repeats, contact={"friction": friction})))
+    mechanics, steering = simulation.mechanics, simulation.mechanics.stepper.steering
+    mechanics.search()
+    angle = np.radians(rotation_deg)
+    gradient = rotation(angle).T @ np.array([[1.02, 0.01], [0.0, 1.01]])
+    mechanics.set_load(LoadPoint(gradient, 293.15), 200)
+    assert not mechanics.group.advance(np.array([0]), 220)[1][0]
+    mechanics.search()
+    mechanics.stepper.evaluate(0.0)
+    nominal, now = mechanics.group.evaluated_stress(np.array([0]))[0], mechanics.state.gradient
+    expected = np.diag(true_stress(rotation(clamp_rotation(now)) @ nominal, stretch(now)))
+    steering.set(is_driven=1.0, strain_mass=1e300, strain_range=np.inf)  # it does not move
+    mechanics.step(1)
+    assert steering.tension[0] == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+    assert np.array_equal(mechanics.state.gradient, now)
+
+
+@pytest.mark.parametrize("knit", ["tricot", "atlas"])
+def test_by_tension_and_by_strain_the_same_equilibrium_is_found(knit: str) -> None:
+    scene = scene_of(knit, output={"frames": 3})
+    _, by_tension = last_of(scene)
+    assert measure.mesh_tension(by_tension.observables) == pytest.approx([1.0, 1.0], rel=TOLERANCE)
+    weft, warp = np.diag(by_tension.observables.stretch) - 1.0
+    _, by_strain = last_of(scene_of(knit, output={"frames": 3}, load={"strain_weft": float(weft), "strain_warp": float(warp)}))
+    # both within the tolerance of their residuals, and the tension of the first within a third of it
+    assert measure.mesh_tension(by_strain.observables) == pytest.approx([1.0, 1.0], rel=2.0 * scene.solver.residual_tolerance)
+
+
+def test_one_direction_by_tension_and_one_by_strain() -> None:
+    scene = scene_of(load={"tension_warp": "0.5 N/m", "strain_weft": 0.05})
+    _, last = last_of(scene)
+    assert last.observables.stretch[0, 0] == pytest.approx(1.05, abs=1e-12)
+    # multipliers move once more after the check that has found it
+    assert measure.mesh_tension(last.observables)[1] == pytest.approx(0.5, rel=TOLERANCE + scene.solver.residual_tolerance)
+
+
+def test_heat_under_a_held_tension_expands_the_mesh() -> None:
+    """Without contact forces that change, by the expansion of the wire; here by some of it, and the tension stays."""
+    path = [{"name": "warm", "temperature": "120 degC"}]
+    records = list(Simulation(build_model(scene_of(path=path))).run())
+    cold, warm = records[-2].observables, records[-1].observables
+    assert measure.mesh_tension(warm) == pytest.approx([1.0, 1.0], rel=TOLERANCE)
+    assert np.all(np.diag(warm.stretch) > np.diag(cold.stretch))
+
+
+def test_worlds_under_other_tensions_are_single_runs_to_the_bit() -> None:
+    scenes = [scene_of(load={"tension_weft": f"{tension} N/m", "tension_warp": f"{tension} N/m"}) for tension in (0.5, 1.0)]
+    last = {record.world: record for record in Simulation(build_model(scenes[0]), worlds=scenes).run()}
+    for world, scene in enumerate(scenes):
+        _, expected = last_of(scene)
+        assert last[world].steps == expected.steps
+        assert np.array_equal(last[world].observables.node_position, expected.observables.node_position)
+
+
+def test_an_interrupted_level_goes_on_to_the_same_bits() -> None:
+    model = build_model(scene_of())
+
+    class Stop(Exception):
+        pass
+
+    def run(stop_at: int | None, kept: tuple | None) -> tuple:
+        simulation = Simulation(model, progress=Progress.from_dict(kept[1]) if kept else None)
+        simulation.compile()
+        if kept:
+            simulation.drive.load_state_dict(kept[0])
+        checks = 0
+
+        def watch(_progress: Progress) -> None:
+            nonlocal checks
+            checks += 1
+            if checks == stop_at:
+                raise Stop
+
+        simulation.watch = watch
+        try:
+            for _ in simulation.run():
+                pass
+        except Stop:
+            pass
+        return simulation.drive.state_dict(), simulation.progress.as_dict(), simulation.state.arrays()
+
+    expected = run(None, None)
+    found = run(None, run(31, None))
+    for name, value in expected[2].items():
+        assert np.array_equal(found[2][name], value), name
+
+
+def test_with_friction_the_number_of_levels_matters_little() -> None:
+    """Strains change by at most 0.5 % from one equilibrium to the next, whatever the levels are."""
+    strains = []
+    for frames in (1, 2):
+        tables = {"contact": {"friction": 0.2}, "load": {"tension_weft": "0.5 N/m", "tension_warp": "0.5 N/m"}}
+        _, last = last_of(scene_of(output={"frames": frames}, **tables))
+        assert measure.mesh_tension(last.observables) == pytest.approx([0.5, 0.5], rel=TOLERANCE)
+        strains.append(np.diag(last.observables.stretch) - 1.0)
+    assert strains[1] == pytest.approx(strains[0], abs=0.02 * np.abs(strains[0]).max())
