@@ -31,7 +31,7 @@ class OneMesh:
     def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
         pass
 
-    def stress(self, _rows: np.ndarray) -> np.ndarray:
+    def settled_stress(self, _rows: np.ndarray) -> np.ndarray:
         return np.ones((1, 2, 2))
 
 

@@ -106,21 +106,20 @@ def test_a_mesh_that_is_slack_at_first_is_found_taut(target: float, slack: float
     assert tension == pytest.approx(target, rel=3e-3, abs=3e-3 * 0.01 * 1.6)
 
 
-@pytest.mark.parametrize(("kind", "share"), [("planar", 0.65), ("spatial", 0.8)])
-def test_states_with_another_tension_need_not_be_exact(kind: str, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_states_with_another_tension_need_not_be_exact(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same tensions at the same strains, to the tolerance of the search over a stiffness of 1 N/m, in fewer steps than with
     exact equilibria all the way."""
     found = []
     for approximate in (1.0, relax.APPROXIMATE):
         monkeypatch.setattr(relax, "APPROXIMATE", approximate)
         load = ("load.tension_weft=0.06", "load.tension_warp=0.06", "output.frames=1", "solver.preset=draft")
-        simulation = Simulation(build_model(load_scene(CELL, [*load, f"model.kind={kind}"])))
+        simulation = Simulation(build_model(load_scene(CELL, [*load, "model.kind=planar"])))
         *_, last = simulation.run()
         assert mesh_tension(last.observables) == pytest.approx((0.06, 0.06), rel=TOLERANCE)
         found.append(last)
     exact, quick = found
     assert np.diag(quick.observables.stretch) == pytest.approx(np.diag(exact.observables.stretch), abs=2 * TOLERANCE * 0.06)
-    assert quick.steps < share * exact.steps
+    assert quick.steps < 0.65 * exact.steps
 
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])

@@ -42,7 +42,7 @@ class StepStress:
             "held_node": wp.array(self._held, dtype=wp.int32, device=device),
             "held_lever": wp.array(held_lever[order], dtype=wp.vec2d, device=device),
         }
-        stepper.step_stress = self
+        stepper.add_up_stress(self)
 
     def of_contacts(self, blocks: range, row: int) -> list[Launch]:
         """Launches for the contacts of blocks of nodes; row: of the counts."""

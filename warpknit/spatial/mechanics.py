@@ -58,7 +58,6 @@ class SpatialWorlds:
     def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
         """models: of each world; state: of a single one, default at rest."""
         self.model = model = models[0]
-        self.scenes = [one.scene for one in models]
         self._waiting: dict[int, LoadPoint] | None = None  # worlds whose loads begin together
         scene, worlds = model.scene, len(models)
         rods = joined([one.rods for one in models])
@@ -88,16 +87,15 @@ class SpatialWorlds:
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
-        self.strains = self._driven_strains()
+        by_tension = any(any(stage.by_tension) for one in models for stage in one.scene.stages)
+        self.strains = self._driven_strains() if by_tension and model.ramp is None else None
         self.stability = Stability(model, self.relaxation, self.contact)
         self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
         self.members = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
 
-    def _driven_strains(self) -> DrivenStrain | None:
-        """The strains that tensions drive, where the scene gives any."""
+    def _driven_strains(self) -> DrivenStrain:
+        """The strains that tensions drive."""
         model, worlds = self.model, self.stepper.worlds
-        if model.ramp is not None or not any(any(stage.by_tension) for member in self.scenes for stage in member.stages):
-            return None
         wires, nodes = model.wires, self.stepper.arrays.world_nodes
         held = np.concatenate([wires.held_node + k * nodes for k in range(worlds)])
         StepStress(self.stepper, self.contact, held, np.concatenate([wires.held_lever] * worlds))
@@ -146,6 +144,8 @@ class SpatialWorlds:
     def begin_loads(self, loads: dict[int, LoadPoint]) -> None:
         """Prepare worlds for the motion of their loads: contacts that they may close, and masses for these."""
         rows = np.array(list(loads))
+        if self.strains is None and any(load.tension is not None for load in loads.values()):
+            self.strains = self._driven_strains()
         if self.strains is not None:
             given = np.full(2, np.nan)
             self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))

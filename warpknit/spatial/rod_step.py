@@ -159,6 +159,11 @@ class RodStepper:
         own, each = self.team.share_of(range(self.worlds), part, self.parts), len(items) // self.worlds
         return items[own.start * each : own.stop * each]
 
+    def add_up_stress(self, step_stress: Any) -> None:
+        """Have steps add up their nominal stress from now on (`StepStress`, driven_strain.py)."""
+        self.step_stress = step_stress
+        self._graphs.clear()
+
     def in_parts(self, calls: Sequence[Callable[[], object]]) -> None:
         """Call a function for each part, those of a thread one after the other."""
         shares = [self.team.share_of(range(len(calls)), thread) for thread in range(self.team.threads)]
