@@ -76,8 +76,8 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
         check(self)
 
     check, finished = Interrupts.check, []
-    outcome = batch.Batch._outcome
-    monkeypatch.setattr(batch.Batch, "_outcome", lambda self, row, *found: finished.append(row) or outcome(self, row, *found))
+    outcome = batch.Outcome
+    monkeypatch.setattr(batch, "Outcome", lambda row, *found: finished.append(row) or outcome(row, *found))
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut)
     monkeypatch.undo()

@@ -50,8 +50,10 @@ def save(*owners: Owner, copied: bool = True) -> Kept:
 
 def restore(kept: Kept, *owners: Owner) -> None:
     """Set the variables of owners to what `save` returned. Raises `KeyError`, `ValueError` for values of something else."""
+    known = {name.partition(".")[0] for name in kept}
     for owner in owners:
-        _restore_variables(owner, f"{type(owner.variables).__name__}.", kept)
+        if type(owner.variables).__name__ in known:  # else it had not begun when the others were saved
+            _restore_variables(owner, f"{type(owner.variables).__name__}.", kept)
 
 
 def rows_of(array: Any, world: int, worlds: int) -> slice:

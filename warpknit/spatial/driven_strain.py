@@ -89,8 +89,12 @@ class DrivenStrain:
         self._is_held = np.zeros(worlds, dtype=bool)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
         length = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum()) / worlds
-        stepper.steering.set(cell_area=area, stress_unit=length / COUNTS)
-        stepper.steering.set(strain_limit=STRAIN_LIMIT, strain_mass=1.0, strain_range=strain_range)
+        self._constants = {
+            "cell_area": area,
+            "stress_unit": length / COUNTS,
+            "strain_limit": STRAIN_LIMIT,
+            "strain_range": strain_range,
+        }
 
     def driven(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2) bool: directions given by tension."""
@@ -139,7 +143,7 @@ class DrivenStrain:
         self._last_strain[rows] = np.nan
         own = rows[np.isfinite(wanted).any(axis=1)]
         strain = np.array([np.diag(stretch(gradient)) for gradient in self._steering.gradient[rows]]) - 1.0
-        self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=strain)
+        self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=strain, **self._constants)
         if not len(own):
             return
         self._stepper.evaluate(0.0, rows=own)
