@@ -36,6 +36,15 @@ class Team:
         for helper in waiting:
             helper.result()
 
+    def each(self, calls: Sequence[Sequence[Callable[[], object]]]) -> None:
+        """Call the functions calls[thread] one after the other in each thread, and return when all are done."""
+
+        def in_turn(own: Sequence[Callable[[], object]]) -> None:
+            for call in own:
+                call()
+
+        self.together([partial(in_turn, own) for own in calls])
+
     def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array, rows: Sequence[slice] | None = None) -> int:
         """Replay graphs[thread] of steps in turn, on the CPU while the state does not freeze; return how many.
 

@@ -134,8 +134,6 @@ class PlanarMechanics:
     check_steps = CHECK_STEPS
     can_overlap = may_overlap = drives_tension = False
     has_load = True
-    drives_tension = False
-    has_load = True
     release_parts = 1
     path_increment = 0.005
     path_ratios = (5.0, 0.4)  # a slack mesh starts well from what has converged well

@@ -7,8 +7,6 @@ whose steps threads share. The order of summation is the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -115,7 +113,7 @@ class WorldStepper:
         elif len(rows):
             stages = (contact_stage, *stages) if contact else stages
             work = {row: self.steppers[row].work(stages)[0] for row in rows.tolist()}
-            self._team.together([partial(_call_all, [work[row] for row in own.tolist()]) for own in self._shares(rows)])
+            self._team.each([[work[row] for row in own.tolist()] for own in self._shares(rows)])
 
     def probe(self, rows: np.ndarray, *stages: Stage) -> None:
         """Find the accelerations f/m of worlds by a step that moves nothing, and go on with other stages of work."""
@@ -142,8 +140,3 @@ def steps_by_world(model: Model) -> bool:
     is_free = model.treatment.is_free and not len(panel.sliding_clamp) and not scene.has_moving_edge
     is_elastic = not model.yield_moment and not scene.contact.friction
     return model.device == "cpu" and model.strip is None and is_free and is_elastic
-
-
-def _call_all(calls: Sequence[Callable[[], None]]) -> None:
-    for call in calls:
-        call()

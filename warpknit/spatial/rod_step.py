@@ -167,7 +167,7 @@ class RodStepper:
     def in_parts(self, calls: Sequence[Callable[[], object]]) -> None:
         """Call a function for each part, those of a thread one after the other."""
         shares = [self.team.share_of(range(len(calls)), thread) for thread in range(self.team.threads)]
-        self.team.together([partial(_call_all, [calls[part] for part in own]) for own in shares])
+        self.team.each([[calls[part] for part in own] for own in shares])
 
     def _wait(self) -> list[Launch]:
         """What threads that share a world launch to wait for each other."""
@@ -399,8 +399,3 @@ class RodStepper:
         stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
         bent = self.yielding.elastic_energy + self.yielding.plastic_potential()
         return float((self.sums.of_nodes(np.where(has_segment, stretch, 0.0)) + bent)[0])
-
-
-def _call_all(calls: Sequence[Callable[[], object]]) -> None:
-    for call in calls:
-        call()
