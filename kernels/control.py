@@ -97,7 +97,8 @@ STRESS_UNIT = wp.constant(75)  # [N m] of a count of the stress of a step (rod_s
 STRAIN_ORIGIN = wp.constant(76)  # 2 entries: strain at the last equilibrium
 STRAIN_RANGE = wp.constant(78)  # largest change of a strain from one equilibrium to the next
 AT_LIMIT = wp.constant(79)  # 2 entries: 1 where the strain has changed by that much
-CONTROL_COUNT = 81
+FRICTION = wp.constant(81)  # [-] coefficient of wires in space
+CONTROL_COUNT = 82
 
 NEARLY = wp.constant(wp.float64(1.0 - 1.0e-6))  # of a limit that counts as reached
 

@@ -56,7 +56,6 @@ def follow_contacts(
     control: wp.array(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
-    friction: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -121,7 +120,6 @@ def find_followed_contacts(
     control: wp.array2d(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
     min_arc_separation: wp.float64,
-    friction: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
@@ -192,7 +190,6 @@ def find_followed_contacts(
             own,
             block_travel,
             min_arc_separation,
-            friction,
             position,
             length,
             tangent,

@@ -28,6 +28,7 @@ import warp as wp
 from .control import (
     CONTACT_STIFFNESS,
     DRIVE,
+    FRICTION,
     LENGTH_FACTOR,
     STATUS,
     STATUS_ACCEPTING,
@@ -130,7 +131,6 @@ def find_contact_forces(
     world_nodes: int,
     control: wp.array2d(dtype=wp.float64),
     min_arc_separation: wp.float64,
-    friction: wp.float64,
     stick_share: wp.float64,
     # state in
     position: wp.array(dtype=wp.vec3d),
@@ -279,7 +279,7 @@ def find_contact_forces(
             friction_force = wp.vec3d()
             couple_p = wp.vec3d()
             couple_q = wp.vec3d()
-            if friction > zero and a < 2:
+            if steer[FRICTION] > zero and a < 2:
                 lever_p = -(length_factor * node_radius[i] / contact_distance) * r
                 lever_q = (length_factor * node_radius[j] / contact_distance) * r
                 way = wp.vec3d()
@@ -308,7 +308,7 @@ def find_contact_forces(
                 if found != ONE_PLACE:
                     own = weight * friction_weight(overlap, overlaps[1 - a], weights[1 - a], -weights[2] * overlaps[2])
                 friction_force = -(stick_share * steer[CONTACT_STIFFNESS] * own) * slip
-                limit = friction * own * normal_force / weight
+                limit = steer[FRICTION] * own * normal_force / weight
                 size = wp.length(friction_force)
                 if size > limit:
                     if is_accepting:
@@ -325,7 +325,7 @@ def find_contact_forces(
             if a < 2:
                 wp.atomic_max(max_penetration, part + world, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force
-            if friction > zero:
+            if steer[FRICTION] > zero:
                 touch_friction[k] = friction_force
             push = normal_force * n + friction_force
             if not pushes:

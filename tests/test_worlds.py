@@ -52,6 +52,15 @@ def test_worlds_of_other_seeds_have_their_own_loops() -> None:
     assert measure.mesh_tension(last[0].observables) != measure.mesh_tension(last[1].observables)
 
 
+def test_worlds_of_other_friction_are_single_runs_to_the_bit() -> None:
+    scenes = [load_scene(scene_of("spatial"), [f"contact.friction={friction}"]) for friction in (0.1, 0.3)]
+    last = {record.world: record for record in Simulation(build_model(scenes[0]), worlds=scenes).run()}
+    for world, scene in enumerate(scenes):
+        expected = single(scene)[-1]
+        assert last[world].steps == expected.steps
+        assert np.array_equal(last[world].observables.node_position, expected.observables.node_position)
+
+
 def test_a_world_that_fails_is_left_out() -> None:
     base = scene_of("planar")
     solver = replace(base.solver, max_steps=600)

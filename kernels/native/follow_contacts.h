@@ -15,7 +15,7 @@ if (lane > 0) return;
     // what steers a step
     const double* steer = control.data;
     const double factor = steer[LENGTH_FACTOR];
-    const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = friction == 0;
+    const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = steer[FRICTION] == 0;
     const bool is_driven_now = steer[IS_DRIVEN] != 0 || steer[IS_DRIVEN + 1] != 0;
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING_TRAVEL : 0.0;
     const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];

@@ -74,6 +74,7 @@ class Steering:
     strain_origin = Entry(c.STRAIN_ORIGIN, 2)
     strain_range = Entry(c.STRAIN_RANGE)
     at_limit = Entry(c.AT_LIMIT, 2)
+    friction = Entry(c.FRICTION)
     cell_area = Entry(c.CELL_AREA)
     stress_unit = Entry(c.STRESS_UNIT)
     even_ramp = Entry(c.EVEN_RAMP)

@@ -43,8 +43,8 @@ class Simulation:
     `help(record.observables)`. `warpknit.measure` derives measures from them.
 
     worlds: scenes that run side by side in place of that of the model: other loads or temperatures, in space also loops scattered
-    by another seed. Records come as worlds find them, with the number of their world; one that fails is left out, with its error
-    in `failures`. Small meshes take a fraction of the time of single runs.
+    by another seed, or another friction. Records come as worlds find them, with the number of their world; one that fails is left
+    out, with its error in `failures`. Small meshes take a fraction of the time of single runs.
 
         scenes = [scene.changed([f"load.strain_weft={strain}"]) for strain in (0.02, 0.04, 0.06)]
         last = {record.world: record for record in Simulation(build_model(scene), worlds=scenes).run()}
@@ -191,13 +191,13 @@ class Simulation:
     def _world_model(self, number: int, scene: Scene) -> Model:
         """The model of a world: this one with its loads, or one of loops scattered otherwise."""
         model: Any = self.model
-        own, knit = model.scene, replace(scene.knit, seed=model.scene.knit.seed)
-        others = [name for name in ("wire", "contact", "model", "panel", "solver") if getattr(scene, name) != getattr(own, name)]
-        others += ["knit"] if knit != own.knit or (scene.model.kind == "planar" and scene.knit != own.knit) else []
-        if others:
-            raise InputError(
-                f"Simulation: world {number} has another [{others[0]}] than the model; give other loads or seeds alone"
-            )
+        own, alike = model.scene, scene
+        if own.model.kind == "spatial" and (own.contact.friction > 0.0) == (scene.contact.friction > 0.0):
+            knit, contact = replace(scene.knit, seed=own.knit.seed), replace(scene.contact, friction=own.contact.friction)
+            alike = replace(scene, knit=knit, contact=contact)
+        for name in ("wire", "knit", "contact", "model", "panel", "solver"):
+            if getattr(alike, name) != getattr(own, name):
+                raise InputError(f"Simulation: world {number} has another [{name}] than the model; give other loads or seeds")
         return replace(model, scene=scene) if scene.knit == own.knit else build_model(scene, model.device)
 
     @staticmethod

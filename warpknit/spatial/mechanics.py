@@ -70,7 +70,7 @@ class SpatialWorlds:
         self.contact = WireContact(
             self.stepper,
             model.contact_stiffness,
-            friction=scene.contact.friction,
+            friction=np.array([one.scene.contact.friction for one in models]),
             curve=curve,
             cells=search_cells(mesh.rods, mesh.curve),
         )

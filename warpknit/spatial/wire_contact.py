@@ -74,13 +74,13 @@ class WireContact:
         stepper: RodStepper,
         stiffness: float,
         *,
-        friction: float = 0.0,
+        friction: float | np.ndarray = 0.0,
         curve: RestCurve | None = None,
         cells: SearchCells | None = None,
     ) -> None:
         """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom; cells: default: those of the rods."""
         self.stepper = stepper
-        self.friction = friction
+        self.friction = float(np.max(friction))
         rods, device, worlds = stepper.rods, stepper.device, stepper.worlds
         self.dissipated = np.zeros(worlds)  # [world] [J] by friction in a relaxation, over all ranks
         self.searches = 0
@@ -89,7 +89,7 @@ class WireContact:
         self.margin, self._approach = cells.margin, cells.approach
         self._wires = WireArrays.of(rods, curve, device)
         self._search = PairSearch(stepper, self._wires, cells)
-        self._checks = ContactChecks(stepper, self._wires, curve, has_friction=friction > 0.0)
+        self._checks = ContactChecks(stepper, self._wires, curve, has_friction=self.friction > 0.0)
         # [m] of each world, or each thread of a single one, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = wp.zeros((max(stepper.threads, worlds), CACHE_LINE), dtype=wp.float64, device=device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
@@ -97,11 +97,11 @@ class WireContact:
         self.touch = self._new_touch(LEAST_CAPACITY)
         self._list = self._new_list(LEAST_CAPACITY, 0)
         # the list before, for its elastic slips and for worlds that are not searched
-        self._has_two_lists = friction > 0.0 or worlds > 1
+        self._has_two_lists = self.friction > 0.0 or worlds > 1
         self._other = self._new_list(LEAST_CAPACITY, 1) if self._has_two_lists else self._list
         now = (getattr(stepper.state, field.name.removeprefix("before_")) for field in fields(_Before))
-        self._before = _Before(*(wp.clone(array) if friction else array for array in now))
-        stepper.steering.set(contact_stiffness=stiffness)
+        self._before = _Before(*(wp.clone(array) if self.friction > 0.0 else array for array in now))
+        stepper.steering.set(contact_stiffness=stiffness, friction=friction)
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
 
@@ -124,7 +124,6 @@ class WireContact:
         travels = pairs.named("wake_travel", "renewal_travel")
         forces = pairs.named("arc_separation") | {
             "min_arc_separation": wp.float64(MIN_ARC_SEPARATION),
-            "friction": wp.float64(self.friction),
             "max_penetration": self.max_penetration,
         }
         own = pairs.named("start") | {"pair_count_of": pairs.count, "stick_share": wp.float64(STICK_SHARE)}
