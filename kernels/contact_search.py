@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import GRADIENT, LOAD_MOTION
+from .control import GRADIENT
 from .stretch import edge_component
 from .wires import node_at
 
@@ -91,7 +91,7 @@ def find_nearest_segments(
         return
     # the chord between two nodes is nearer than the nearer node, the curve nearer still by its sag; both ends may move
     chord_square = wp.max(type(unit)(0.0), best_square - half_chord * half_chord)
-    open_by = wp.sqrt(chord_square) - sag - reach - type(unit)(control[LOAD_MOTION])
+    open_by = wp.sqrt(chord_square) - sag - reach
     pair_wake[pair] = wp.max(type(unit)(0.0), type(unit)(0.5) * open_by)
     slide = wp.min(best, pair_high[pair])
     if slide != pair_slide[pair] and slide != pair_slide[pair] + 1:

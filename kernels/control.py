@@ -74,8 +74,7 @@ EVEN_RAMP = wp.constant(45)  # 1: equal load increments, as for an interval of a
 LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
 EVALUATED_GAP = wp.constant(50)  # [m] of wires in space, up to which an evaluation without a step finds their closest points
 NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segments is listed as near
-PAIR_REACH = wp.constant(52)  # [m] of wires in space, by which a unit strain of the load moves the segments of a pair apart
-LOAD_MOTION = wp.constant(53)  # [m] of the plane, by which the load moves a body and a wire together until the next search
+PAIR_REACH = wp.constant(52)  # [m] of travel that a unit strain of the load adds: it moves what may touch towards each other
 EXTRAPOLATION = wp.constant(54)  # [-] change of a level predicted, over that of the level before (multiplier_update.py)
 # of a convergence check of wires in space (contact_checks.py)
 PENALTY_FLOOR = wp.constant(55)  # [N/m] least penalty of a contact
@@ -93,7 +92,7 @@ STRAIN_MASS = wp.constant(69)  # [N/m]
 TENSION = wp.constant(71)  # [N/m] in the last step
 STRAIN_LIMIT = wp.constant(73)  # largest strain of a step
 CELL_AREA = wp.constant(74)  # [m2] of the mesh at rest
-STRESS_UNIT = wp.constant(75)  # [N m] of a count of the stress of a step (rod_stress.py)
+STRESS_UNIT = wp.constant(75)  # [N m] of a count of the stress of a step: whole numbers, whose sum is the same in any order
 STRAIN_ORIGIN = wp.constant(76)  # 2 entries: strain at the last equilibrium
 STRAIN_RANGE = wp.constant(78)  # largest change of a strain from one equilibrium to the next
 AT_LIMIT = wp.constant(79)  # 2 entries: 1 where the strain has changed by that much
@@ -114,7 +113,9 @@ KINETIC_PART = wp.constant(0)  # [J] sum m v^2
 SPEED_PART = wp.constant(1)  # [m2/s2] largest v^2
 STRONGEST_PART = wp.constant(2)  # [N2] largest f^2
 FORCE_PART = wp.constant(3)  # [N2] sum f^2
-PARTIAL_COUNT = 4
+STRESS_PART = wp.constant(4)  # counts of STRESS_UNIT, 4 entries: nominal stress times the rest area, xx, xy, yx, yy
+PARTIAL_COUNT = 8
+partial_sums = wp.types.vector(length=PARTIAL_COUNT, dtype=wp.float64)
 
 
 @wp.func
@@ -137,20 +138,23 @@ def is_driven(control: wp.array(dtype=wp.float64)) -> bool:
 
 
 @wp.func
-def strain_by_tension(control: wp.array(dtype=wp.float64), stress: wp.vec4d):
-    """Move the strains of the driven directions by one step, and the ramp with them; stress [N/m]: nominal, xx, xy, yx, yy."""
+def strain_by_tension(control: wp.array(dtype=wp.float64), sums: partial_sums):
+    """Move the strains of the driven directions by one step, and the ramp with them; sums: of the step just taken."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
+    unit = control[STRESS_UNIT] / control[CELL_AREA]
+    xx = unit * sums[STRESS_PART]
+    xy = unit * sums[STRESS_PART + 1]
+    yx = unit * sums[STRESS_PART + 2]
+    yy = unit * sums[STRESS_PART + 3]
     weft = wp.sqrt(control[GRADIENT] * control[GRADIENT] + control[GRADIENT + 2] * control[GRADIENT + 2])
     cosine = control[GRADIENT] / weft
     sine = -control[GRADIENT + 2] / weft
     shear = cosine * control[GRADIENT + 1] - sine * control[GRADIENT + 3]
     warp = sine * control[GRADIENT + 1] + cosine * control[GRADIENT + 3]
     # rows of R P, and U = (weft, shear; 0, warp)
-    control[TENSION] = ((cosine * stress[0] - sine * stress[2]) * weft + (cosine * stress[1] - sine * stress[3]) * shear) / (
-        weft * warp
-    )
-    control[TENSION + 1] = (sine * stress[1] + cosine * stress[3]) / weft
+    control[TENSION] = ((cosine * xx - sine * yx) * weft + (cosine * xy - sine * yy) * shear) / (weft * warp)
+    control[TENSION + 1] = (sine * xy + cosine * yy) / weft
     half = wp.float64(0.5) * control[DAMPING] * control[TIME_STEP]
     share = one
     if control[RAMP_STEP] < control[RAMP_STEPS]:
@@ -181,12 +185,12 @@ def strain_by_tension(control: wp.array(dtype=wp.float64), stress: wp.vec4d):
 
 
 @wp.func
-def advance_load(control: wp.array(dtype=wp.float64), stress: wp.vec4d):
+def advance_load(control: wp.array(dtype=wp.float64), sums: partial_sums):
     """Move the deformation gradient and the length factor one step along the ramp, and strains by what tensions lack."""
     for k in range(4):
         control[LOAD_STEP + k] = -control[GRADIENT + k]
     if is_driven(control):
-        strain_by_tension(control, stress)
+        strain_by_tension(control, sums)
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         control[RAMP_STEP] = wp.min(control[RAMP_STEP] + (wp.float64(1.0) - control[RAMP_LAG]), control[RAMP_STEPS])
         s = control[RAMP_STEP] / control[RAMP_STEPS]
@@ -218,9 +222,6 @@ def set_factors(control: wp.array(dtype=wp.float64)):
     control[FORCE_FACTOR] = control[TIME_STEP] / (wp.float64(1.0) + half)
 
 
-partial_sums = wp.types.vector(length=PARTIAL_COUNT, dtype=wp.float64)
-
-
 @wp.func
 def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64), begin: int, end: int, step: int):
     """Add rows in their order; of the two largest squares take the larger."""
@@ -228,7 +229,8 @@ def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64), begin: i
         sums[KINETIC_PART] += partial[b, KINETIC_PART]
         sums[SPEED_PART] = wp.max(sums[SPEED_PART], partial[b, SPEED_PART])
         sums[STRONGEST_PART] = wp.max(sums[STRONGEST_PART], partial[b, STRONGEST_PART])
-        sums[FORCE_PART] += partial[b, FORCE_PART]
+        for k in range(int(FORCE_PART), PARTIAL_COUNT):
+            sums[k] += partial[b, k]
     return sums
 
 
@@ -258,8 +260,8 @@ def sum_partials(
 
 
 @wp.func
-def renew_control(sums: partial_sums, stress: wp.vec4d, control: wp.array(dtype=wp.float64)):
-    """From the sums over the step just taken and its nominal stress [N/m]: watch limits, set the next factors, move the load."""
+def renew_control(sums: partial_sums, control: wp.array(dtype=wp.float64)):
+    """From the sums over the step just taken: watch limits, set the next factors, move the load."""
     kinetic = sums[KINETIC_PART]
     finite = wp.isfinite(kinetic) and wp.isfinite(sums[FORCE_PART])
     control[KINETIC_TWICE] = kinetic
@@ -278,7 +280,7 @@ def renew_control(sums: partial_sums, stress: wp.vec4d, control: wp.array(dtype=
         control[FRAMES_AHEAD] = wp.where(is_at_rest(control), wp.float64(1.0), wp.float64(0.0))
         control[LOAD_RESTS] = wp.where(control[RAMP_STEP] >= control[RAMP_STEPS], wp.float64(1.0), wp.float64(0.0))
         factor = control[LENGTH_FACTOR]
-        advance_load(control, stress)
+        advance_load(control, sums)
         strain = wp.abs(control[LENGTH_FACTOR] - factor)
         for k in range(4):
             strain += wp.abs(control[LOAD_STEP + k])
@@ -298,7 +300,7 @@ def update_control(
     """One thread, after each step."""
     if control[STATUS] != STATUS_RUNNING:
         return
-    renew_control(all_rows(wire_partial, body_partial), wp.vec4d(), control)
+    renew_control(all_rows(wire_partial, body_partial), control)
 
 
 @wp.kernel
@@ -316,9 +318,8 @@ def update_controls(
     world = first_world + wp.tid()
     if control[world, STATUS] == STATUS_RUNNING:
         sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1)
-        stress = wp.vec4d()
         for row in range(world * stress_rows, (world + 1) * stress_rows):
             for k in range(4):
-                stress[k] = stress[k] + wp.float64(stress_count[row, k])
+                sums[STRESS_PART + k] += wp.float64(stress_count[row, k])
                 stress_count[row, k] = wp.int64(0)
-        renew_control(sums, control[world, STRESS_UNIT] / control[world, CELL_AREA] * stress, control[world])
+        renew_control(sums, control[world])

@@ -12,6 +12,8 @@ from typing import Any
 
 import warp as wp
 
+from .control import STATUS, STATUS_RUNNING, STRESS_PART, STRESS_UNIT, is_driven
+
 PAIR_BLOCK = 64
 
 # columns of the rows of wires
@@ -107,6 +109,31 @@ def sum_wires(
     partial[block, WIRE_STRESS + 3] = yy
 
 
+@wp.func
+def pair_stress(
+    p: int,
+    unit: Any,
+    pair_table: wp.array(dtype=wp.int32),
+    pair_rest_x: wp.array(dtype=Any),
+    pair_rest_y: wp.array(dtype=Any),
+    table_x: wp.array(dtype=Any),
+    table_y: wp.array(dtype=Any),
+    pair_slide: wp.array(dtype=wp.int32),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+) -> wp.vec4d:
+    """[N m] of a pair that carries force: xx, xy, yx, yy."""
+    total = wp.vec4d()
+    for k in range(4):
+        t = pair_table[p] + pair_slide[p] - 1 + k
+        ax = wp.float64(unit * type(unit)(pair_rest_x[p] - table_x[t]))
+        ay = wp.float64(unit * type(unit)(pair_rest_y[p] - table_y[t]))
+        fx = wp.float64(pair_nodal_x[4 * p + k])
+        fy = wp.float64(pair_nodal_y[4 * p + k])
+        total += wp.vec4d(fx * ax, fx * ay, fy * ax, fy * ay)
+    return total
+
+
 @wp.kernel
 def sum_pairs(
     # in: pairs
@@ -134,34 +161,81 @@ def sum_pairs(
     force = wp.float64(0.0)
     gap_max = zero
     gap_square = wp.float64(0.0)
-    xx = wp.float64(0.0)
-    xy = wp.float64(0.0)
-    yx = wp.float64(0.0)
-    yy = wp.float64(0.0)
+    stress = wp.vec4d()
     for p in range(block * pair_block, wp.min((block + 1) * pair_block, pair_force.shape[0])):
         if pair_force[p] > zero and pair_wire[p] >= 0:
             closed += wp.float64(1.0)
             force += wp.float64(pair_force[p])
             gap_max = wp.max(gap_max, wp.abs(pair_gap[p]))
             gap_square += wp.float64(pair_gap[p]) * wp.float64(pair_gap[p])
-            for k in range(4):
-                t = pair_table[p] + pair_slide[p] - 1 + k
-                ax = wp.float64(unit * type(unit)(pair_rest_x[p] - table_x[t]))
-                ay = wp.float64(unit * type(unit)(pair_rest_y[p] - table_y[t]))
-                fx = wp.float64(pair_nodal_x[4 * p + k])
-                fy = wp.float64(pair_nodal_y[4 * p + k])
-                xx += fx * ax
-                xy += fx * ay
-                yx += fy * ax
-                yy += fy * ay
+            stress += pair_stress(p, unit, pair_table, pair_rest_x, pair_rest_y, table_x, table_y, pair_slide, pair_nodal_x,
+                                  pair_nodal_y)  # fmt: skip
     partial[block, CLOSED] = closed
     partial[block, FORCE_SUM] = force
     partial[block, GAP_MAX] = wp.float64(gap_max)
     partial[block, GAP_SQUARE] = gap_square
-    partial[block, PAIR_STRESS] = xx
-    partial[block, PAIR_STRESS + 1] = xy
-    partial[block, PAIR_STRESS + 2] = yx
-    partial[block, PAIR_STRESS + 3] = yy
+    for k in range(4):
+        partial[block, PAIR_STRESS + k] = stress[k]
+
+
+@wp.func
+def count_pair_stress(
+    begin: int,
+    end: int,
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    pair_wire: wp.array(dtype=wp.int32),
+    pair_table: wp.array(dtype=wp.int32),
+    pair_rest_x: wp.array(dtype=Any),
+    pair_rest_y: wp.array(dtype=Any),
+    table_x: wp.array(dtype=Any),
+    table_y: wp.array(dtype=Any),
+    pair_slide: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+    row: int,
+    body_partial: wp.array2d(dtype=wp.float64),
+):
+    """Leave the stress of some pairs in a row of the sums of a step, in whole counts of STRESS_UNIT."""
+    total = wp.vec4d()
+    for p in range(begin, end):
+        if pair_force[p] > type(unit)(0.0) and pair_wire[p] >= 0:
+            stress = pair_stress(p, unit, pair_table, pair_rest_x, pair_rest_y, table_x, table_y, pair_slide, pair_nodal_x,
+                                 pair_nodal_y)  # fmt: skip
+            for k in range(4):
+                total[k] += wp.rint(stress[k] / control[STRESS_UNIT])
+    for k in range(4):
+        body_partial[row, STRESS_PART + k] = total[k]
+
+
+@wp.kernel
+def count_stress_of_pairs(
+    # in: rows of the sums of bodies, and pairs of each
+    first_row: int,
+    row_pairs: int,
+    control: wp.array(dtype=wp.float64),
+    unit: Any,
+    pair_wire: wp.array(dtype=wp.int32),
+    pair_table: wp.array(dtype=wp.int32),
+    pair_rest_x: wp.array(dtype=Any),
+    pair_rest_y: wp.array(dtype=Any),
+    table_x: wp.array(dtype=Any),
+    table_y: wp.array(dtype=Any),
+    # state in
+    pair_slide: wp.array(dtype=wp.int32),
+    pair_force: wp.array(dtype=Any),
+    pair_nodal_x: wp.array(dtype=Any),
+    pair_nodal_y: wp.array(dtype=Any),
+    # in and out
+    body_partial: wp.array2d(dtype=wp.float64),
+):
+    """A thread a row, in a step of a mesh with directions given by tension."""
+    if control[STATUS] == STATUS_RUNNING and is_driven(control):
+        row = first_row + wp.tid()
+        end = wp.min((row + 1) * row_pairs, pair_force.shape[0])
+        count_pair_stress(row * row_pairs, end, control, unit, pair_wire, pair_table, pair_rest_x, pair_rest_y, table_x, table_y,
+                          pair_slide, pair_force, pair_nodal_x, pair_nodal_y, row, body_partial)  # fmt: skip
 
 
 @wp.kernel

@@ -79,6 +79,8 @@ def block_step(
     pair_nodal_x: wp.array(dtype=Any),
     pair_nodal_y: wp.array(dtype=Any),
     held_node: wp.array(dtype=wp.int32),
+    held_lever_x: wp.array(dtype=wp.float64),
+    held_lever_y: wp.array(dtype=wp.float64),
     # state in
     ux_in: wp.array(dtype=Any),
     uy_in: wp.array(dtype=Any),
@@ -134,6 +136,8 @@ def step_wires(
     pair_nodal_x: wp.array(dtype=Any),
     pair_nodal_y: wp.array(dtype=Any),
     held_node: wp.array(dtype=wp.int32),
+    held_lever_x: wp.array(dtype=wp.float64),
+    held_lever_y: wp.array(dtype=wp.float64),
     # state in
     ux_in: wp.array(dtype=Any),
     uy_in: wp.array(dtype=Any),
@@ -194,6 +198,8 @@ def step_wires(
         pair_nodal_x,
         pair_nodal_y,
         held_node,
+        held_lever_x,
+        held_lever_y,
         ux_in,
         uy_in,
         vx,

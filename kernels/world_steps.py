@@ -12,8 +12,9 @@ import warp as wp
 
 from .bodies import step_block_of_bodies
 from .contact_by_batch import contact_of_batch
-from .control import STATUS, STATUS_RUNNING, STEP, all_rows, renew_control
+from .control import STATUS, STATUS_RUNNING, STEP, all_rows, is_driven, renew_control
 from .grip import count_of, held_move
+from .sums import count_pair_stress
 from .wires import block_step, rounding_phase
 
 
@@ -188,6 +189,8 @@ def step_worlds(
                 pair_nodal_x[w],
                 pair_nodal_y[w],
                 held_node,
+                held_lever_x,
+                held_lever_y,
                 node_ux[w, now],
                 node_uy[w, now],
                 node_vx[w],
@@ -213,9 +216,13 @@ def step_worlds(
                 body_vy[w],
                 body_partial[w],
             )
+        if is_driven(control[w]):
+            count_pair_stress(0, pair_wire.shape[0], control[w], unit, pair_wire, pair_table, pair_rest_x, pair_rest_y, table_x,
+                              table_y, pair_slide[w], pair_force[w], pair_nodal_x[w], pair_nodal_y[w], wp.int32(0),
+                              body_partial[w])  # fmt: skip
         for h in range(held_node.shape[0]):
             move = held_move(control[w], wp.vec2d(held_lever_x[h], held_lever_y[h]))
             node_ux[w, then, held_node[h]] = count_of(move[0], unit)
             node_uy[w, then, held_node[h]] = count_of(move[1], unit)
-        renew_control(all_rows(wire_partial[w], body_partial[w]), wp.vec4d(), control[w])
+        renew_control(all_rows(wire_partial[w], body_partial[w]), control[w])
         parity[w] = then

@@ -282,5 +282,6 @@ for (int b = 0; b < blocks && by_block; ++b) {
     travel[b] += steer[TIME_STEP] * sqrt(largest);
 }
 #endif
+double stress[4] = {};
 double* row = partial.data + PARTIAL_COUNT * wire;
 #include "sum_of_lanes.h"

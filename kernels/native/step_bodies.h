@@ -51,5 +51,6 @@ EACH(i, 0, count) {
     fastest = qq[i] > fastest ? qq[i] : fastest;
 }
 const double kinetic = double(speed) / inverse_mass;
+double stress[4] = {};
 double* row = partial.data + PARTIAL_COUNT * block;
 #include "sum_of_lanes.h"

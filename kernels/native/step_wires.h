@@ -83,14 +83,32 @@ for (int q = pair_begin; q < pair_end; ++q) {
     }
 }
 #endif
+double stress[4] = {};
+const bool is_driven = steer[IS_DRIVEN] != 0 || steer[IS_DRIVEN + 1] != 0;
 if (held_end > held_begin) {
     TOGETHER
     EACH(q, 0, held_end - held_begin) {
         const int k = held_node.data[held_begin + q] - offset_of_block;
+        const double lever_x = held_lever_x.data[held_begin + q], lever_y = held_lever_y.data[held_begin + q];
+        stress[0] += fx[k] * lever_x;
+        stress[1] += fx[k] * lever_y;
+        stress[2] += fy[k] * lever_x;
+        stress[3] += fy[k] * lever_y;
         fx[k] = real(0);
         fy[k] = real(0);
     }
     TOGETHER
+}
+if (is_driven) {
+    EACH(k, HALO, count + HALO) {
+        stress[0] += nx[k] * rx[k];
+        stress[1] += nx[k] * ry[k];
+        stress[2] += ny[k] * rx[k];
+        stress[3] += ny[k] * ry[k];
+    }
+    for (int c = 0; c < 4; ++c) stress[c] = rint(stress[c] / steer[STRESS_UNIT]);
+} else {
+    for (int c = 0; c < 4; ++c) stress[c] = 0;
 }
 // counts are whole numbers, rounded by the phase of the step; metres are taken as they are
 const bool counted = coordinate(0.5) == coordinate(0);

@@ -1,4 +1,5 @@
-// Leaves in `row` the partial sums of kinetic, fastest, strongest and square of all threads, in a fixed order (sharing.h).
+// Leaves in `row` the partial sums of kinetic, fastest, strongest, square and stress[4] of all threads, in a fixed order
+// (sharing.h).
 {
     double sums[PARTIAL_COUNT] = {};
 #ifdef __CUDA_ARCH__
@@ -7,6 +8,7 @@
     for (int step = 16; step > 0; step /= 2) {
         energy += __shfl_down_sync(0xffffffffu, energy, step);
         squares += __shfl_down_sync(0xffffffffu, squares, step);
+        for (int c = 0; c < 4; ++c) stress[c] += __shfl_down_sync(0xffffffffu, stress[c], step);
         const auto faster = __shfl_down_sync(0xffffffffu, fastest, step);
         const auto stronger = __shfl_down_sync(0xffffffffu, strongest, step);
         fastest = faster > fastest ? faster : fastest;
@@ -19,11 +21,12 @@
     sums[SPEED_PART] = fastest;
     sums[STRONGEST_PART] = strongest;
     sums[FORCE_PART] = squares;
+    for (int c = 0; c < 4; ++c) sums[STRESS_PART + c] = stress[c];
 #ifdef __CUDA_ARCH__
     for (int c = 0; c < PARTIAL_COUNT && lane % 32 == 0; ++c) warps[PARTIAL_COUNT * (lane / 32) + c] = sums[c];
     TOGETHER
     if (lane < PARTIAL_COUNT) {
-        const bool adds = lane == KINETIC_PART || lane == FORCE_PART;
+        const bool adds = lane == KINETIC_PART || lane >= FORCE_PART;
         double total = warps[lane];
         for (int w = 1; w < blockDim.x / 32; ++w) {
             const double other = warps[PARTIAL_COUNT * w + lane];

@@ -98,7 +98,6 @@ class Steering:
     evaluated_gap = Entry(c.EVALUATED_GAP)
     near_gap = Entry(c.NEAR_GAP)
     pair_reach = Entry(c.PAIR_REACH)
-    load_motion = Entry(c.LOAD_MOTION)
     extrapolation = Entry(c.EXTRAPOLATION)
     penalty_floor = Entry(c.PENALTY_FLOOR)
     mean_push = Entry(c.MEAN_PUSH)

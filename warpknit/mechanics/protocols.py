@@ -81,7 +81,6 @@ class Mechanics(Protocol):
 
     notes: list[str]  # for the user
     may_overlap: bool  # wires may overlap now, as knitted
-    drives_tension: bool  # strains of directions given by tension are unknowns of the relaxation
     check_steps: int  # steps between convergence checks of a relaxation
     path_increment: float  # largest strain increment of the smallest mesh, whose equilibrium may depend on the load path
     path_ratios: tuple[float, float]  # residual over its tolerance to which it converges in increments on the way, and at the end
@@ -188,12 +187,6 @@ class Mechanics(Protocol):
 
     def renew_time_step(self, steps: int) -> float:
         """Set and return a time step [s] stable for the next `steps` steps."""
-
-    def reserve_for_load(self) -> None:
-        """Search neighbours, with a margin for the motion of the load."""
-
-    def follow_load(self) -> None:
-        """Search again before the load uses up that margin."""
 
     def residual_now(self) -> float:
         """Out-of-balance force and motion, for solver.residual_tolerance."""

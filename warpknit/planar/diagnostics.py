@@ -7,7 +7,8 @@ indices of some of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import warp as wp
@@ -55,6 +56,10 @@ class Sums:
     gap_max: np.ndarray  # [row] [m] largest gap or overlap of those
     gap_square: np.ndarray  # [row] [m2] summed over those
     stress: np.ndarray  # (row, 2, 2) [N/m] nominal stress of the mesh; see `Observables.nominal_stress`
+
+    def of(self, which: np.ndarray) -> Sums:
+        """The sums of some of the rows."""
+        return Sums(**{one.name: getattr(self, one.name)[which] for one in fields(self)})
 
 
 class Diagnostics:
@@ -229,11 +234,13 @@ class SlowestMode:
             )
         ]  # fmt: skip
 
-    def renew_damping(self, rows: np.ndarray) -> None:
-        """Set the damping by the last sums; unchanged without motion."""
+    def renew_damping(self, rows: np.ndarray, boundary: Sequence[np.ndarray] = ()) -> None:
+        """Set the damping by the last sums; unchanged without motion. boundary: see `DrivenStrain.motion`."""
         steering, partial = self.stepper.state.steering, fetch(self._partial)
         blocks = partial[rows].swapaxes(0, 1)
         total = self.model.ranks.exact_sum(blocks.reshape(len(blocks), -1)).reshape(-1, 2)
+        if len(boundary):
+            total += np.stack(boundary, axis=1)
         renewed = renewed_damping(steering.damping[rows], total[:, 0], total[:, 1], self._slowest)
         steering.set(rows, damping=renewed)
 

@@ -16,15 +16,16 @@ from ..compute.steering import Steering
 from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.contact_friction import stick_contacts
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
-from ..measure import force_scale
+from ..measure import force_scale, tension_scale
+from ..mechanics.driven_strain import DrivenStrain
 from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
-from ..mesh.rim import LoadPoint, Rim
+from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim
 from .diagnostics import Diagnostics, Residual, SlowestMode, Sums
 from .host_state import read_strip
 from .model import Model
 from .multipliers import Multipliers
-from .neighbours import RAMP_SHARE, NeighbourSearch
+from .neighbours import NeighbourSearch
 from .observables import PlanarObservables, read
 from .state import State
 from .step import anchor_launch
@@ -55,12 +56,34 @@ class PlanarWorlds:
         `threads`: see `WorldStepper`.
         """
         self.model = model = models[0]
-        self.stepper = WorldStepper(model, len(models), state, threads=threads)
+        by_tension = any(any(stage.by_tension) for one in models for stage in one.scene.stages)
+        self.stepper = WorldStepper(model, len(models), state, threads=threads, counts_stress=by_tension)
         self.state, self.steering = self.stepper.state, self.stepper.state.steering
         self.diagnostics, self.residual = Diagnostics(self.stepper), Residual(model)
         self.slowest_mode, self.multipliers = SlowestMode(self.stepper), Multipliers(self.diagnostics)
-        self.checked_stress = np.zeros((len(models), 2, 2))  # [N/m] nominal stress at the last convergence check
+        self.checked_stress = np.zeros((len(models), 2, 2))  # [N/m] nominal stress as last evaluated
+        self.strains = self._driven_strains()
         self.members = [PlanarMechanics(self, one, world) for world, one in enumerate(models)]
+
+    def _driven_strains(self) -> DrivenStrain:
+        """The strains that tensions drive."""
+        model, mesh = self.model, self.model.global_model
+        return DrivenStrain(
+            self.steering,
+            len(self.stepper.states),
+            self.evaluated_stress,
+            lambda rows: self.checked_stress[rows],
+            area=model.panel.area,
+            rigidity=model.axial_stiffness * float(mesh.panel.wire_length.sum()),
+            scale=tension_scale(model),
+            tolerance=model.scene.solver.residual_tolerance,
+            strain_range=PATH_STRAIN if model.scene.depends_on_path else np.inf,
+        )
+
+    def evaluated_stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] nominal stress of meshes, whose contact forces are found anew."""
+        self.stepper.run(rows, contact=True)
+        return self.sums(rows).stress
 
     def together(self) -> AbstractContextManager[None]:
         """Nothing: loads begin with little work."""
@@ -91,22 +114,31 @@ class PlanarWorlds:
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether a load is being applied."""
-        return np.asarray(self.steering.is_loading[rows])
+        return np.asarray(self.steering.is_loading[rows]) | self.strains.is_fast(rows)
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
         """Check convergence, and update damping and multipliers; checks [row]: of the level so far, this one included."""
         residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
+        self.strains.renew_masses(rows)
         self.slowest_mode.measure(rows)
+        sums = self.sums(rows)
+        boundary, missing = self.strains.motion(rows), self.strains.ratio(rows)
+        self.multipliers.rules.begin_level(rows[missing > 1.0])  # the load moves
         if not loading.all():
-            residual[~loading], ratio[~loading] = self._update(rows[~loading])
+            self.slowest_mode.renew_damping(rows[~loading], [part[~loading] for part in boundary])
+            residual[~loading], ratio[~loading] = self._update(rows[~loading], sums.of(~loading))
+            ratio = np.maximum(ratio, missing)
         return Check(residual, ratio)
 
-    def _update(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals [row] and ratios [row] of all criteria; updates damping and multipliers."""
-        self.slowest_mode.renew_damping(rows)
-        solver, sums = self.model.scene.solver, self.diagnostics.sums(rows)
+    def sums(self, rows: np.ndarray) -> Sums:
+        """Sums of meshes, whose contact forces have been found."""
+        sums = self.diagnostics.sums(rows)
         self.checked_stress[rows] = sums.stress
-        residual = self.residual_of(rows, sums)
+        return sums
+
+    def _update(self, rows: np.ndarray, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals [row] and ratios [row] of the criteria of nodes; updates multipliers."""
+        solver, residual = self.model.scene.solver, self.residual_of(rows, sums)
         ratio = residual / solver.residual_tolerance
         if solver.multipliers:
             ratio = np.maximum(ratio, self.multipliers.update(rows, sums, ratio < NEARLY_CONVERGED))
@@ -122,8 +154,8 @@ class PlanarWorlds:
             self.multipliers.bound_softening(rows[checks % SOFTENING_CHECKS == 0])
 
     def settled_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] nominal stress of the meshes."""
-        return self.diagnostics.sums(rows).stress
+        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
+        return self.strains.settled(rows, self.sums(rows).stress)
 
 
 class PlanarMechanics:
@@ -132,8 +164,7 @@ class PlanarMechanics:
     KEPT = ("notes", "_last")
 
     check_steps = CHECK_STEPS
-    can_overlap = may_overlap = drives_tension = False
-    has_load = True
+    can_overlap = may_overlap = False
     release_parts = 1
     path_increment = 0.005
     path_ratios = (5.0, 0.4)  # a slack mesh starts well from what has converged well
@@ -170,20 +201,19 @@ class PlanarMechanics:
     # --- loads
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
-        wire, state = self.model.scene.wire, self.state
-        now, then = state.steering.load, [*load.gradient.ravel().tolist(), wire.length_factor(load.temperature)]
-        state.steering.begin_ramp(then, steps, evenly=evenly)
+        state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
+        state.steering.begin_ramp([*load.gradient.ravel().tolist(), factor], steps, evenly=evenly)
         state.steering.ramp_share = 0.0 if steps else 1.0
         if self._has_temperature_field:
             state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
-        # bound on the relative affine motion of a body and a wire within the search radius
-        self.neighbours.expect(2.0 * float(np.abs(then[:4] - now[:4]).max()) * self.neighbours.radius)
+        self.search()
+        self.group.strains.begin(self.rows, np.full((1, 2), np.nan) if load.tension is None else load.tension[None])
 
     def release(self, begin: float, end: float) -> None:
         """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
-        return 0 if predicted else LOAD_STEPS
+        return 0 if predicted and load.tension is None else LOAD_STEPS
 
     def _level_values(self) -> list[wp.array]:
         """Displacements and multipliers, which `predict` extrapolates."""
@@ -242,6 +272,10 @@ class PlanarMechanics:
     def overlap(self) -> float:
         return 0.0
 
+    @property
+    def has_load(self) -> bool:
+        return not self.group.strains.at_limit(self.rows).any()
+
     def fastest(self) -> tuple[int, int]:
         panel, strip = self.model.panel, self.model.strip
         speed = np.hypot(self.state.node_vx.numpy().astype(float), self.state.node_vy.numpy().astype(float))
@@ -264,7 +298,7 @@ class PlanarMechanics:
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
-        return self.group.settled_stress(self.rows)[0]
+        return np.asarray(self.group.sums(self.rows).stress[0])
 
     @property
     def _sums(self) -> Sums:
@@ -299,14 +333,6 @@ class PlanarMechanics:
         self.state.steering.set(time_step=step)
         return step
 
-    def reserve_for_load(self) -> None:
-        self.neighbours.expect(RAMP_SHARE * self.neighbours.margin)
-
-    def follow_load(self) -> None:
-        control = self.state.steering.read()
-        if control.ramp_step < control.ramp_steps:
-            self.neighbours.follow(control.gradient.ravel())
-
     def residual_now(self) -> float:
         return float(self.group.residual_of(self.rows, self._sums)[0])
 
@@ -340,7 +366,7 @@ class PlanarMechanics:
         group, worlds = self.group, len(self.group.members)
         owners = [Owner(self.state), Owner(self.neighbours), Owner(self)]
         if self._relaxes:
-            of_worlds = [Owner(one, self.world, worlds) for one in (group.multipliers.rules, group.slowest_mode)]
+            of_worlds = [Owner(one, self.world, worlds) for one in (group.multipliers.rules, group.slowest_mode, group.strains)]
             owners += [Owner(self.history), *of_worlds]
         return owners
 

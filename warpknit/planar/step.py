@@ -27,6 +27,7 @@ from ..kernels.contact_node import follow_contact_node, lend_contact_force
 from ..kernels.control import update_control
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
+from ..kernels.sums import count_stress_of_pairs
 from ..kernels.wire_forces import WIRE_LANES
 from ..kernels.wires import step_wires
 from ..mechanics.numerics import thread_count
@@ -44,21 +45,28 @@ class Stepper:
     """Takes steps of a model's state."""
 
     def __init__(
-        self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None, world: int = 0
+        self,
+        model: Model,
+        state: State,
+        *,
+        by_pair: bool | None = None,
+        threads: int | None = None,
+        world: int = 0,
+        counts_stress: bool = False,
     ) -> None:
         """`by_pair`: contact with a thread a pair (GPU), else a thread a batch of pairs (CPU). Default: by the device.
 
         `threads` of a step on the CPU; default: by cores and mesh size, and where a step is short, by what is faster.
-        `world`: which one of many the state is.
+        `world`: which one of many the state is. `counts_stress`: whether tensions drive strains, by the stress of the step.
         """
-        self.model, self.state, self.world = model, state, world
+        self.model, self.state, self.world, self.counts_stress = model, state, world, counts_stress
         self.by_pair = model.device != "cpu" if by_pair is None else by_pair
         # hook contact constraints are not split between threads
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self.team = Team(self.threads, model.device)
         short = threads is None and self.threads > 1 and model.panel.node_count < LONG_STEP_NODES and model.strip is None
-        self._alone = Stepper(model, state, threads=1, world=world) if short else None
+        self._alone = Stepper(model, state, threads=1, world=world, counts_stress=counts_stress) if short else None
         self._faster: Stepper = self
         self._pace = Pace()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
@@ -175,9 +183,16 @@ class Stepper:
         return [
             self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
             *body_launches(model, state, then, body, bodies),
+            *([self._stress_launch(body, bodies)] if self.counts_stress else []),
             *self.team.barrier(),
             *(self._grips(then) if part == 0 else []),
         ]
+
+    def _stress_launch(self, first_row: int, rows: int) -> Launch:
+        """The stress of the pairs, as rows of the sums of bodies."""
+        model, state = self.model, self.state
+        of_row = {"first_row": first_row, "row_pairs": -(-model.pair_count // body_blocks(model))}
+        return bind(count_stress_of_pairs, rows, model.rest, model.mesh, state, model.constants, **of_row)
 
     def _grips(self, then: int) -> list[Launch]:
         model, state = self.model, self.state

@@ -10,6 +10,7 @@ of partial sums differs.
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -30,9 +31,8 @@ VALUES_A_PAIR = 3  # force and its components
 class StripStepper(Stepper):
     """Takes steps of a strip's state, together with the other ranks."""
 
-    def __init__(
-        self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None, world: int = 0
-    ) -> None:
+    def __init__(self, model: Model, state: State, **how: Any) -> None:
+        """how: see `Stepper`."""
         strip = model.strip
         assert strip is not None
         self._make_border(model, strip)
@@ -43,7 +43,7 @@ class StripStepper(Stepper):
         shared = model.panel.body_count - model.owned_bodies
         self._shared_blocks = -(-shared // BODY_BLOCK)
         self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
-        super().__init__(model, state, by_pair=by_pair, threads=threads, world=world)
+        super().__init__(model, state, **how)
         self._parts = [
             {name: [self._commands(work) for work in self._work(name, parity)] for name in ("contact", "motion", "control")}
             for parity in (0, 1)

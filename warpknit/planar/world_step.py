@@ -7,7 +7,7 @@ whose steps threads share. The order of summation is the same.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -47,8 +47,9 @@ class WorldStepper:
         *,
         by_pair: bool | None = None,
         threads: int | None = None,
+        counts_stress: bool = False,
     ) -> None:
-        """`state`: of a single world; default: as knitted. `by_pair`: see `Stepper`.
+        """`state`: of a single world; default: as knitted. `by_pair`, `counts_stress`: see `Stepper`.
 
         `threads` share the worlds, or the step of a single one; default: WARPKNIT_THREADS, or one a core.
         """
@@ -61,7 +62,9 @@ class WorldStepper:
             self.states = [self.state.world(world) for world in range(count)]
         is_small = steps_by_world(model) and not by_pair
         a_step = 1 if is_small and count > 1 else threads
-        self.steppers = [self._stepper(world, by_pair, a_step) for world in range(count)]
+        kind = Stepper if model.strip is None else StripStepper
+        how: dict[str, Any] = {"by_pair": by_pair, "threads": a_step, "counts_stress": counts_stress}
+        self.steppers = [kind(model, state, world=world, **how) for world, state in enumerate(self.states)]
         self.is_by_world = is_small and self.steppers[0].threads == 1
         sharing = min(threads, len(CORES), count) if threads else thread_count(count)
         self._team = Team(sharing if self.is_by_world else 1, model.device)
@@ -73,10 +76,6 @@ class WorldStepper:
         self._last_step = wp.zeros(count, dtype=wp.float64, device=model.device)
         self._rows = [wp.zeros(count, dtype=wp.int32, device=model.device) for _ in range(self._team.threads)]
         self._launches = [self._steps(rows) for rows in self._rows] if self.is_by_world else []
-
-    def _stepper(self, world: int, by_pair: bool | None, threads: int | None) -> Stepper:
-        kind = Stepper if self.model.strip is None else StripStepper
-        return kind(self.model, self.states[world], by_pair=by_pair, threads=threads, world=world)
 
     def _steps(self, rows: wp.array) -> wp.Launch:
         """The launch that takes all steps of some worlds."""

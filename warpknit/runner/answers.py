@@ -18,10 +18,10 @@ from itertools import groupby, pairwise
 from .. import measure
 from ..measure import MeshModel
 from ..measure.contact_classes import ContactClass, classes_of
+from ..mechanics.driven_strain import TOLERANCE
 from ..mesh.tight_loops import tension_error
 from ..results.row import Row, Values
 from ..scene import Stage
-from ..solve.tension import TOLERANCE
 from .best_tension import DRIFT, Best, best_tension, row_between, with_margin
 from .branches import STATE, Event, Jump, Rows, is_heated, state_of
 from .history import mean_tension, stages_of

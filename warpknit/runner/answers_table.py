@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ..base.text import alike, between, both, celsius, engineering, exact, is_at_grips, percent, place_text
+from ..mechanics.driven_strain import TOLERANCE
 from ..results.row import Row, Values
-from ..solve.tension import TOLERANCE
 from .answers import HEATED, Answers, ClassAnswer, Heat, Service
 from .best_tension import Best
 from .branches import Event

@@ -42,12 +42,7 @@ class Convergence:
 
     def begin(self, row: int) -> None:
         """A level of this mesh begins."""
-        self.go_on(row)
-        self._met[row] = 0
-
-    def go_on(self, row: int) -> None:
-        """A level goes on, to a smaller ratio."""
-        self._best[row], self._stalled[row] = np.inf, 0
+        self._best[row], self._stalled[row], self._met[row] = np.inf, 0, 0
 
     def with_drift(
         self,
@@ -55,27 +50,26 @@ class Convergence:
         ratio: np.ndarray,
         stress: Callable[[np.ndarray], np.ndarray],
         to_ratio: np.ndarray | float = 1.0,
-        drift_counts: np.ndarray | bool = True,
     ) -> np.ndarray:
         """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
 
         The drift ratio is computed where the residual ratio is small enough; only there `stress` (row, 2, 2) [N/m] is evaluated.
-        to_ratio: ratios asked for, of all or [row]. Above 1 both tolerances are as much larger; one below 1 is asked of the
-        residual, and waited for, not for ever. drift_counts: of all or [row].
+        to_ratio: ratios of the residual asked for, of all or [row]. Above 1 the drift does not count; one below 1 is waited for,
+        not for ever.
         """
         to_ratio = np.broadcast_to(to_ratio, ratio.shape)
-        tolerance = np.maximum(to_ratio, 1.0)
-        met, unmet = ratio < tolerance, ratio / tolerance
+        unmet = ratio / np.maximum(to_ratio, 1.0)
+        met = unmet < 1.0
         self._met[rows[~met]] = 0
-        met &= drift_counts
+        met &= to_ratio <= 1.0
         if met.any():
-            unmet[met] = np.maximum(unmet[met], self._drift_ratio(rows[met], stress(rows[met]), tolerance[met]))
+            unmet[met] = np.maximum(unmet[met], self._drift_ratio(rows[met], stress(rows[met])))
             waits = met & (self._met[rows] <= MOST_WAITING)
             unmet[waits] = np.maximum(unmet[waits], ratio[waits] / to_ratio[waits])
         return unmet
 
-    def _drift_ratio(self, rows: np.ndarray, stress: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
-        """[row] extrapolated drift of the stress over its tolerance, `tolerance` times the usual one; 1 with too few checks."""
+    def _drift_ratio(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """[row] extrapolated drift of the stress over its tolerance; 1 with too few checks."""
         self._stress[rows] = np.roll(self._stress[rows], -1, axis=1)
         self._stress[rows, -1] = stress
         self._met[rows] += 1
@@ -86,7 +80,7 @@ class Convergence:
             earlier = np.abs(before - self._stress[rows, -1 - 2 * span]).max(axis=largest)
             moved = moved / (1.0 - np.minimum(moved / np.maximum(earlier, 1e-300), self.drift.max_decay_ratio))
         scale = np.maximum(np.abs(now).max(axis=largest), self.least_tension)
-        drift = moved / (tolerance * self.tolerance * scale)
+        drift = moved / (self.tolerance * scale)
         return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, 1.0))
 
     def drifts(self, row: int) -> bool:

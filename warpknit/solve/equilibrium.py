@@ -42,9 +42,9 @@ class Equilibrium:
         self._check_steps = group.members[0].check_steps
         self._can_overlap = group.members[0].can_overlap
 
-    def begin(self, row: int, to_ratio: float = 1.0, *, drift_counts: bool = True) -> None:
+    def begin(self, row: int, to_ratio: float = 1.0) -> None:
         """Start a level: reset its checks; see `Convergence.with_drift`."""
-        self.relaxations[row].progress.begin_level(to_ratio, drift_counts=drift_counts)
+        self.relaxations[row].progress.begin_level(to_ratio)
         self.convergence.begin(row)
 
     def advance(self, rows: np.ndarray) -> CheckOutcome:
@@ -72,9 +72,8 @@ class Equilibrium:
             self.relaxations[row].progress.residual = residual
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
-        members = [self.relaxations[row].progress for row in rows]
-        asked, drift_counts = (np.array(values) for values in zip(*((p.to_ratio, p.drift_counts) for p in members), strict=True))
-        ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked, drift_counts)
+        asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
+        ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
@@ -82,9 +81,6 @@ class Equilibrium:
             failed[row] = self.relaxations[row].stalled()
         for row, unmet in zip(rows[checked].tolist(), ratio[checked].tolist(), strict=True):
             self.relaxations[row].progress.approach(unmet)
-        for row, met in zip(rows[~unconverged].tolist(), ratio[~unconverged].tolist(), strict=True):
-            progress = self.relaxations[row].progress
-            progress.reached = met * max(1.0, progress.to_ratio)
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
             if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()

@@ -12,10 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from ..compute.kept import Kept, Owner, under
-from ..errors import Diverged
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
-from ..measure.strain import strain_text, stretch
+from ..measure.strain import strain_text
 from ..mechanics.numerics import renewed_pace
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, load_response, zero_response
@@ -24,9 +23,7 @@ from .convergence import TENSION_FLOOR
 from .membrane import Correction, Membrane
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
-from .tension import MAX_STATES, TensionSearch
 
-EXPECTED_STEPS = 2  # over those of another load, from the state of a smaller mesh on: tight cloth overlaps if strained faster
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 CORRECTION_CHECKS = 4  # convergence checks between membrane corrections, at least; a multiple after some that failed
@@ -101,7 +98,6 @@ class MultilevelRelaxation(Relaxation):
             if self.scene.has_moving_edge:
                 self._rim, self.edge_work = rim, EdgeWork()
         self._correction, self._lift = Aitken(), Aitken()
-        self._expected: LoadPoint | None = None  # of a wanted tension
 
     @property
     def rim(self) -> Rim | None:
@@ -168,42 +164,12 @@ class MultilevelRelaxation(Relaxation):
                 smaller.release(begin, end)
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        self._expected = None
         if self.smaller is not None:
             load = self._solve_smaller(self.smaller, load, wanted)
-            if wanted is not None and self.cell is not None and not self.mechanics.drives_tension:
-                self._expected = self._expect(self.smaller, self.cell, load, wanted)
         if self.cell is not None and self.membrane is not None:
-            there = self._expected or load
-            at = there.gradient, there.temperature
-            self._response = find_response(self._cell_at, self.cell.model, *at, self.model.device)
+            self._response = find_response(self._cell_at, self.cell.model, load.gradient, load.temperature, self.model.device)
             self.membrane.renew(self._response)
         return load
-
-    def _expect(self, smaller: Relaxation, cell: Relaxation, load: LoadPoint, wanted: WantedTension) -> LoadPoint:
-        """The load at which the wanted tension is expected, from those of the smaller mesh and of endless cloth.
-
-        Cloth beside the grips pulls beside that between them. What a mesh carries beyond endless cloth at the same strain falls
-        with its number of repeats: T(n, strain) = T + (n'/n)(T(n', strain) - T), with the tangent of the smaller mesh from its
-        strain on. The search of the mesh begins with the tangent of this sum.
-        """
-        share = float(np.sum(1.0 / np.array(self.scene.knit.repeats)) / np.sum(1.0 / np.array(smaller.scene.knit.repeats)))
-        tangent, search = np.array(smaller.progress.search.tangent.stiffness or np.zeros((2, 2))), TensionSearch()
-        begin, tension = smaller.strain_and_tension()
-        strain: np.ndarray | None = begin
-        before, there = cell.snapshot(), load
-        try:
-            while strain is not None and search.level.states <= MAX_STATES:
-                there = load.strained(wanted.gradient(load.gradient, strain))
-                cell.solve(there)
-                beside_grips = tension + tangent @ (strain - begin)
-                expected = share * beside_grips + (1.0 - share) * cell.strain_and_tension()[1]
-                strain = self.next_strain(search, strain, expected, wanted)
-        except Diverged:
-            cell.restore(before)
-            return load
-        self.progress.search.tangent.stiffness = self.progress.search.tangent.stiffness or search.tangent.stiffness
-        return there
 
     def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and its state variables."""
@@ -217,9 +183,7 @@ class MultilevelRelaxation(Relaxation):
             self._follow_path(smaller, target)
         else:
             smaller.solve(target, wanted)
-        if wanted is None:
-            return target
-        return target.strained(wanted.gradient(target.gradient, np.diag(stretch(smaller.state.gradient)) - 1.0))
+        return target if wanted is None else wanted.strained(target, smaller.state.gradient)
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Load the smallest mesh in small increments: the equilibrium may depend on the load path."""
@@ -254,9 +218,6 @@ class MultilevelRelaxation(Relaxation):
                 )
                 self.mechanics.set_load(begin, 0)
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
-            if self._expected is not None:
-                steps = EXPECTED_STEPS * self.mechanics.load_steps(self._expected, predicted=False)
-                self.mechanics.set_load(self._expected, steps)
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
@@ -284,8 +245,8 @@ class MultilevelRelaxation(Relaxation):
                 self.advance(MOVE_STEPS)
                 self.mechanics.renew_damping()
 
-    def _begin_solving(self, to_ratio: float, *, drift_counts: bool = True) -> None:
-        super()._begin_solving(to_ratio, drift_counts=drift_counts)
+    def _begin_solving(self, to_ratio: float) -> None:
+        super()._begin_solving(to_ratio)
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from .tension import TensionSearch
-
 MOST_SHARE = 0.9  # of the way to convergence that a level which has not converged is said to be
 
 
@@ -39,11 +37,8 @@ class Progress:
     checks: int = 0  # convergence checks of the level
     largest_ratio: float = 0.0  # of the level: the unmet criteria of convergence, over their tolerances
     to_ratio: float = 1.0  # criteria of convergence over their tolerances that are asked for
-    drift_counts: bool = True  # whether that of the tension is among them
-    reached: float = 1e30  # the same where the level last converged
     level_share: float = 0.0  # of the way to convergence, in decades of that ratio; 0 while smaller meshes are solved
     start: LoadStart = field(default_factory=LoadStart)  # of the stage
-    search: TensionSearch = field(default_factory=TensionSearch)
     # large meshes
     ratio: float = 1e30  # residual over its tolerance at the last check
     next_balance: int = 0  # check from which the balance as a membrane is due
@@ -61,10 +56,10 @@ class Progress:
     followed: list[float] = field(default_factory=list)  # strains and tensions [N/m] at the last check
     stress: list[float] = field(default_factory=list)  # [N/m] nominal stress at the last check
 
-    def begin_level(self, to_ratio: float = 1.0, *, drift_counts: bool = True) -> None:
+    def begin_level(self, to_ratio: float = 1.0) -> None:
         """A level begins: it has no check yet."""
         self.checks, self.largest_ratio, self.level_share = 0, 0.0, 0.0
-        self.to_ratio, self.drift_counts = to_ratio, drift_counts
+        self.to_ratio = to_ratio
 
     def approach(self, ratio: float) -> None:
         """Note, at a check, the unmet criteria of convergence over their tolerances."""
@@ -79,4 +74,4 @@ class Progress:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Progress:
-        return cls(**{**values, "search": TensionSearch.from_dict(values["search"]), "start": LoadStart(**values["start"])})
+        return cls(**{**values, "start": LoadStart(**values["start"])})

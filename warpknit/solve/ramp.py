@@ -61,7 +61,7 @@ class Ramp(Drive):
                 self._apply_load(stage, 1.0, None, steps, evenly=False)
             progress.compliance = [1.0 / tension_scale(self.model)] * 2
             progress.strain_move = []
-            self.mechanics.reserve_for_load()
+            self.mechanics.begin_level()
             progress.solving = True
         recorded = progress.level - unloaded
         while True:
@@ -76,7 +76,6 @@ class Ramp(Drive):
             control = self.state.steering.read()
             share = self._share(stage, control)
             progress.load_factor = smooth(share)
-            self.mechanics.follow_load()
             if share >= 1.0 and self._has_converged() and self._has_tension(stage):
                 break
             if progress.time > (1.0 + HOLD_LIMIT) * self.loading_time:

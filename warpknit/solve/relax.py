@@ -1,7 +1,7 @@
 """The drive `relax`: every load level is brought to equilibrium by dynamic relaxation with fictitious masses.
 
 The load of a level is applied at once or within some steps; the mesh follows the boundary affinely (Cauchy-Born), from an
-extrapolation of the last two levels. Directions driven by tension are found by a sequence of equilibria (tension.py).
+extrapolation of the last two levels. Strains of directions driven by tension are unknowns (mechanics/driven_strain.py).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, under
 from ..errors import Diverged, NoProgress, StepLimitExceeded
-from ..measure import energy_scale, tension_scale
+from ..measure import energy_scale
 from ..measure.events import Level, happens, level_of
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..measure.table import Record
@@ -31,13 +31,10 @@ from .drive import Drive
 from .equilibrium import Equilibrium
 from .progress import Progress
 from .stage_load import history_steps
-from .tension import MAX_STATES, TensionSearch, relative_miss
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
 MAX_SLOW_CUTS = 2  # the same where it fails after many steps without progress
-APPROXIMATE = 10.0  # criteria over their tolerances: with smaller ones the tension of an equilibrium is known approximately
-NEAR, CLOSER = 3.0, 0.5  # errors of such a tension from the wanted one, at which the equilibrium is solved closer, and how far
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
 FEWEST_LEVELS = 4  # of a stage whose levels are found automatically
 MOST_REFINED = 50_000  # nodes of a mesh of which some equilibria are kept: between larger ones no level is added
@@ -50,11 +47,16 @@ class WantedTension:
     driven: np.ndarray  # (2,) bool
     tension: np.ndarray  # (2,) [N/m]
 
-    def gradient(self, gradient: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        """The deformation gradient with `strain` in the driven directions."""
-        there = stretch(gradient)
-        there[np.diag_indices(2)] = np.where(self.driven, 1.0 + strain, np.diag(there))
-        return rotation(clamp_rotation(gradient)).T @ there
+    @property
+    def given(self) -> np.ndarray:
+        """(2,) [N/m]; nan where a strain is given."""
+        return np.where(self.driven, self.tension, np.nan)
+
+    def strained(self, load: LoadPoint, gradient: np.ndarray) -> LoadPoint:
+        """A load with the strains of another `gradient` (2, 2) in the driven directions."""
+        there = stretch(load.gradient)
+        there[np.diag_indices(2)] = np.where(self.driven, np.diag(stretch(gradient)), np.diag(there))
+        return load.strained(rotation(clamp_rotation(load.gradient)).T @ there)
 
 
 @dataclass(frozen=True)
@@ -315,7 +317,7 @@ class Relaxation(Drive):
     def reach(self, load: LoadPoint, wanted: WantedTension | None, to_ratio: float = 1.0) -> Iterator[Unsolved]:
         """Find the equilibrium at a load, or continue an unfinished one.
 
-        to_ratio: see `Convergence.with_drift`; the drift does not count where it is above 1.
+        to_ratio: see `Convergence.with_drift`.
         """
         progress, self._wanted = self.progress, wanted
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
@@ -324,20 +326,14 @@ class Relaxation(Drive):
         self.mechanics.may_overlap = as_knitted and progress.part == 0
         if not progress.solving:
             load = self._prepare(load, wanted)
-            if wanted is not None and self.mechanics.drives_tension:
-                load = replace(load, tension=np.where(wanted.driven, wanted.tension, np.nan))
-            if wanted is None or self.mechanics.drives_tension:
-                self.begin_level(load, to_ratio, drift_counts=to_ratio <= 1.0)
-            else:
-                self.begin_level(load, APPROXIMATE)
+            if wanted is not None:
+                load = replace(load, tension=wanted.given)
+            self.begin_level(load, to_ratio)
         yield UNSOLVED
-        while wanted is not None and self.mechanics.drives_tension and not self.mechanics.has_load:
+        while wanted is not None and not self.mechanics.has_load:
             self.mechanics.advance_history()
-            wanted_tension = np.where(wanted.driven, wanted.tension, np.nan)
-            self.begin_level(replace(load.strained(self.state.gradient), tension=wanted_tension), to_ratio)
+            self.begin_level(replace(load.strained(self.state.gradient), tension=wanted.given), to_ratio)
             yield UNSOLVED
-        if wanted is not None and not self.mechanics.drives_tension:
-            yield from self._find_tension(wanted, load)
         self.mechanics.may_overlap = False
         progress.solving, progress.level_share = False, 0.0
 
@@ -353,21 +349,17 @@ class Relaxation(Drive):
         return mechanics.observe().nominal_stress, mechanics.state_variables()
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        """Prepare a load level; return its load, with the strain at which the wanted tension is expected."""
-        if wanted is not None and self.mechanics.drives_tension:
-            return load
-        strain = None if wanted is None else self.progress.search.tangent.predicted_strain(wanted.tension, wanted.driven)
-        return load if wanted is None or strain is None else load.strained(wanted.gradient(load.gradient, strain))
+        """Prepare a load level; return its load, with the strains from which a wanted tension is reached."""
+        return load
 
-    def begin_level(self, load: LoadPoint, to_ratio: float, *, drift_counts: bool = True) -> None:
+    def begin_level(self, load: LoadPoint, to_ratio: float) -> None:
         """Start the next level: predict its state and apply its load; see `Convergence.with_drift`."""
         self._start_level(load)
-        self.progress.search.begin_level()
         self.mechanics.begin_level()
         if to_ratio <= 1.0:
             self._begin_test()
         self.progress.solving = True
-        self._begin_solving(to_ratio, drift_counts=drift_counts)
+        self._begin_solving(to_ratio)
 
     def _begin_test(self) -> None:
         """Test whether the equilibrium of this level is stable; surely before the load and at the end of a stage."""
@@ -385,56 +377,8 @@ class Relaxation(Drive):
         self._last_gradient = now
         self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=ratio > 0.0))
 
-    def _begin_solving(self, to_ratio: float, *, drift_counts: bool = True) -> None:
-        self.equilibrium.begin(self.row, to_ratio, drift_counts=drift_counts)
-
-    def strain_and_tension(self) -> tuple[np.ndarray, np.ndarray]:
-        """Strain (2,) and tension (2,) [N/m] of the mesh in weft and warp."""
-        observed = self.mechanics.observe()
-        return np.diag(observed.stretch) - 1.0, self.mesh_tension(observed)
-
-    def next_strain(
-        self, search: TensionSearch, strain: np.ndarray, tension: np.ndarray, wanted: WantedTension, to_ratio: float = 1.0
-    ) -> np.ndarray | None:
-        """Strain (2,) that a search tries next, or None where the tension is reached; to_ratio: of this equilibrium."""
-        scale, tolerance = tension_scale(self.model), self.scene.solver.residual_tolerance
-        return search.next_strain(strain, tension, wanted.tension, wanted.driven, scale, tolerance, to_ratio)
-
-    def _find_tension(self, wanted: WantedTension, load: LoadPoint) -> Iterator[Unsolved]:
-        """Vary the strain until the equilibrium carries the prescribed tension.
-
-        An equilibrium that carries another tension need not be exact: it is left once the tension is known well enough.
-        """
-        progress = self.progress
-        while True:
-            strain, tension = self.strain_and_tension()
-            miss = relative_miss(tension, wanted.tension, wanted.driven, tension_scale(self.model))
-            asked = max(1.0, miss / (NEAR * self.scene.solver.residual_tolerance))
-            if asked < progress.to_ratio:
-                progress.to_ratio = max(1.0, min(asked, CLOSER * progress.to_ratio))
-                self.equilibrium.convergence.go_on(self.row)
-                begins_test = progress.to_ratio == 1.0 and not progress.search.level.is_exact
-                if begins_test:
-                    progress.search.level.is_exact = True
-                    self._begin_test()
-                if begins_test or progress.reached >= progress.to_ratio:
-                    yield UNSOLVED
-                continue
-            next_strain = self.next_strain(progress.search, strain, tension, wanted, progress.to_ratio)
-            if next_strain is None:
-                return
-            if progress.search.level.states > MAX_STATES:
-                force = [engineering(float(value), "N/m") for value in (*wanted.tension, *tension)]
-                raise NoProgress(
-                    f"stage {self.progress.stage!r}, load {self.progress.load_factor:.3g}: no strain found at which the mesh"
-                    f" carries {force[0]} in weft and {force[1]} in warp (last state: {force[2]} and"
-                    f" {force[3]} at {percent(strain[0])} / {percent(strain[1])}): the mesh goes from slack to taut"
-                    " there, or jumps to another equilibrium; give other output.frames, or strains"
-                )
-            self._begin_solving(APPROXIMATE)
-            load = load.strained(wanted.gradient(self.state.gradient, next_strain))
-            self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=False))
-            yield UNSOLVED
+    def _begin_solving(self, to_ratio: float) -> None:
+        self.equilibrium.begin(self.row, to_ratio)
 
     def corrected(self, ratio: float) -> float:
         """The residual ratio after corrections beside the time steps."""

@@ -15,6 +15,7 @@ from ..compute.host import Entries, fetch, store
 from ..compute.kept import Owner
 from ..compute.steering import Steering
 from ..measure import tension_scale
+from ..mechanics.driven_strain import DrivenStrain
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check, Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
@@ -24,7 +25,6 @@ from ..wires.overlaps import CLOSEST
 from .clamps import Edge, MovingClamps
 from .contact_multipliers import ContactMultipliers
 from .convergence import Residual, Stability, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
-from .driven_strain import DrivenStrain, StepStress
 from .fields import Fields
 from .masses import Masses
 from .model import SpatialModel, initial_state, segment_thermal_strain
@@ -36,6 +36,7 @@ from .rod_step import RodStepper
 from .rods import joined
 from .search_cells import search_cells
 from .sites import Sites
+from .step_stress import StepStress
 from .strip import RodStrip
 from .strip_step import stepper_of
 from .transfer import MembraneGrid, Prolongation
@@ -99,10 +100,19 @@ class SpatialWorlds:
         wires, nodes = model.wires, self.stepper.arrays.world_nodes
         held = np.concatenate([wires.held_node + k * nodes for k in range(worlds)])
         StepStress(self.stepper, self.contact, held, np.concatenate([wires.held_lever] * worlds))
+        rods = model.global_model.rods
+
+        def stress_at(rows: np.ndarray) -> np.ndarray:
+            self.stepper.evaluate(0.0, rows=rows)
+            return self.evaluated_stress(rows)
+
         return DrivenStrain(
-            self.stepper,
+            self.stepper.steering,
+            worlds,
+            stress_at,
             self.evaluated_stress,
             area=model.panel.area,
+            rigidity=float((rods.of_wires("axial_stiffness") * rods.wire_length).sum()),
             scale=tension_scale(model),
             tolerance=model.scene.solver.residual_tolerance,
             strain_range=PATH_STRAIN if model.scene.depends_on_path else np.inf,
@@ -230,7 +240,7 @@ class SpatialWorlds:
         if not loading.all():
             ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
         if self.strains is not None:
-            self.strains.hold(rows, missing, is_tested=stability.is_running[rows])
+            self.strains.rest(rows, stability.is_running[rows])
         for world in np.flatnonzero(stability.has_left & ~left).tolist():
             self.members[world].tell(stability.note(world))
         tolerance = self.model.scene.solver.residual_tolerance
@@ -267,7 +277,6 @@ class SpatialMechanics:
     check_steps = CHECK_STEPS
     can_overlap = True
     may_overlap = False
-    drives_tension = True
     drift = DRIFT
     path_increment = FOLLOWED_INCREMENT
     path_ratios = (1.0, 1.0)  # tight knits snap on the way
@@ -557,12 +566,6 @@ class SpatialMechanics:
         step = self.relaxation.stable_time_step()
         self.state.steering.set(time_step=step)
         return step
-
-    def reserve_for_load(self) -> None:
-        self.contact.pop_max_penetration()
-
-    def follow_load(self) -> None:
-        """Nothing: the motion of the load counts as travel."""
 
     def residual_now(self) -> float:
         self.stepper.evaluate()

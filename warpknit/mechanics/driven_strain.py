@@ -1,8 +1,7 @@
-"""Strains of directions given by tension, as unknowns of the relaxation (kernels/control.py): what steps and checks need for it.
+"""Strains of directions given by tension, as unknowns of the relaxation (kernels/control.py): what checks need for it.
 
-A step adds up its own nominal stress, in counts whose sum does not depend on threads (kernels/rod_stress.py). A convergence check
-renews the masses of the strains from the affine stiffness, takes their motion into the estimate of the damping, and holds strains
-whose tension is nearly the wanted one, so that the mesh comes to rest at a fixed boundary.
+A step adds up its own nominal stress, in counts whose sum does not depend on threads, ranks or worlds. A convergence check renews
+the masses of the strains from the affine stiffness, and takes their motion into the estimate of the damping.
 """
 
 from __future__ import annotations
@@ -10,88 +9,57 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import warp as wp
 
-from ..compute.launch import Launch, bind
-from ..kernels.rod_stress import count_clamp_stress, count_segment_stress
+from ..compute.steering import Steering
 from ..measure.strain import clamp_rotation, rotation, stretch, true_stress
-from .rod_arrays import StepForces
-from .rod_step import RodStepper, WireGroup
-from .wire_contact import WireContact
 
-COUNTS = 2.0**60  # of EA times the length of all wires, which no stress times the area comes near
+COUNTS = 2.0**52  # of EA times the length of all wires, which no stress times the area comes near: whole numbers in float64
 STRAIN_LIMIT = 3e-4  # of a step
 FAST = 0.5  # of that limit: faster strains count as loading
 MASS = 1.0  # over the affine stiffness; from 0.5 to 2 the steps are the same
 LEAST_STIFFNESS = 0.02  # of EI/C^3: of a slack mesh
-PROBE, PROBE_CHECKS = 1e-6, 4  # strain of the affine stiffness, and convergence checks between two of them
-HELD, RELEASED, MOST_HOLDS = 0.25, 0.5, 12  # missing tension over its tolerance, and how often in a level
+PROBE, PROBE_CHECKS = 1e-4, 4  # strain of the affine stiffness, well above round-off, and convergence checks between two of them
 TOLERANCE = 2e-3  # of a tension, relative to the wanted one or to half of the larger tension; at most
 TOLERANCE_SHARE = 1.0 / 3.0  # the same over the residual tolerance: soft meshes answer heat by few tolerances of their strain
 LEAST_TENSION = 0.01  # of EI/C^3: below it tensions count as zero
 
 
-class StepStress:
-    """Launches of a step that add up its nominal stress. Sets itself as that of the stepper."""
-
-    def __init__(self, stepper: RodStepper, contact: WireContact, held_node: np.ndarray, held_lever: np.ndarray) -> None:
-        """held_node [held], of all worlds; held_lever (held, 2) [m] from their clamps."""
-        order, device = np.argsort(held_node, kind="stable"), stepper.device
-        self._stepper, self._contact, self._held = stepper, contact, held_node[order]
-        self._clamps: dict[str, wp.array] = {
-            "held_node": wp.array(self._held, dtype=wp.int32, device=device),
-            "held_lever": wp.array(held_lever[order], dtype=wp.vec2d, device=device),
-        }
-        stepper.add_up_stress(self)
-
-    def of_contacts(self, blocks: range, row: int) -> list[Launch]:
-        """Launches for the contacts of blocks of nodes; row: of the counts."""
-        return [self._contact.stress_launch(blocks, own_row=row, stress_count=self._stepper.stress_count)]
-
-    def of_group(self, group: WireGroup, stored: StepForces, row: int) -> list[Launch]:
-        """Launches for the wires of a group, whose forces have just been stored."""
-        sources = (self._stepper.arrays, self._stepper.state)
-        count = {"own_row": row, "stress_count": self._stepper.stress_count}
-        first, end = np.searchsorted(self._held, [group.nodes.start, group.nodes.stop]).tolist()
-        forces = {"stored_from": stored.stored_from, "force": stored.force}
-        return [
-            bind(count_segment_stress, len(group.blocks), *sources, first_block=group.blocks.start, **count),
-            bind(count_clamp_stress, end - first, *sources, first_held=first, **forces, **self._clamps, **count),
-        ]
-
-
 class DrivenStrain:
-    """Strains of the worlds of a stepper; arrays (world, direction), weft and warp."""
+    """Strains of worlds; arrays (world, direction), weft and warp."""
 
-    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_is_held", "_holds", "_last_strain", "_last_force", "tension")
+    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_last_strain", "_last_force", "_carried", "tension")
 
     def __init__(
         self,
-        stepper: RodStepper,
-        stress: Callable[[np.ndarray], np.ndarray],
+        steering: Steering,
+        worlds: int,
+        stress_at: Callable[[np.ndarray], np.ndarray],
+        stress_now: Callable[[np.ndarray], np.ndarray],
         *,
         area: float,
+        rigidity: float,
         scale: float,
         tolerance: float,
         strain_range: float,
     ) -> None:
-        """stress: (row, 2, 2) [N/m] nominal stress of rows in the state last evaluated; area [m2] of a world at rest;
-        scale [N/m]: EI/C^3; tolerance: of the residual; strain_range: most strain from one equilibrium to the next."""
-        rods, worlds = stepper.rods, stepper.worlds
-        self._stepper, self._steering, self._stress_of = stepper, stepper.steering, stress
+        """stress_at: evaluates rows, and returns their nominal stress (row, 2, 2) [N/m]; stress_now: that last evaluated.
+
+        area [m2] of a world at rest; rigidity [N m]: sum of EA times length over its wires; scale [N/m]: EI/C^3; tolerance: of
+        the residual; strain_range: most strain from one equilibrium to the next.
+        """
+        self._steering, self._stress_at, self._stress_now = steering, stress_at, stress_now
         self._area, self._scale = area, scale
         self.tolerance = min(TOLERANCE, TOLERANCE_SHARE * tolerance)
         self.wanted = np.full((worlds, 2), np.nan)  # [N/m], where a direction is given by tension
         self.tension = np.zeros((worlds, 2))  # [N/m] at the last convergence check
         self._mass = np.ones((worlds, 2))  # [N/m]
         self._stiffness = np.zeros((worlds, 2, 2))  # [N/m] change of tensions by strains that all nodes follow
-        self._checks, self._holds = np.zeros((2, worlds), dtype=int)
-        self._is_held = np.zeros(worlds, dtype=bool)
+        self._checks = np.zeros(worlds, dtype=int)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
-        length = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum()) / worlds
+        self._carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
         self._constants = {
             "cell_area": area,
-            "stress_unit": length / COUNTS,
+            "stress_unit": rigidity / COUNTS,
             "strain_limit": STRAIN_LIMIT,
             "strain_range": strain_range,
         }
@@ -108,26 +76,27 @@ class DrivenStrain:
         """[row] whether strains move as fast as while a load is applied."""
         return np.asarray(np.abs(self._steering.strain_speed[rows]).max(axis=1) > FAST * STRAIN_LIMIT)
 
-    # --- the state last evaluated
+    # --- tensions
 
-    def _measured(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(row, 2) strains and true tensions [N/m]."""
-        strain, tension = np.zeros((2, len(rows), 2))
-        for k, (gradient, nominal) in enumerate(zip(self._steering.gradient[rows], self._stress_of(rows), strict=True)):
-            there = stretch(gradient)
-            strain[k] = np.diag(there) - 1.0
-            tension[k] = np.diag(true_stress(rotation(clamp_rotation(gradient)) @ nominal, there))
-        return strain, tension
+    def _strain(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2) strains of the boundary."""
+        return np.array([np.diag(stretch(gradient)) for gradient in self._steering.gradient[rows]]) - 1.0
+
+    def _tension(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """(row, 2) [N/m] true tensions of nominal stresses (row, 2, 2) [N/m]."""
+        tension = np.zeros((len(rows), 2))
+        for k, (gradient, nominal) in enumerate(zip(self._steering.gradient[rows], stress, strict=True)):
+            tension[k] = np.diag(true_stress(rotation(clamp_rotation(gradient)) @ nominal, stretch(gradient)))
+        return tension
 
     def _probe(self, rows: np.ndarray) -> None:
         """Renew the affine stiffness of worlds, and the masses of their strains; they are to be evaluated anew."""
-        stepper, gradient = self._stepper, self._steering.gradient[rows]
+        gradient = self._steering.gradient[rows]
         both = np.zeros((2, 2, len(rows), 2))  # side, sign
         for side, sign in np.ndindex(2, 2):
             moved = np.array([_strained(one, side, PROBE * (1 - 2 * sign)) for one in gradient])
             self._steering.set(rows, gradient=moved)
-            stepper.evaluate(0.0, rows=rows)
-            both[side, sign] = self._measured(rows)[1]
+            both[side, sign] = self._tension(rows, self._stress_at(rows))
         self._steering.set(rows, gradient=gradient)
         self._stiffness[rows] = np.moveaxis((both[:, 0] - both[:, 1]) / (2.0 * PROBE), 0, 2)
         stiffness = np.abs(self._stiffness[rows]).sum(axis=2)
@@ -139,15 +108,14 @@ class DrivenStrain:
     def begin(self, rows: np.ndarray, wanted: np.ndarray) -> None:
         """Begin loads of worlds: from the tension now to the `wanted` one (row, 2) [N/m], nan where a strain is given."""
         self.wanted[rows] = wanted
-        self._checks[rows], self._holds[rows], self._is_held[rows] = 0, 0, False
+        self._checks[rows] = 0
         self._last_strain[rows] = np.nan
         own = rows[np.isfinite(wanted).any(axis=1)]
-        strain = np.array([np.diag(stretch(gradient)) for gradient in self._steering.gradient[rows]]) - 1.0
-        self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=strain, **self._constants)
+        origin = self._strain(rows)
+        self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=origin, **self._constants)
         if not len(own):
             return
-        self._stepper.evaluate(0.0, rows=own)
-        self.tension[own] = self._measured(own)[1]
+        self.tension[own] = self._tension(own, self._stress_at(own))
         self._probe(own)
         driven = self.driven(own)
         begin = np.where(driven, self.tension[own], 0.0)
@@ -164,7 +132,7 @@ class DrivenStrain:
 
     def motion(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """[row] [J] motion of the strains since the last check times the change of their forces, and twice its kinetic energy."""
-        strain, tension = self._measured(rows)
+        strain, tension = self._strain(rows), self._tension(rows, self._stress_now(rows))
         driven = self.driven(rows)
         self.tension[rows] = tension
         force = np.where(driven, tension * (1.0 + strain[:, ::-1]), 0.0)
@@ -172,6 +140,7 @@ class DrivenStrain:
         moved = np.where(is_known, strain - self._last_strain[rows], 0.0)
         work = -self._area * np.sum(moved * np.where(is_known, force - self._last_force[rows], 0.0), axis=1)
         self._last_strain[rows], self._last_force[rows] = strain, force
+        self._carried[rows] += np.diagonal(self._stiffness[rows], axis1=1, axis2=2) * moved
         return work, self._area * np.sum(self._mass[rows] * moved**2, axis=1)
 
     def ratio(self, rows: np.ndarray) -> np.ndarray:
@@ -186,23 +155,16 @@ class DrivenStrain:
             missing = np.abs(wanted - tension) / np.maximum(np.abs(wanted), least)
         return np.asarray(np.where(self.driven(rows) & ~at_limit, missing, 0.0).max(axis=1) / self.tolerance)
 
-    def hold(self, rows: np.ndarray, ratio: np.ndarray, *, is_tested: np.ndarray) -> None:
-        """Hold or release strains by what their tensions lack; those of meshes whose stability is tested stay."""
-        begins = ~self._is_held[rows] & (ratio < HELD) & (self._holds[rows] < MOST_HOLDS)
-        self._holds[rows] += begins
-        self._is_held[rows] = begins | (self._is_held[rows] & (ratio < RELEASED))
-        rests = self._is_held[rows] | is_tested
+    def rest(self, rows: np.ndarray, rests: np.ndarray) -> None:
+        """Have the strains of some worlds rest, and those of the others go on; rests [row]."""
         moves = self.driven(rows) & ~rests[:, None]
         speed = np.where(moves, self._steering.strain_speed[rows], 0.0)
         self._steering.set(rows, is_driven=moves, strain_speed=speed)
 
     def settled(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] stress less what the strain adds by the affine stiffness: at rest only where the strain is, too."""
+        """(row, 2, 2) [N/m] stress less what strains add by the affine stiffness: at rest only where the strains are, too."""
         settled = stress.copy()
-        strain = np.array([np.diag(stretch(gradient)) for gradient in self._steering.gradient[rows]]) - 1.0
-        stiffness = np.diagonal(self._stiffness[rows], axis1=1, axis2=2)
-        for k in range(2):
-            settled[:, k, k] -= np.where(self.driven(rows)[:, k], stiffness[:, k] * strain[:, k], 0.0)
+        settled[:, [0, 1], [0, 1]] -= self._carried[rows]
         return settled
 
 
