@@ -5,7 +5,8 @@ The nominal stress of the mesh, its work-conjugate to the deformation gradient, 
     segments   n (x) E0        n the force of the segment (wire_forces.py), E0 its edge at rest
     pairs      f (x) (X_body - X_node) over their four nodes
 
-over the rest area; planar/observables.py adds the held nodes. Other sums are by wire or over the mesh.
+over the rest area; planar/diagnostics.py adds the held nodes. It is summed in whole counts of STRESS_UNIT, so that the sum does
+not depend on its order. Other sums are by wire or over the mesh.
 """
 
 from typing import Any
@@ -25,7 +26,7 @@ TENSION_MAX = wp.constant(4)  # [N]
 TURNING_MAX = wp.constant(5)  # [rad]
 TENSION_SQUARE = wp.constant(6)  # [N2] summed
 TURNING_SQUARE = wp.constant(7)  # [rad2] summed
-WIRE_STRESS = wp.constant(8)  # [N m] 4 entries xx, xy, yx, yy
+WIRE_STRESS = wp.constant(8)  # counts of STRESS_UNIT, 4 entries xx, xy, yx, yy
 WIRE_COLUMNS = 12
 
 # columns of the rows of pairs
@@ -33,7 +34,7 @@ CLOSED = wp.constant(0)  # closed pairs
 FORCE_SUM = wp.constant(1)  # [N]
 GAP_MAX = wp.constant(2)  # [m] largest |gap| of a closed pair
 GAP_SQUARE = wp.constant(3)  # [m2] summed over closed pairs
-PAIR_STRESS = wp.constant(4)  # [N m] 4 entries
+PAIR_STRESS = wp.constant(4)  # counts of STRESS_UNIT, 4 entries
 PAIR_COLUMNS = 8
 
 
@@ -44,6 +45,7 @@ def sum_wires(
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),
     first_block: int,
+    control: wp.array(dtype=wp.float64),
     true_stiffness: wp.float64,
     # in: rest data
     rest_x: wp.array(dtype=Any),
@@ -80,10 +82,7 @@ def sum_wires(
         turning_max = wp.max(turning_max, wp.abs(turn))
         tension_square += pull * pull
         turning_square += turn * turn
-    xx = wp.float64(0.0)
-    xy = wp.float64(0.0)
-    yx = wp.float64(0.0)
-    yy = wp.float64(0.0)
+    stress = wp.vec4d()
     for k in range(block_count[block]):
         i = begin + k
         t = block_table[block] + k
@@ -91,10 +90,7 @@ def sum_wires(
         fy = wp.float64(force_y[i])
         ax = wp.float64(rest_x[t])
         ay = wp.float64(rest_y[t])
-        xx += fx * ax
-        xy += fx * ay
-        yx += fy * ax
-        yy += fy * ay
+        stress += wp.vec4d(fx * ax, fx * ay, fy * ax, fy * ay)
     partial[block, STRAIN_MAX] = strain_max
     partial[block, ERROR_MAX] = error_max
     partial[block, ERROR_SUM] = error_sum
@@ -103,10 +99,8 @@ def sum_wires(
     partial[block, TURNING_MAX] = turning_max
     partial[block, TENSION_SQUARE] = tension_square
     partial[block, TURNING_SQUARE] = turning_square
-    partial[block, WIRE_STRESS] = xx
-    partial[block, WIRE_STRESS + 1] = xy
-    partial[block, WIRE_STRESS + 2] = yx
-    partial[block, WIRE_STRESS + 3] = yy
+    for k in range(4):
+        partial[block, WIRE_STRESS + k] = wp.rint(stress[k] / control[STRESS_UNIT])
 
 
 @wp.func
@@ -121,8 +115,9 @@ def pair_stress(
     pair_slide: wp.array(dtype=wp.int32),
     pair_nodal_x: wp.array(dtype=Any),
     pair_nodal_y: wp.array(dtype=Any),
+    stress_unit: wp.float64,
 ) -> wp.vec4d:
-    """[N m] of a pair that carries force: xx, xy, yx, yy."""
+    """[counts] of a pair that carries force: xx, xy, yx, yy."""
     total = wp.vec4d()
     for k in range(4):
         t = pair_table[p] + pair_slide[p] - 1 + k
@@ -130,8 +125,8 @@ def pair_stress(
         ay = wp.float64(unit * type(unit)(pair_rest_y[p] - table_y[t]))
         fx = wp.float64(pair_nodal_x[4 * p + k])
         fy = wp.float64(pair_nodal_y[4 * p + k])
-        total += wp.vec4d(fx * ax, fx * ay, fy * ax, fy * ay)
-    return total
+        total += wp.vec4d(fx * ax, fx * ay, fy * ax, fy * ay) / stress_unit
+    return wp.vec4d(wp.rint(total[0]), wp.rint(total[1]), wp.rint(total[2]), wp.rint(total[3]))
 
 
 @wp.kernel
@@ -139,6 +134,7 @@ def sum_pairs(
     # in: pairs
     first_block: int,
     pair_block: int,
+    control: wp.array(dtype=wp.float64),
     unit: Any,
     pair_wire: wp.array(dtype=wp.int32),
     pair_table: wp.array(dtype=wp.int32),
@@ -169,7 +165,7 @@ def sum_pairs(
             gap_max = wp.max(gap_max, wp.abs(pair_gap[p]))
             gap_square += wp.float64(pair_gap[p]) * wp.float64(pair_gap[p])
             stress += pair_stress(p, unit, pair_table, pair_rest_x, pair_rest_y, table_x, table_y, pair_slide, pair_nodal_x,
-                                  pair_nodal_y)  # fmt: skip
+                                  pair_nodal_y, control[STRESS_UNIT])  # fmt: skip
     partial[block, CLOSED] = closed
     partial[block, FORCE_SUM] = force
     partial[block, GAP_MAX] = wp.float64(gap_max)
@@ -201,10 +197,8 @@ def count_pair_stress(
     total = wp.vec4d()
     for p in range(begin, end):
         if pair_force[p] > type(unit)(0.0) and pair_wire[p] >= 0:
-            stress = pair_stress(p, unit, pair_table, pair_rest_x, pair_rest_y, table_x, table_y, pair_slide, pair_nodal_x,
-                                 pair_nodal_y)  # fmt: skip
-            for k in range(4):
-                total[k] += wp.rint(stress[k] / control[STRESS_UNIT])
+            total += pair_stress(p, unit, pair_table, pair_rest_x, pair_rest_y, table_x, table_y, pair_slide, pair_nodal_x,
+                                 pair_nodal_y, control[STRESS_UNIT])  # fmt: skip
     for k in range(4):
         body_partial[row, STRESS_PART + k] = total[k]
 

@@ -57,12 +57,13 @@ class DrivenStrain:
         self._checks = np.zeros(worlds, dtype=int)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
         self._carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
-        self._constants = {
+        constants = {
             "cell_area": area,
             "stress_unit": rigidity / COUNTS,
             "strain_limit": STRAIN_LIMIT,
             "strain_range": strain_range,
         }
+        steering.set(None, **constants)
 
     def driven(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2) bool: directions given by tension."""
@@ -112,7 +113,7 @@ class DrivenStrain:
         self._last_strain[rows] = np.nan
         own = rows[np.isfinite(wanted).any(axis=1)]
         origin = self._strain(rows)
-        self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=origin, **self._constants)
+        self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=origin)
         if not len(own):
             return
         self.tension[own] = self._tension(own, self._stress_at(own))
@@ -131,17 +132,24 @@ class DrivenStrain:
         self._checks[rows] += 1
 
     def motion(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """[row] [J] motion of the strains since the last check times the change of their forces, and twice its kinetic energy."""
-        strain, tension = self._strain(rows), self._tension(rows, self._stress_now(rows))
-        driven = self.driven(rows)
-        self.tension[rows] = tension
+        """[row] [J] motion of the strains since the last check times the change of their forces, and twice its kinetic energy.
+
+        The tensions are those of the state last evaluated.
+        """
+        work, energy, driven = np.zeros(len(rows)), np.zeros(len(rows)), self.driven(rows)
+        which = driven.any(axis=1)
+        if not which.any():
+            return work, energy
+        own, driven = rows[which], driven[which]
+        strain, tension = self._strain(own), self._tension(own, self._stress_now(own))
         force = np.where(driven, tension * (1.0 + strain[:, ::-1]), 0.0)
-        is_known = np.isfinite(self._last_strain[rows]) & driven
-        moved = np.where(is_known, strain - self._last_strain[rows], 0.0)
-        work = -self._area * np.sum(moved * np.where(is_known, force - self._last_force[rows], 0.0), axis=1)
-        self._last_strain[rows], self._last_force[rows] = strain, force
-        self._carried[rows] += np.diagonal(self._stiffness[rows], axis1=1, axis2=2) * moved
-        return work, self._area * np.sum(self._mass[rows] * moved**2, axis=1)
+        is_known = np.isfinite(self._last_strain[own]) & driven
+        moved = np.where(is_known, strain - self._last_strain[own], 0.0)
+        work[which] = -self._area * np.sum(moved * np.where(is_known, force - self._last_force[own], 0.0), axis=1)
+        energy[which] = self._area * np.sum(self._mass[own] * moved**2, axis=1)
+        self.tension[own], self._last_strain[own], self._last_force[own] = tension, strain, force
+        self._carried[own] += np.diagonal(self._stiffness[own], axis1=1, axis2=2) * moved
+        return work, energy
 
     def ratio(self, rows: np.ndarray) -> np.ndarray:
         """[row] what tensions lack over its tolerance, at this check; 0 where strains are given."""

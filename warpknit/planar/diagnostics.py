@@ -18,6 +18,7 @@ from ..compute.host import Entries, fetch
 from ..compute.launch import Launch, bind
 from ..compute.steering import Steering
 from ..kernels import sums as k
+from ..kernels.control import STRESS_UNIT
 from ..kernels.rayleigh import sum_rayleigh
 from ..mechanics.numerics import (
     ENERGY_FLOOR,
@@ -116,8 +117,9 @@ class Diagnostics:
         error_sum = np.add.reduceat(wires[..., int(k.ERROR_SUM)], self._first_block, axis=1)
         total, contact = wires.sum(axis=1), pairs.sum(axis=1)
         stress = (total[:, int(k.WIRE_STRESS) :] + contact[:, int(k.PAIR_STRESS) :]).reshape(-1, 2, 2)
+        unit = fetch(self.stepper.state.control)[rows, int(STRESS_UNIT)][:, None, None]
         if len(panel.held_node):
-            stress += np.array([self._held_stress(row) for row in rows.tolist()])
+            stress += np.rint(np.array([self._held_products(row) for row in rows.tolist()]) / unit[..., None]).sum(axis=1)
         sums = [total[:, int(column)] for column in (k.ERROR_SQUARE, k.TENSION_SQUARE, k.TURNING_SQUARE)]
         sums += [contact[:, int(column)] for column in (k.CLOSED, k.FORCE_SUM, k.GAP_SQUARE)]
         sums += [stress[:, a, b] for a, b in np.ndindex(2, 2)]
@@ -139,12 +141,12 @@ class Diagnostics:
             force_mean=force / np.maximum(1.0, closed),
             gap_max=gap_max,
             gap_square=gap_square,
-            stress=np.stack(stresses, axis=-1).reshape(-1, 2, 2) / panel.area,
+            stress=np.stack(stresses, axis=-1).reshape(-1, 2, 2) * unit / panel.area,
         )
 
-    def _held_stress(self, world: int) -> np.ndarray:
-        """(2, 2) [N m] contribution of held nodes, which move with their clamp."""
-        return np.einsum("ia,ib->ab", self._held_forces(world), self.model.panel.held_lever)
+    def _held_products(self, world: int) -> np.ndarray:
+        """(held, 2, 2) [N m] contributions of held nodes, which move with their clamp, to the stress times the area."""
+        return np.einsum("ia,ib->iab", self._held_forces(world), self.model.panel.held_lever)
 
     def clamp_forces(self, world: int) -> np.ndarray:
         """(clamp, 2) [N] forces of the wires on their clamps, at the last check."""

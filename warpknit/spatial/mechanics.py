@@ -88,8 +88,11 @@ class SpatialWorlds:
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
-        by_tension = any(any(stage.by_tension) for one in models for stage in one.scene.stages)
-        self.strains = self._driven_strains() if by_tension and model.ramp is None else None
+        if any(any(stage.by_tension) for one in models for stage in one.scene.stages):
+            held, nodes = model.wires.held_node, self.stepper.arrays.world_nodes
+            held = np.concatenate([held + k * nodes for k in range(worlds)])
+            StepStress(self.stepper, self.contact, held, np.concatenate([model.wires.held_lever] * worlds))
+        self.strains = self._driven_strains()
         self.stability = Stability(model, self.relaxation, self.contact)
         self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
         self.members = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
@@ -97,9 +100,6 @@ class SpatialWorlds:
     def _driven_strains(self) -> DrivenStrain:
         """The strains that tensions drive."""
         model, worlds = self.model, self.stepper.worlds
-        wires, nodes = model.wires, self.stepper.arrays.world_nodes
-        held = np.concatenate([wires.held_node + k * nodes for k in range(worlds)])
-        StepStress(self.stepper, self.contact, held, np.concatenate([wires.held_lever] * worlds))
         rods = model.global_model.rods
 
         def stress_at(rows: np.ndarray) -> np.ndarray:
@@ -154,11 +154,8 @@ class SpatialWorlds:
     def begin_loads(self, loads: dict[int, LoadPoint]) -> None:
         """Prepare worlds for the motion of their loads: contacts that they may close, and masses for these."""
         rows = np.array(list(loads))
-        if self.strains is None and any(load.tension is not None for load in loads.values()):
-            self.strains = self._driven_strains()
-        if self.strains is not None:
-            given = np.full(2, np.nan)
-            self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
+        given = np.full(2, np.nan)
+        self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
         if self.multipliers is not None:
             self.multipliers.stiffen(rows)
         self.relaxation.stop_motion(rows)
@@ -197,7 +194,7 @@ class SpatialWorlds:
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether a load is being applied."""
         loading = np.asarray(self.stepper.steering.is_loading[rows])
-        return loading if self.strains is None else loading | self.strains.is_fast(rows)
+        return loading | self.strains.is_fast(rows)
 
     # --- convergence
 
@@ -216,15 +213,14 @@ class SpatialWorlds:
             stepper.steering.set(late, ramp_lag=1.0 - pace)
         for member, one in zip(members, loading.tolist(), strict=True):
             member.go_on_releasing(loading=one)
-        if self.strains is not None:
-            self.strains.renew_masses(rows)
+        self.strains.renew_masses(rows)
         stepper.evaluate(0.0, rows=rows)
-        relaxation.renew_damping(rows, boundary=None if self.strains is None else self.strains.motion(rows))
+        relaxation.renew_damping(rows, boundary=self.strains.motion(rows))
         stability.hold_damping()
         state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
         measured = ~loading | np.array([member.edge is not None for member in members])
         ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
-        missing = np.zeros(len(rows)) if self.strains is None else self.strains.ratio(rows)
+        missing = self.strains.ratio(rows)
         watched = ~loading & ~stability.is_running[rows]
         relaxation.watch_progress(ratio[watched], state.excess_ratio[watched], rows[watched])
         relaxation.renew_multipliers(state, rows, loading=loading)
@@ -239,8 +235,7 @@ class SpatialWorlds:
         ratio = np.maximum(ratio, missing)
         if not loading.all():
             ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
-        if self.strains is not None:
-            self.strains.rest(rows, stability.is_running[rows])
+        self.strains.rest(rows, stability.is_running[rows])
         for world in np.flatnonzero(stability.has_left & ~left).tolist():
             self.members[world].tell(stability.note(world))
         tolerance = self.model.scene.solver.residual_tolerance
@@ -251,8 +246,7 @@ class SpatialWorlds:
 
     def settled_stress(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
-        stress = self.stress(rows)
-        return stress if self.strains is None else self.strains.settled(rows, stress)
+        return self.strains.settled(rows, self.stress(rows))
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2, 2) [N/m] nominal stress of the meshes."""
@@ -483,8 +477,7 @@ class SpatialMechanics:
 
     @property
     def has_load(self) -> bool:
-        strains = self.group.strains
-        return strains is None or not strains.at_limit(self.rows).any()
+        return not self.group.strains.at_limit(self.rows).any()
 
     # --- convergence of a relaxation
 
