@@ -7,7 +7,7 @@ The clamp is a rigid body with the sum of their masses, so it moves by their mea
 
 The forces by which the clamp holds the direction act between the two and drop out of the sum (clamp.py). Across, a
 clamp at rest position c holds its nodes as in grip.py. The block's partial sums are recomputed, as reactions of the clamp
-are not out of balance, but pull at the mesh: they add to its stress (sums.py).
+are not out of balance.
 """
 
 import warp as wp
@@ -20,11 +20,8 @@ from .control import (
     SPEED_PART,
     STATUS,
     STATUS_RUNNING,
-    STRESS_PART,
-    STRESS_UNIT,
     STRONGEST_PART,
     VELOCITY_FACTOR,
-    is_driven,
 )
 
 
@@ -62,14 +59,9 @@ def slide_clamps(
     speed = half * (vy[i] + vy[i + 1])
     place = half * (uy[i] + uy[i + 1])
     slide_vy[s] = speed
-    stress = wp.vec4d()
     for k in range(2):
         x = slide_lever_x[s, k]
         y = slide_lever_y[s, k]
-        own = wire_mass[block_wire[block]] / (inverse_mass[block_table[block] + k] * control[FORCE_FACTOR])
-        pull_x = own * vx[i + k]
-        pull_y = own * (vy[i + k] - control[VELOCITY_FACTOR] * before)
-        stress += wp.vec4d(pull_x * x, pull_x * y, pull_y * x, pull_y * y)
         vx[i + k] = wp.float64(0.0)
         vy[i + k] = speed
         ux[i + k] = (one - control[GRADIENT]) * x - control[GRADIENT + 1] * y
@@ -80,6 +72,3 @@ def slide_clamps(
     partial[block, SPEED_PART] = speed * speed
     partial[block, STRONGEST_PART] = force * force
     partial[block, FORCE_PART] = force * force
-    if is_driven(control):
-        for k in range(4):
-            partial[block, STRESS_PART + k] += wp.rint(stress[k] / control[STRESS_UNIT])

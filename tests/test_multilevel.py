@@ -13,7 +13,6 @@ from warpknit import measure
 from warpknit.compute.steering import Steering
 from warpknit.mechanics.response import STRAIN, zero_response
 from warpknit.mesh.layout import smaller_scene
-from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.host_state import node_entries
 from warpknit.planar.mechanics import PlanarMechanics
 from warpknit.planar.model import Model
@@ -24,9 +23,8 @@ from warpknit.scene import load_scene
 from warpknit.solve.membrane import Correction
 from warpknit.solve.model import build_model, mechanics_of
 from warpknit.solve.multilevel import CORRECTION_CHECKS, MEMBRANE_TOLERANCE, MultilevelRelaxation
-from warpknit.solve.relax import Relaxation, WantedTension
+from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
-from warpknit.solve.tension import TOLERANCE as TENSION_TOLERANCE
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 TOLERANCE = 3e-3  # of LOADED: what a tension may still drift
@@ -235,26 +233,3 @@ def test_corrections_wait_after_failed_ones_and_those_of_an_edge_alone_do_not(ga
     MultilevelRelaxation._move_as_membrane(drive, None, correction)
     assert len(moved) == 1 and progress.failed_corrections == 3
     assert progress.next_correction == (100 + wait if wait else 0)
-
-
-def test_the_strain_under_a_tension_is_expected_from_a_smaller_mesh_and_endless_cloth() -> None:
-    """Endless cloth of 50 N/m, and edges that pull beside it by 800 N/m over the number of repeats: 10 repeats have 130 N/m, 40
-    have 70. By the strain of the smaller mesh alone these would carry 0.54 N/m in place of 1 N/m."""
-    here = SimpleNamespace(scene=SimpleNamespace(knit=SimpleNamespace(repeats=(40, 40))), progress=Progress())
-    here.next_strain = lambda search, strain, tension, wanted: search.next_strain(
-        strain, tension, wanted.tension, wanted.driven, 1.0, 1e-2
-    )
-    wanted = WantedTension(np.array([True, True]), np.array([1.0, 1.0]))
-    smaller = SimpleNamespace(scene=SimpleNamespace(knit=SimpleNamespace(repeats=(10, 10))), progress=Progress())
-    smaller.progress.search.tangent.stiffness = [[130.0, 0.0], [0.0, 130.0]]
-    smaller.strain_and_tension = lambda: (np.full(2, 1.0 / 130.0), np.ones(2))
-    strain = np.zeros(2)
-    cell = SimpleNamespace(snapshot=dict, strain_and_tension=lambda: (strain, 50.0 * strain))
-
-    def solve(load: LoadPoint) -> None:
-        strain[:] = np.diag(load.gradient) - 1.0
-
-    cell.solve = solve
-    expected = MultilevelRelaxation._expect(here, smaller, cell, LoadPoint(np.eye(2), 293.0), wanted)
-    assert np.diag(expected.gradient) - 1.0 == pytest.approx(1.0 / 70.0, rel=TENSION_TOLERANCE)
-    assert np.diag(here.progress.search.tangent.stiffness) == pytest.approx(70.0)

@@ -13,6 +13,7 @@ from warpknit import load_run, measure
 from warpknit.commands.cli import main
 from warpknit.compute.host import fetch, store
 from warpknit.errors import SceneError
+from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.results.row import Row
 from warpknit.runner import warnings_of as of_result
@@ -22,7 +23,6 @@ from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.tension import TOLERANCE
 
 SCENES = Path(__file__).parent.parent / "scenes"
 CELL = SCENES / "atlas_cell_spatial.toml"

@@ -12,9 +12,9 @@ from click.testing import CliRunner
 
 from warpknit.commands.cli import main
 from warpknit.errors import SceneError
+from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
-from warpknit.solve.tension import TOLERANCE
 from warpknit.studies.contact_map import MapRow, find_optimum, read_map
 from warpknit.studies.sweep import run_map
 
@@ -80,13 +80,6 @@ def test_strains_and_tensions_are_not_mixed(sweep: str, said: str) -> None:
     with pytest.raises(SceneError, match="sweep") as refusal:
         load_scene(CELL, [f"sweep={sweep}"])
     assert said in str(refusal.value)
-
-
-def test_friction_is_refused_in_the_plane() -> None:
-    """A search for a tension would be part of the load history; in space there is none."""
-    with pytest.raises(SceneError, match="and friction"):
-        load_scene(CELL, [*SWEEP, "contact.friction=0.2", "model.kind=planar"])
-    load_scene(CELL, [*SWEEP, "contact.friction=0.2", "model.kind=spatial"])
 
 
 def cell(weft: float, warp: float) -> MapRow:

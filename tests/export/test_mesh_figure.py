@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from reference.images import check_image
 from warpknit.export import mesh_figure
 from warpknit.export.plots import BLUE
+from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.results.frame import Frame, WireLayout
-from warpknit.solve.tension import TOLERANCE
 
 
 @pytest.mark.parametrize("yield_stress", [None, 3e8, 3e9])

@@ -175,7 +175,7 @@ strain_warp = 0.0
 
 def test_tension_drive_meets_the_tension() -> None:
     """A stage driven by tension ends within the search's tolerance of it."""
-    from warpknit.solve.tension import TOLERANCE
+    from warpknit.mechanics.driven_strain import TOLERANCE
 
     run = cell('load.tension_weft="0.3 N/m"', 'load.tension_warp="0.2 N/m"', "output.frames=3")
     weft, warp = measure.mesh_tension(run[-1].observables)

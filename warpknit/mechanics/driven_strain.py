@@ -13,7 +13,7 @@ import numpy as np
 from ..compute.steering import Steering
 from ..measure.strain import clamp_rotation, rotation, stretch, true_stress
 
-COUNTS = 2.0**52  # of EA times the length of all wires, which no stress times the area comes near: whole numbers in float64
+COUNTS = 2.0**58  # of EA times the length of all wires: whole numbers in float64 up to a mean strain of 3 %, which no wire takes
 STRAIN_LIMIT = 3e-4  # of a step
 FAST = 0.5  # of that limit: faster strains count as loading
 MASS = 1.0  # over the affine stiffness; from 0.5 to 2 the steps are the same
@@ -47,7 +47,7 @@ class DrivenStrain:
         area [m2] of a world at rest; rigidity [N m]: sum of EA times length over its wires; scale [N/m]: EI/C^3; tolerance: of
         the residual; strain_range: most strain from one equilibrium to the next.
         """
-        self._steering, self._stress_at, self._stress_now = steering, stress_at, stress_now
+        self._steering, self.stress_at, self._stress_now = steering, stress_at, stress_now
         self._area, self._scale = area, scale
         self.tolerance = min(TOLERANCE, TOLERANCE_SHARE * tolerance)
         self.wanted = np.full((worlds, 2), np.nan)  # [N/m], where a direction is given by tension
@@ -97,7 +97,7 @@ class DrivenStrain:
         for side, sign in np.ndindex(2, 2):
             moved = np.array([_strained(one, side, PROBE * (1 - 2 * sign)) for one in gradient])
             self._steering.set(rows, gradient=moved)
-            both[side, sign] = self._tension(rows, self._stress_at(rows))
+            both[side, sign] = self._tension(rows, self.stress_at(rows))
         self._steering.set(rows, gradient=gradient)
         self._stiffness[rows] = np.moveaxis((both[:, 0] - both[:, 1]) / (2.0 * PROBE), 0, 2)
         stiffness = np.abs(self._stiffness[rows]).sum(axis=2)
@@ -116,7 +116,7 @@ class DrivenStrain:
         self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=origin)
         if not len(own):
             return
-        self.tension[own] = self._tension(own, self._stress_at(own))
+        self.tension[own] = self._tension(own, self.stress_at(own))
         self._probe(own)
         driven = self.driven(own)
         begin = np.where(driven, self.tension[own], 0.0)

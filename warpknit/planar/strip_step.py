@@ -116,7 +116,8 @@ class StripStepper(Stepper):
     def run(self, *stages: Stage, contact: bool = False) -> None:
         if contact:
             self.evaluate_contact()
-        super().run(*stages)
+        if stages:
+            super().run(*stages)
 
     def evaluate_contact(self) -> None:
         self._run(self.state.parity, "contact")

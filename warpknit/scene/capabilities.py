@@ -299,7 +299,6 @@ NO_EDGE = "a periodic tile has no edge, and its load is uniform"
 ALONE = "a map strains its mesh uniformly"
 FICTITIOUS = "the masses of a relaxation are fictitious, and it has no real time"
 OWN_CONTACT = "in space wires touch each other directly: there are no bodies"
-SEARCHED = "a search for tension would be part of the load history"
 
 RULES = (
     # the mesh and its model
@@ -341,11 +340,6 @@ RULES = (
     Rule("rotation", ("spatial", "pull"), LEAVE_OUT, NOT_BUILT),
     Rule("rotation and pull", ("pull",), LEAVE_OUT, "each of them moves the clamps"),
     Rule("gradient", ("no multipliers",), LEAVE_OUT, "the multipliers apply it"),
-    *(
-        Rule(load, ("planar", trait), "write strains", SEARCHED)
-        for load in ("tension", "sweep by tension")
-        for trait in ("friction", "plastic")
-    ),
     Rule("path", ("sweep",), NO_EFFECT, "a map runs only [load]"),
     # the solver
     Rule("single", ("hook",), "write 'double'", "double precision costs nothing with few nodes"),
