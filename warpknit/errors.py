@@ -62,14 +62,23 @@ class Diverged(WarpknitError):
     """The run diverged: the line names the wire, the node, the load, the likely cause and what to change."""
 
     exit_code = DIVERGED
+    is_final = False  # smaller increments of load would end so, too
 
 
 class NoProgress(Diverged):
-    """A level does not come nearer to convergence, or no strain carries its tension: found after many steps."""
+    """A level does not come nearer to convergence: found after many steps."""
 
 
 class StepLimitExceeded(Diverged):
     """A level took more steps than allowed: the line gives its residual and what to raise."""
+
+    is_final = True
+
+
+class NotCarried(Diverged):
+    """A mesh strains without end under a tension that it cannot carry: the line gives the largest one that it carried."""
+
+    is_final = True
 
 
 class OutOfResources(WarpknitError):

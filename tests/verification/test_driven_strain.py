@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit import Simulation, build_model, load_scene, measure
+from warpknit.errors import NotCarried
 from warpknit.measure.strain import clamp_rotation, rotation, stretch, true_stress
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.mesh.rim import LoadPoint
@@ -19,12 +20,12 @@ KNITS = {
 
 
 def scene_of(
-    knit: str = "tricot", boundary: str = "periodic", repeats: tuple[int, int] = (1, 1), kind: str = "spatial", **tables: dict
+    name: str = "tricot", boundary: str = "periodic", repeats: tuple[int, int] = (1, 1), kind: str = "spatial", **tables: dict
 ) -> Scene:
     return load_scene(
         {
             "wire": {"material": "molybdenum", "diameter": "30 um"},
-            "knit": {"bars": KNITS[knit], "wales": "26 /inch", "courses": "30 /inch", "repeats": list(repeats)},
+            "knit": {"bars": KNITS[name], "wales": "26 /inch", "courses": "30 /inch", "repeats": list(repeats)},
             "model": {"kind": kind, "boundary": boundary},
             "load": {"tension_weft": "1 N/m", "tension_warp": "1 N/m"},
             "solver": {"preset": "draft", "precision": "double"},
@@ -155,3 +156,15 @@ def test_with_friction_the_number_of_levels_matters_little(kind: str) -> None:
         assert measure.mesh_tension(last.observables) == pytest.approx([0.5, 0.5], rel=TOLERANCE)
         strains.append(np.diag(last.observables.stretch) - 1.0)
     assert strains[1] == pytest.approx(strains[0], abs=0.02 * np.abs(strains[0]).max())
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_a_mesh_that_cannot_carry_its_tension_says_what_it_carried(kind: str) -> None:
+    """Pillars side by side are held by nothing in weft."""
+    pillars = {"bars": [{"chain": "1-0/0-1"}], "wales": "26 /inch", "courses": "30 /inch"}
+    simulation = Simulation(build_model(scene_of(kind=kind, knit=pillars)))
+    with pytest.raises(NotCarried, match="0 N/m in weft and 0 N/m in warp at most"):
+        list(simulation.run())
+    strain = np.diag(simulation.state.gradient) - 1.0
+    assert strain[0] > 5.0 > strain[1]
+    assert simulation.progress.steps < 1.1 * 5.0 / 3e-4  # by the largest strain of a step

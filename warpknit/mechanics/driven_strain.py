@@ -21,13 +21,14 @@ LEAST_STIFFNESS = 0.02  # of EI/C^3: of a slack mesh
 PROBE, PROBE_CHECKS = 1e-4, 4  # strain of the affine stiffness, well above round-off, and convergence checks between two of them
 TOLERANCE = 2e-3  # of a tension, relative to the wanted one or to half of the larger tension; at most
 TOLERANCE_SHARE = 1.0 / 3.0  # the same over the residual tolerance: soft meshes answer heat by few tolerances of their strain
+ENDLESS = 5.0  # strain beyond which a mesh does not carry its tension: yarns of a knit are straight long before
 LEAST_TENSION = 0.01  # of EI/C^3: below it tensions count as zero
 
 
 class DrivenStrain:
     """Strains of worlds; arrays (world, direction), weft and warp."""
 
-    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_last_strain", "_last_force", "_carried", "tension")
+    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_last_strain", "_last_force", "_carried", "tension", "largest")
 
     def __init__(
         self,
@@ -51,7 +52,7 @@ class DrivenStrain:
         self._area, self._scale = area, scale
         self.tolerance = min(TOLERANCE, TOLERANCE_SHARE * tolerance)
         self.wanted = np.full((worlds, 2), np.nan)  # [N/m], where a direction is given by tension
-        self.tension = np.zeros((worlds, 2))  # [N/m] at the last convergence check
+        self.tension, self.largest = np.zeros((2, worlds, 2))  # [N/m] at the last check, and largest as loads began
         self._mass = np.ones((worlds, 2))  # [N/m]
         self._stiffness = np.zeros((worlds, 2, 2))  # [N/m] change of tensions by strains that all nodes follow
         self._checks = np.zeros(worlds, dtype=int)
@@ -76,6 +77,10 @@ class DrivenStrain:
     def is_fast(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether strains move as fast as while a load is applied."""
         return np.asarray(np.abs(self._steering.strain_speed[rows]).max(axis=1) > FAST * STRAIN_LIMIT)
+
+    def is_endless(self, rows: np.ndarray) -> np.ndarray:
+        """[row] whether a mesh has been strained without carrying its tension."""
+        return np.asarray((self.driven(rows) & (self._strain(rows) > ENDLESS)).any(axis=1))
 
     # --- tensions
 
@@ -117,6 +122,7 @@ class DrivenStrain:
         if not len(own):
             return
         self.tension[own] = self._tension(own, self.stress_at(own))
+        self.largest[own] = np.maximum(self.largest[own], self.tension[own])
         self._probe(own)
         driven = self.driven(own)
         begin = np.where(driven, self.tension[own], 0.0)

@@ -17,6 +17,7 @@ from ..base.text import engineering
 from ..compute.kept import Owner
 from ..measure import MeshModel
 from ..mesh.rim import LoadPoint, Rim
+from .driven_strain import DrivenStrain
 
 
 class Model(MeshModel, Protocol):
@@ -246,6 +247,8 @@ class Mechanics(Protocol):
 
 class Group(Protocol):
     """Worlds: meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
+
+    strains: DrivenStrain
 
     @property
     def model(self) -> Any: ...

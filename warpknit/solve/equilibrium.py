@@ -81,6 +81,8 @@ class Equilibrium:
             failed[row] = self.relaxations[row].stalled()
         for row, unmet in zip(rows[checked].tolist(), ratio[checked].tolist(), strict=True):
             self.relaxations[row].progress.approach(unmet)
+        for row in rows[self.group.strains.is_endless(rows)].tolist():
+            failed[row] = self.relaxations[row].not_carried()
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
             if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, under
-from ..errors import Diverged, NoProgress, StepLimitExceeded
+from ..errors import Diverged, NoProgress, NotCarried, StepLimitExceeded
 from ..measure import energy_scale
 from ..measure.events import Level, happens, level_of
 from ..measure.strain import clamp_rotation, rotation, stretch
@@ -203,7 +203,7 @@ class Relaxation(Drive):
                 try:
                     yield from self._increment(stage, upper.share, width, may_cut=not is_wide)
                 except Diverged as error:
-                    if lower is None or not is_wide or isinstance(error, StepLimitExceeded):
+                    if lower is None or not is_wide or error.is_final:
                         raise
                     self._return_to(lower)
                     targets.append(Target(upper.share - width / 2))
@@ -296,8 +296,8 @@ class Relaxation(Drive):
     def _cut(self, error: Diverged) -> None:
         """Return to the last equilibrium, with increments half as large; raises the error where that is not to be."""
         progress, steps = self.progress, self.progress.steps
-        is_slow = isinstance(error, StepLimitExceeded) or (isinstance(error, NoProgress) and progress.cuts >= MAX_SLOW_CUTS)
-        if not self._before or is_slow:
+        is_slow = isinstance(error, NoProgress) and progress.cuts >= MAX_SLOW_CUTS
+        if not self._before or is_slow or error.is_final:
             raise error
         self.restore(self._before)
         progress.steps, progress.cuts, progress.part = steps, progress.cuts + 1, 2 * progress.part
@@ -397,6 +397,15 @@ class Relaxation(Drive):
         return NoProgress(
             f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
             f" model.nodes_per_loop{self._tolerance_text()}, or other output.frames, may converge"
+        )
+
+    def not_carried(self) -> Diverged:
+        """The error of a mesh that strains without end under its tensions."""
+        largest = [engineering(float(tension), "N/m") for tension in self.mechanics.group.strains.largest[self.row]]
+        strain = " / ".join(percent(strain, 0) for strain in np.diag(stretch(self.state.gradient)) - 1.0)
+        return NotCarried(
+            f"{self._level_text()}: the mesh strains to {strain} and does not carry that; in equilibrium it carried"
+            f" {largest[0]} in weft and {largest[1]} in warp at most: give smaller tensions, or strains"
         )
 
     def exceeded_steps(self) -> Diverged:
