@@ -6,8 +6,6 @@ side by side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -17,7 +15,6 @@ from ..base.text import engineering
 from ..compute.kept import Owner
 from ..measure import MeshModel
 from ..mesh.rim import LoadPoint, Rim
-from .driven_strain import DrivenStrain
 
 
 class Model(MeshModel, Protocol):
@@ -243,41 +240,6 @@ class Mechanics(Protocol):
 
     def renew_damping(self) -> None:
         """Set the damping by the motion of the last steps."""
-
-
-class Group(Protocol):
-    """Worlds: meshes of one model, stepped and checked independently. `rows` are indices of some of them."""
-
-    strains: DrivenStrain
-
-    @property
-    def model(self) -> Any: ...
-    @property
-    def members(self) -> Sequence[Mechanics]: ...
-
-    def together(self) -> AbstractContextManager[None]:
-        """Loads that are set within begin at its end, all at once."""
-
-    def search(self, rows: np.ndarray) -> None:
-        """`Mechanics.search` of all rows."""
-
-    def overlap(self, rows: np.ndarray) -> np.ndarray:
-        """`Mechanics.overlap` of all rows."""
-
-    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
-
-    def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        """[row] whether a load is being applied."""
-
-    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        """Check convergence, and update damping and multipliers; checks [row]: those of the level so far, this one included."""
-
-    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        """Update stiffnesses and masses to the current load; checks [row]: see `check`."""
-
-    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
 
 
 # cause of contacts that carry force as knitted

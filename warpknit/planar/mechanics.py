@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 import warp as wp
@@ -16,11 +15,11 @@ from ..compute.steering import Steering
 from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.contact_friction import stick_contacts
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
-from ..measure import force_scale, tension_scale
-from ..mechanics.driven_strain import DrivenStrain
+from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
-from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim
+from ..mechanics.worlds import Worlds
+from ..mesh.rim import LoadPoint, Rim
 from .diagnostics import Diagnostics, Residual, SlowestMode, Sums
 from .host_state import read_strip
 from .model import Model
@@ -47,50 +46,32 @@ def drift_of(nodes_per_loop: int) -> Drift:
     return Drift(min(highest, max(lowest, round(lowest * (nodes_per_loop / DRIFT_NODES) ** 2))))
 
 
-class PlanarWorlds:
-    """Meshes of one model, each under its own load, stepped and checked side by side. `rows` are indices of some of them."""
+class PlanarWorlds(Worlds):
+    """Meshes of one model, each under its own load."""
 
     def __init__(self, models: Sequence[Model], state: State | None = None, *, threads: int | None = None) -> None:
         """`models`: of each world, alike but for their loads; `state`: of a single one, default as knitted.
 
         `threads`: see `WorldStepper`.
         """
-        self.model = model = models[0]
+        model = models[0]
         by_tension = any(any(stage.by_tension) for one in models for stage in one.scene.stages)
         self.stepper = WorldStepper(model, len(models), state, threads=threads, counts_stress=by_tension)
-        self.state, self.steering = self.stepper.state, self.stepper.state.steering
+        self.state = self.stepper.state
         self.diagnostics, self.residual = Diagnostics(self.stepper), Residual(model)
         self.slowest_mode, self.multipliers = SlowestMode(self.stepper), Multipliers(self.diagnostics)
         self.checked_stress = np.zeros((len(models), 2, 2))  # [N/m] nominal stress as last evaluated
-        self.strains = self._driven_strains()
+        length = float(model.global_model.panel.wire_length.sum())
+        super().__init__(models, self.state.steering, model.axial_stiffness * length)
         self.members = [PlanarMechanics(self, one, world) for world, one in enumerate(models)]
 
-    def _driven_strains(self) -> DrivenStrain:
-        """The strains that tensions drive."""
-        model, mesh = self.model, self.model.global_model
-        return DrivenStrain(
-            self.steering,
-            len(self.stepper.states),
-            self.evaluated_stress,
-            lambda rows: self.checked_stress[rows],
-            area=model.panel.area,
-            rigidity=model.axial_stiffness * float(mesh.panel.wire_length.sum()),
-            scale=tension_scale(model),
-            tolerance=model.scene.solver.residual_tolerance,
-            strain_range=PATH_STRAIN if model.scene.depends_on_path else np.inf,
-        )
+    def prepare(self, rows: np.ndarray) -> None:
+        """Nothing: the masses are for loads of any kind."""
 
-    def evaluated_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] nominal stress of meshes, whose contact forces are found anew."""
-        self.stepper.run(rows, contact=True)
-        return self.sums(rows).stress
-
-    def together(self) -> AbstractContextManager[None]:
-        """Nothing: loads begin with little work."""
-        return nullcontext()
+    def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
+        self.stepper.step(rows, last_step)
 
     def search(self, rows: np.ndarray) -> None:
-        """Search neighbours, and reset the travel budget."""
         for row in rows.tolist():
             self.members[row].search()
 
@@ -98,27 +79,10 @@ class PlanarWorlds:
         """[row] zero: wires of the plane do not pass through each other."""
         return np.zeros(len(rows))
 
-    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
-        begin = now = self.steering.step
-        diverged, active = np.zeros(len(begin), dtype=bool), rows
-        while len(active):
-            self.stepper.step(active, begin[active] + steps)
-            read = self.steering.read()
-            now, status = read.step, read.status
-            for row in active[status[active] == Steering.STALE].tolist():
-                self.members[row].search()
-            diverged[active] = status[active] == Steering.DIVERGED
-            active = active[~diverged[active] & (now[active] < begin[active] + steps)]
-        return (now - begin)[rows].astype(int), diverged[rows]
-
-    def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        """[row] whether a load is being applied."""
-        return np.asarray(self.steering.is_loading[rows]) | self.strains.is_fast(rows)
-
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        """Check convergence, and update damping and multipliers; checks [row]: of the level so far, this one included."""
         residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
+        if self.model.scene.solver.multipliers:
+            self.multipliers.bound_softening(rows[checks % SOFTENING_CHECKS == 0])
         self.strains.renew_masses(rows)
         self.slowest_mode.measure(rows)
         sums = self.sums(rows)
@@ -148,14 +112,15 @@ class PlanarWorlds:
         """[row] out-of-balance force and motion, for solver.residual_tolerance."""
         return self.residual.measure(Steering(self.steering.values[rows]), sums, fetch(self.state.wire_axial)[rows])
 
-    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        """Bound the softening by the shape of the wires, now and then."""
-        if self.model.scene.solver.multipliers:
-            self.multipliers.bound_softening(rows[checks % SOFTENING_CHECKS == 0])
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        return self.sums(rows).stress
 
-    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
-        return self.strains.settled(rows, self.sums(rows).stress)
+    def stress_at(self, rows: np.ndarray) -> np.ndarray:
+        self.stepper.run(rows, contact=True)
+        return self.stress(rows)
+
+    def stress_now(self, rows: np.ndarray) -> np.ndarray:
+        return np.asarray(self.checked_stress[rows])
 
 
 class PlanarMechanics:
@@ -207,7 +172,7 @@ class PlanarMechanics:
         if self._has_temperature_field:
             state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
         self.search()
-        self.group.strains.begin(self.rows, np.full((1, 2), np.nan) if load.tension is None else load.tension[None])
+        self.group.begin_load(self.world, load)
 
     def release(self, begin: float, end: float) -> None:
         """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
@@ -264,7 +229,7 @@ class PlanarMechanics:
         self.neighbours.search()
 
     def step(self, count: int) -> None:
-        self.group.stepper.step(self.rows, self.group.steering.step[self.rows] + count)
+        self.group.step(self.rows, self.group.steering.step[self.rows] + count)
 
     def deepest_overlap(self) -> str:
         return ""
@@ -298,7 +263,7 @@ class PlanarMechanics:
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
-        return np.asarray(self.group.sums(self.rows).stress[0])
+        return np.asarray(self.group.stress(self.rows)[0])
 
     @property
     def _sums(self) -> Sums:

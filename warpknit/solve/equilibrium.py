@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import Diverged
 from ..measure import tension_scale
-from ..mechanics.protocols import Group
+from ..mechanics.worlds import Worlds
 from .convergence import TENSION_FLOOR, Convergence
 
 
@@ -28,7 +28,7 @@ class CheckOutcome:
 class Equilibrium:
     """Finds the equilibria of a group of meshes, each under its own load."""
 
-    def __init__(self, group: Group, relaxations: Sequence[Any]) -> None:
+    def __init__(self, group: Worlds, relaxations: Sequence[Any]) -> None:
         """relaxations: the `Relaxation` (relax.py) of each mesh of the group."""
         self.group, self.relaxations = group, relaxations
         scene = group.model.scene
@@ -86,8 +86,6 @@ class Equilibrium:
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
             if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()
-        if unconverged.any():
-            self.group.renew(rows[unconverged], checks[unconverged])
         return CheckOutcome(rows[~unconverged].tolist(), failed)
 
     def solve(self) -> None:

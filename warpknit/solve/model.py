@@ -14,7 +14,8 @@ from ..base.text import either
 from ..compute.device import devices
 from ..compute.ranks import Ranks
 from ..errors import DeviceError, InputError
-from ..mechanics.protocols import Group, Mechanics, Model
+from ..mechanics.protocols import Mechanics, Model
+from ..mechanics.worlds import Worlds
 from ..scene import Scene
 
 
@@ -57,9 +58,9 @@ def mechanics_of(model: Model, state: Any) -> Mechanics:
     return worlds_of([model], state).members[0]
 
 
-def worlds_of(models: Sequence[Model], state: Any = None) -> Group:
+def worlds_of(models: Sequence[Model], state: Any = None) -> Worlds:
     """Worlds of one topology side by side, one of each model; of a single one from a state."""
-    worlds: Group = kind_of(models[0].scene).worlds(models, state)
+    worlds: Worlds = kind_of(models[0].scene).worlds(models, state)
     return worlds
 
 

@@ -17,8 +17,8 @@ from ..scene import Scene
 from ..scene.presets import PRESETS
 from ..wires.centre_lines import Wires
 from ..wires.overlaps import find_overlaps
-from .mechanics import SpatialWorlds as worlds
 from .model import SpatialModel, build_model, initial_state
+from .worlds import SpatialWorlds as worlds
 
 __all__ = [
     "accuracy",

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -13,34 +12,26 @@ import warp as wp
 from .. import measure
 from ..compute.host import Entries, fetch, store
 from ..compute.kept import Owner
-from ..compute.steering import Steering
-from ..measure import tension_scale
-from ..mechanics.driven_strain import DrivenStrain
-from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT, SLOWEST_WAVE, renewed_pace
-from ..mechanics.protocols import Check, Drift, strength_exceeded
+from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT
+from ..mechanics.protocols import Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
 from ..mesh.layout import smaller_scene
-from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim
+from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
-from .clamps import Edge, MovingClamps
-from .contact_multipliers import ContactMultipliers
-from .convergence import Residual, Stability, overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
+from .clamps import Edge
+from .convergence import overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .fields import Fields
 from .masses import Masses
-from .model import SpatialModel, initial_state, segment_thermal_strain
+from .model import SpatialModel, segment_thermal_strain
 from .observables import SpatialObservables, read
-from .rest_curve import joined_curves
-from .rod_arrays import RodState, root_mean_square, set_natural_shape
-from .rod_relaxation import CHECK_STEPS, VIBRATION, RodRelaxation
-from .rod_step import RodStepper
-from .rods import joined
-from .search_cells import search_cells
+from .rod_arrays import root_mean_square, set_natural_shape
+from .rod_relaxation import CHECK_STEPS
 from .sites import Sites
-from .step_stress import StepStress
 from .strip import RodStrip
-from .strip_step import stepper_of
 from .transfer import MembraneGrid, Prolongation
-from .wire_contact import WireContact
+
+if TYPE_CHECKING:
+    from .worlds import SpatialWorlds
 
 # steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond
 LOAD_STEPS, LOAD_STRAINS = 200, (0.001, 0.03)
@@ -49,218 +40,6 @@ EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
-
-
-class SpatialWorlds:
-    """Meshes of one topology, stepped and checked side by side; one is a group too. `rows` are indices of some of them."""
-
-    KEPT = ("deepest",)
-
-    def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
-        """models: of each world; state: of a single one, default at rest."""
-        self.model = model = models[0]
-        self._waiting: dict[int, LoadPoint] | None = None  # worlds whose loads begin together
-        scene, worlds = model.scene, len(models)
-        rods = joined([one.rods for one in models])
-        curve = joined_curves([one.curve for one in models], rods)
-        if worlds == 1:
-            self.stepper = stepper_of(model, initial_state(model) if state is None else state)
-        else:
-            self.stepper = RodStepper(rods, model.device, None, model.precision, worlds=worlds)
-        mesh = model.global_model
-        self.contact = WireContact(
-            self.stepper,
-            model.contact_stiffness,
-            friction=np.array([one.scene.contact.friction for one in models]),
-            curve=curve,
-            cells=search_cells(mesh.rods, mesh.curve),
-        )
-        self.clamps = self._moving_clamps()
-        self.relaxation = RodRelaxation(
-            self.stepper,
-            softening=model.softening,
-            wave_length=SLOWEST_WAVE * model.loop_length,
-            curve=curve,
-            clamps=self.clamps,
-            multipliers=model.ramp is None,
-            vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
-            wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
-        )
-        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
-        self.residual = Residual(model, self.relaxation, self.multipliers)
-        if any(any(stage.by_tension) for one in models for stage in one.scene.stages):
-            held, nodes = model.wires.held_node, self.stepper.arrays.world_nodes
-            held = np.concatenate([held + k * nodes for k in range(worlds)])
-            StepStress(self.stepper, self.contact, held, np.concatenate([model.wires.held_lever] * worlds))
-        self.strains = self._driven_strains()
-        self.stability = Stability(model, self.relaxation, self.contact)
-        self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
-        self.members = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
-
-    def _driven_strains(self) -> DrivenStrain:
-        """The strains that tensions drive."""
-        model, worlds = self.model, self.stepper.worlds
-        rods = model.global_model.rods
-
-        def stress_at(rows: np.ndarray) -> np.ndarray:
-            self.stepper.evaluate(0.0, rows=rows)
-            return self.evaluated_stress(rows)
-
-        return DrivenStrain(
-            self.stepper.steering,
-            worlds,
-            stress_at,
-            self.evaluated_stress,
-            area=model.panel.area,
-            rigidity=float((rods.of_wires("axial_stiffness") * rods.wire_length).sum()),
-            scale=tension_scale(model),
-            tolerance=model.scene.solver.residual_tolerance,
-            strain_range=PATH_STRAIN if model.scene.depends_on_path else np.inf,
-        )
-
-    def _moving_clamps(self) -> MovingClamps | None:
-        """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
-        wires, worlds = self.model.wires, self.stepper.worlds
-        if not len(wires.held_node) or self.model.scene.has_moving_edge:
-            return None
-        sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
-        count, nodes = len(wires.held_node) // 2, self.stepper.arrays.world_nodes
-        node = np.concatenate([wires.held_node + k * nodes for k in range(worlds)])
-        lever = np.concatenate([wires.held_lever] * worlds)
-        slides = np.concatenate([sliding + k * count for k in range(worlds)])
-        return MovingClamps(self.stepper, node.reshape(-1, 2), lever.reshape(-1, 2, 2), slides)
-
-    # --- loads
-
-    @contextmanager
-    def together(self) -> Iterator[None]:
-        """Loads that are set within begin at its end, all worlds at once."""
-        self._waiting = {}
-        try:
-            yield
-            waiting = dict(sorted(self._waiting.items()))
-        finally:
-            self._waiting = None
-        if waiting:
-            self.begin_loads(waiting)
-
-    def begin_load(self, world: int, load: LoadPoint) -> None:
-        """Begin the load of a world, now or with others."""
-        if self._waiting is None:
-            self.begin_loads({world: load})
-        else:
-            self._waiting[world] = load
-
-    def begin_loads(self, loads: dict[int, LoadPoint]) -> None:
-        """Prepare worlds for the motion of their loads: contacts that they may close, and masses for these."""
-        rows = np.array(list(loads))
-        given = np.full(2, np.nan)
-        self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
-        if self.multipliers is not None:
-            self.multipliers.stiffen(rows)
-        self.relaxation.stop_motion(rows)
-        self.contact.search(rows)
-        self.relaxation.renew_masses(rows, loading=True)
-        self.contact.pop_max_penetration(rows)
-
-    # --- steps
-
-    def search(self, rows: np.ndarray) -> None:
-        """Search neighbours, and reset the travel budget."""
-        self.contact.refresh(rows=rows)
-
-    def overlap(self, rows: np.ndarray) -> np.ndarray:
-        """[row] largest overlap of wires since the last call, over their thickness."""
-        thickness = 2.0 * float(self.model.rods.wire_radius.min())
-        self.deepest[rows] = self.contact.pop_max_penetration(rows) / thickness
-        return self.deepest[rows]
-
-    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
-        steering = self.stepper.steering
-        before = steering.step
-        diverged, active = np.zeros(len(before), dtype=bool), rows
-        while len(active):
-            with self.stepper.only(active):
-                self.stepper.step(int(steps - (steering.step - before)[active].max()))
-            status, taken = steering.status, steering.step - before
-            stale = active[status[active] == Steering.STALE]
-            if len(stale):
-                self.contact.refresh(rows=stale)
-            diverged[active] = status[active] == Steering.DIVERGED
-            active = active[~diverged[active] & (taken[active] < steps)]
-        return (steering.step - before)[rows].astype(int), diverged[rows]
-
-    def is_loading(self, rows: np.ndarray) -> np.ndarray:
-        """[row] whether a load is being applied."""
-        loading = np.asarray(self.stepper.steering.is_loading[rows])
-        return loading | self.strains.is_fast(rows)
-
-    # --- convergence
-
-    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        """Check convergence, and update damping, multipliers and masses; checks [row]: of the level so far, this one included."""
-        with self.stepper.only(rows):
-            return self._check(rows, checks, loading)
-
-    def _check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        stepper, relaxation, stability = self.stepper, self.relaxation, self.stability
-        members = [self.members[row] for row in rows.tolist()]
-        lags = np.array([member.is_loading_gently(bool(one)) for member, one in zip(members, loading, strict=True)])
-        if lags.any():
-            late = rows[lags]
-            pace = renewed_pace(1.0 - stepper.steering.ramp_lag[late], self.deepest[late])
-            stepper.steering.set(late, ramp_lag=1.0 - pace)
-        for member, one in zip(members, loading.tolist(), strict=True):
-            member.go_on_releasing(loading=one)
-        self.strains.renew_masses(rows)
-        stepper.evaluate(0.0, rows=rows)
-        relaxation.renew_damping(rows, boundary=self.strains.motion(rows))
-        stability.hold_damping()
-        state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
-        measured = ~loading | np.array([member.edge is not None for member in members])
-        ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
-        missing = self.strains.ratio(rows)
-        watched = ~loading & ~stability.is_running[rows]
-        relaxation.watch_progress(ratio[watched], state.excess_ratio[watched], rows[watched])
-        relaxation.renew_multipliers(state, rows, loading=loading)
-        if self.multipliers is not None:
-            self.multipliers.renew(contacts, relaxation.multiplier_rate(rows), rows, loading=loading)
-        relaxation.renew_masses(rows, loading=loading)
-        relaxation.keep_motion(rows)
-        for k, member in enumerate(members):
-            if member.edge is not None:
-                ratio[k] = member.move_edge(member.edge, int(checks[k]), float(ratio[k]), loading=bool(loading[k]))
-        left = stability.has_left.copy()
-        ratio = np.maximum(ratio, missing)
-        if not loading.all():
-            ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
-        self.strains.rest(rows, stability.is_running[rows])
-        for world in np.flatnonzero(stability.has_left & ~left).tolist():
-            self.members[world].tell(stability.note(world))
-        tolerance = self.model.scene.solver.residual_tolerance
-        return Check(np.where(loading, np.nan, ratio * tolerance), np.where(loading, np.inf, ratio))
-
-    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        """Nothing: masses go with every check."""
-
-    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
-        return self.strains.settled(rows, self.stress(rows))
-
-    def stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] nominal stress of the meshes."""
-        self.stepper.evaluate(rows=rows)
-        return self.evaluated_stress(rows)
-
-    def evaluated_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] nominal stress of the meshes in the state last evaluated."""
-        with self.stepper.only(rows):
-            total = self.contact.checks.stress(rows)
-        return np.array([
-            (inner + self.members[row].clamp_stress()) / self.model.panel.area
-            for row, inner in zip(rows.tolist(), total, strict=True)
-        ])  # fmt: skip
 
 
 class SpatialMechanics:

@@ -1,0 +1,127 @@
+"""Worlds: meshes of one topology, stepped and checked side by side; one mesh is a group too. `rows` are indices of some of them.
+
+What either model does in its own way is abstract: steps, searches, convergence checks, stresses.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from ..compute.steering import Steering
+from ..measure import tension_scale
+from ..mesh.rim import PATH_STRAIN, LoadPoint
+from .driven_strain import DrivenStrain
+from .protocols import Check
+
+
+class Worlds(ABC):
+    """Results of a world do not depend on the others."""
+
+    members: Sequence[Any]  # `Mechanics` of each world, as far as the model has it
+
+    def __init__(self, models: Sequence[Any], steering: Steering, rigidity: float) -> None:
+        """models: of each world; steering: a row a world; rigidity [N m]: sum of EA times length over the wires of a mesh."""
+        self.model: Any = models[0]
+        self.steering = steering
+        self.strains = DrivenStrain(
+            steering,
+            len(models),
+            self.stress_at,
+            self.stress_now,
+            area=self.model.panel.area,
+            rigidity=rigidity,
+            scale=tension_scale(self.model),
+            tolerance=self.model.scene.solver.residual_tolerance,
+            strain_range=PATH_STRAIN if self.model.scene.depends_on_path else np.inf,
+        )
+        self._waiting: dict[int, LoadPoint] | None = None  # worlds whose loads begin together
+
+    # --- loads
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Loads that are set within begin at its end, all worlds at once."""
+        self._waiting = {}
+        try:
+            yield
+            waiting = dict(sorted(self._waiting.items()))
+        finally:
+            self._waiting = None
+        if waiting:
+            self._begin_loads(waiting)
+
+    def begin_load(self, world: int, load: LoadPoint) -> None:
+        """Begin the load of a world, now or with others."""
+        if self._waiting is None:
+            self._begin_loads({world: load})
+        else:
+            self._waiting[world] = load
+
+    def _begin_loads(self, loads: dict[int, LoadPoint]) -> None:
+        rows, given = np.array(list(loads)), np.full(2, np.nan)
+        self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
+        self.prepare(rows)
+
+    @abstractmethod
+    def prepare(self, rows: np.ndarray) -> None:
+        """Prepare worlds for the motion of their loads."""
+
+    def is_loading(self, rows: np.ndarray) -> np.ndarray:
+        """[row] whether a load is being applied."""
+        return np.asarray(self.steering.is_loading[rows]) | self.strains.is_fast(rows)
+
+    # --- steps
+
+    @abstractmethod
+    def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
+        """Step worlds until each has taken about `last_step` [row] steps since its start, and no more, or is frozen."""
+
+    @abstractmethod
+    def search(self, rows: np.ndarray) -> None:
+        """Search neighbours, and reset the travel budget."""
+
+    @abstractmethod
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        """[row] largest overlap of wires since the last call, over their thickness."""
+
+    def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
+        begin = now = self.steering.step
+        diverged, active = np.zeros(len(begin), dtype=bool), rows
+        while len(active):
+            self.step(active, begin[active] + steps)
+            read = self.steering.read()
+            now, status = read.step, read.status
+            stale = active[status[active] == Steering.STALE]
+            if len(stale):
+                self.search(stale)
+            diverged[active] = status[active] == Steering.DIVERGED
+            active = active[~diverged[active] & (now[active] < begin[active] + steps)]
+        return (now - begin)[rows].astype(int), diverged[rows]
+
+    # --- convergence
+
+    @abstractmethod
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        """Check convergence, and update damping, multipliers and masses; checks [row]: of the level so far, this one included."""
+
+    @abstractmethod
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] nominal stress of the meshes."""
+
+    @abstractmethod
+    def stress_at(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] the same under the present strains, which differ by little from those of the last evaluation."""
+
+    @abstractmethod
+    def stress_now(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] the same in the state last evaluated."""
+
+    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
+        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
+        return self.strains.settled(rows, self.stress(rows))

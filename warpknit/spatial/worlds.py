@@ -1,0 +1,172 @@
+"""Worlds of the spatial model: steps, convergence checks and stresses of many meshes (mechanics/worlds.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..mechanics.numerics import SLOWEST_WAVE, renewed_pace
+from ..mechanics.protocols import Check
+from ..mechanics.worlds import Worlds
+from .clamps import MovingClamps
+from .contact_multipliers import ContactMultipliers
+from .convergence import Residual, Stability
+from .mechanics import SpatialMechanics
+from .model import SpatialModel, initial_state
+from .rest_curve import joined_curves
+from .rod_arrays import RodState
+from .rod_relaxation import VIBRATION, RodRelaxation
+from .rod_step import RodStepper
+from .rods import joined
+from .search_cells import search_cells
+from .step_stress import StepStress
+from .strip_step import stepper_of
+from .wire_contact import WireContact
+
+
+class SpatialWorlds(Worlds):
+    """Meshes of one topology, each with its own load, and its own loops and friction where asked."""
+
+    KEPT = ("deepest",)
+
+    def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
+        """models: of each world; state: of a single one, default at rest."""
+        model = models[0]
+        scene, worlds = model.scene, len(models)
+        rods = joined([one.rods for one in models])
+        curve = joined_curves([one.curve for one in models], rods)
+        if worlds == 1:
+            self.stepper = stepper_of(model, initial_state(model) if state is None else state)
+        else:
+            self.stepper = RodStepper(rods, model.device, None, model.precision, worlds=worlds)
+        mesh = model.global_model
+        self.contact = WireContact(
+            self.stepper,
+            model.contact_stiffness,
+            friction=np.array([one.scene.contact.friction for one in models]),
+            curve=curve,
+            cells=search_cells(mesh.rods, mesh.curve),
+        )
+        self.clamps = moving_clamps(model, self.stepper)
+        self.relaxation = RodRelaxation(
+            self.stepper,
+            softening=model.softening,
+            wave_length=SLOWEST_WAVE * model.loop_length,
+            curve=curve,
+            clamps=self.clamps,
+            multipliers=model.ramp is None,
+            vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
+            wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
+        )
+        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
+        self.residual = Residual(model, self.relaxation, self.multipliers)
+        if any(any(stage.by_tension) for one in models for stage in one.scene.stages):
+            StepStress(
+                self.stepper, self.contact, held_nodes(model, self.stepper), np.concatenate([model.wires.held_lever] * worlds)
+            )
+        rods = mesh.rods
+        rigidity = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum())
+        super().__init__(models, self.stepper.steering, rigidity)
+        self.stability = Stability(model, self.relaxation, self.contact)
+        self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
+        self.members: list[SpatialMechanics] = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
+
+    def prepare(self, rows: np.ndarray) -> None:
+        """Contacts that loads may close, and masses for these."""
+        if self.multipliers is not None:
+            self.multipliers.stiffen(rows)
+        self.relaxation.stop_motion(rows)
+        self.contact.search(rows)
+        self.relaxation.renew_masses(rows, loading=True)
+        self.contact.pop_max_penetration(rows)
+
+    # --- steps
+
+    def search(self, rows: np.ndarray) -> None:
+        self.contact.refresh(rows=rows)
+
+    def overlap(self, rows: np.ndarray) -> np.ndarray:
+        thickness = 2.0 * float(self.model.rods.wire_radius.min())
+        self.deepest[rows] = self.contact.pop_max_penetration(rows) / thickness
+        return self.deepest[rows]
+
+    def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
+        with self.stepper.only(rows):
+            self.stepper.step(int((last_step - self.steering.step[rows]).min()))
+
+    # --- convergence
+
+    def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        with self.stepper.only(rows):
+            return self._check(rows, checks, loading)
+
+    def _check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
+        stepper, relaxation, stability = self.stepper, self.relaxation, self.stability
+        members = [self.members[row] for row in rows.tolist()]
+        lags = np.array([member.is_loading_gently(bool(one)) for member, one in zip(members, loading, strict=True)])
+        if lags.any():
+            late = rows[lags]
+            pace = renewed_pace(1.0 - stepper.steering.ramp_lag[late], self.deepest[late])
+            stepper.steering.set(late, ramp_lag=1.0 - pace)
+        for member, one in zip(members, loading.tolist(), strict=True):
+            member.go_on_releasing(loading=one)
+        self.strains.renew_masses(rows)
+        stepper.evaluate(0.0, rows=rows)
+        relaxation.renew_damping(rows, boundary=self.strains.motion(rows))
+        stability.hold_damping()
+        state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
+        measured = ~loading | np.array([member.edge is not None for member in members])
+        ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
+        missing = self.strains.ratio(rows)
+        watched = ~loading & ~stability.is_running[rows]
+        relaxation.watch_progress(ratio[watched], state.excess_ratio[watched], rows[watched])
+        relaxation.renew_multipliers(state, rows, loading=loading)
+        if self.multipliers is not None:
+            self.multipliers.renew(contacts, relaxation.multiplier_rate(rows), rows, loading=loading)
+        relaxation.renew_masses(rows, loading=loading)
+        relaxation.keep_motion(rows)
+        for k, member in enumerate(members):
+            if member.edge is not None:
+                ratio[k] = member.move_edge(member.edge, int(checks[k]), float(ratio[k]), loading=bool(loading[k]))
+        left = stability.has_left.copy()
+        ratio = np.maximum(ratio, missing)
+        if not loading.all():
+            ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
+        self.strains.rest(rows, stability.is_running[rows])
+        for world in np.flatnonzero(stability.has_left & ~left).tolist():
+            self.members[world].tell(stability.note(world))
+        tolerance = self.model.scene.solver.residual_tolerance
+        return Check(np.where(loading, np.nan, ratio * tolerance), np.where(loading, np.inf, ratio))
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        self.stepper.evaluate(rows=rows)
+        return self.stress_now(rows)
+
+    def stress_at(self, rows: np.ndarray) -> np.ndarray:
+        self.stepper.evaluate(0.0, rows=rows)
+        return self.stress_now(rows)
+
+    def stress_now(self, rows: np.ndarray) -> np.ndarray:
+        with self.stepper.only(rows):
+            total = self.contact.checks.stress(rows)
+        return np.array([
+            (inner + self.members[row].clamp_stress()) / self.model.panel.area
+            for row, inner in zip(rows.tolist(), total, strict=True)
+        ])  # fmt: skip
+
+
+def held_nodes(model: SpatialModel, stepper: RodStepper) -> np.ndarray:
+    """[held] held nodes of all worlds."""
+    return np.concatenate([model.wires.held_node + k * stepper.arrays.world_nodes for k in range(stepper.worlds)])
+
+
+def moving_clamps(model: SpatialModel, stepper: RodStepper) -> MovingClamps | None:
+    """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
+    wires, worlds = model.wires, stepper.worlds
+    if not len(wires.held_node) or model.scene.has_moving_edge:
+        return None
+    sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
+    count, lever = len(wires.held_node) // 2, np.concatenate([wires.held_lever] * worlds)
+    slides = np.concatenate([sliding + k * count for k in range(worlds)])
+    return MovingClamps(stepper, held_nodes(model, stepper).reshape(-1, 2), lever.reshape(-1, 2, 2), slides)
