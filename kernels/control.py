@@ -28,7 +28,8 @@ step, in the frame in which the boundary is strained by U,
     U_own' = U_own + v'
 
 The wanted tensions T* follow the ramp of the load. Where the mesh has a history, strains stay within STRAIN_RANGE of their
-origin until the next equilibrium, and tensions in proportion: none goes further on its way than those of strains at that limit.
+origin until the next equilibrium, and tensions in proportion: none goes further on its way than those of strains at that limit,
+but for those that hardly change.
 """
 
 import warp as wp
@@ -74,7 +75,7 @@ EVEN_RAMP = wp.constant(45)  # 1: equal load increments, as for an interval of a
 LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
 EVALUATED_GAP = wp.constant(50)  # [m] of wires in space, up to which an evaluation without a step finds their closest points
 NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segments is listed as near
-PAIR_REACH = wp.constant(52)  # [m] of travel that a unit strain of the load adds: it moves what may touch towards each other
+PAIR_REACH = wp.constant(52)  # [m] of travel that a unit strain of the load adds, half of the relative motion of what may touch
 EXTRAPOLATION = wp.constant(54)  # [-] change of a level predicted, over that of the level before (multiplier_update.py)
 # of a convergence check of wires in space (contact_checks.py)
 PENALTY_FLOOR = wp.constant(55)  # [N/m] least penalty of a contact
@@ -100,6 +101,7 @@ FRICTION = wp.constant(81)  # [-] coefficient of wires in space
 CONTROL_COUNT = 82
 
 NEARLY = wp.constant(wp.float64(1.0 - 1.0e-6))  # of a limit that counts as reached
+LEAST_WAY = wp.constant(wp.float64(0.01))  # of the larger wanted tension: one that changes by less is not kept in proportion
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -159,9 +161,10 @@ def strain_by_tension(control: wp.array(dtype=wp.float64), sums: partial_sums):
     share = one
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         share = control[RAMP_SHARE]
+    least_way = LEAST_WAY * wp.max(wp.abs(control[TENSION_TO]), wp.abs(control[TENSION_TO + 1]))
     for a in range(2):
         way = control[TENSION_TO + a] - control[TENSION_FROM + a]
-        if control[AT_LIMIT + a] != zero and way != zero:
+        if control[AT_LIMIT + a] != zero and wp.abs(way) > least_way:
             share = wp.clamp((control[TENSION + a] - control[TENSION_FROM + a]) / way, zero, share)
     limit = control[STRAIN_LIMIT] * (one - control[RAMP_LAG])
     for a in range(2):

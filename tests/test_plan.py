@@ -77,7 +77,7 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
         ('model.boundary="gripped"', "grips"),
         ('model.boundary="periodic"', "periodic boundary"),
         ('load.temperature="-190 degC"', "thermal strain"),
-        ("load.tension_weft=0.1", "tension search"),
+        ("load.tension_weft=0.1", "strain by tension"),
         ("load.shear=0.1", "shear"),
         ('wire.plating={material="gold", thickness="0.2 um"}', "plating"),
         ("wire.set_fraction=0.5", "rest curvature"),

@@ -62,7 +62,7 @@ class Diverged(WarpknitError):
     """The run diverged: the line names the wire, the node, the load, the likely cause and what to change."""
 
     exit_code = DIVERGED
-    is_final = False  # smaller increments of load would end so, too
+    is_final = False  # whether smaller increments of load would end so, too
 
 
 class NoProgress(Diverged):

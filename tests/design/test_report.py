@@ -118,7 +118,6 @@ def test_the_wall_time_is_that_of_the_whole_report(reports):
     names = ["map", "tension-strain curves", "equal tensions", "material card", "openings and page"]
     assert list(report["stages_s"]) == names and min(report["stages_s"].values()) > 0.0
     assert 0.9 * report["wall_s"] < sum(report["stages_s"].values()) <= report["wall_s"]
-    assert report["stages_s"]["map"] < report["stages_s"]["material card"]
     shown = ", ".join(f"{name} {duration(took)}" for name, took in report["stages_s"].items() if took >= LEAST_TOLD)
     assert f"wall time {duration(report['wall_s'], 3)} for the report: {shown} optimum" in said["0.06 N/m"]
     assert re.search(r"wall time [0-9.]+ s for the report: map [0-9.]+ s, tension-strain curves ", said[""])
@@ -134,11 +133,11 @@ def test_without_a_tension_the_card_is_for_the_optimum(reports):
 def test_a_tension_that_is_not_found_is_said_and_is_no_success(tmp_path, monkeypatch):
     """A card that was asked for and is missing: exit status 3, one line that says what to change, and the page is there."""
     monkeypatch.setattr(curves, "POINTS", 2)
-    done = make_report(tmp_path / "r", "--tension", "1 N/m", "--set", "solver.max_steps=2000")
-    assert done.exit_code == 3 and "no card for 1 N/m in both directions" in done.stderr
+    done = make_report(tmp_path / "r", "--tension", "1 MN/m", "--set", "solver.max_steps=2000")
+    assert done.exit_code == 3 and "no card for 1 MN/m in both directions" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     page = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
-    assert "No card for 1 N/m" in page and not (tmp_path / "r" / "material_card.json").exists()
+    assert "No card for 1 MN/m" in page and not (tmp_path / "r" / "material_card.json").exists()
 
 
 def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):

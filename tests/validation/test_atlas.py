@@ -174,7 +174,7 @@ strain_warp = 0.0
 
 
 def test_tension_drive_meets_the_tension() -> None:
-    """A stage driven by tension ends within the search's tolerance of it."""
+    """A stage driven by tension ends within the tolerance of it."""
     from warpknit.mechanics.driven_strain import TOLERANCE
 
     run = cell('load.tension_weft="0.3 N/m"', 'load.tension_warp="0.2 N/m"', "output.frames=3")

@@ -168,3 +168,12 @@ def test_a_mesh_that_cannot_carry_its_tension_says_what_it_carried(kind: str) ->
     strain = np.diag(simulation.state.gradient) - 1.0
     assert strain[0] > 5.0 > strain[1]
     assert simulation.progress.steps < 1.1 * 5.0 / 3e-4  # by the largest strain of a step
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_with_friction_a_held_tension_does_not_stop_the_other_one(kind: str) -> None:
+    """Weft keeps its tension while that in warp falls to a fifth: strains rest, and both are carried."""
+    tables = {"contact": {"friction": 0.2}, "load": {"tension_weft": "0.5 N/m", "tension_warp": "0.5 N/m"}}
+    _, last = last_of(scene_of(kind=kind, path=[{"name": "slacker", "tension_warp": "0.1 N/m"}], **tables))
+    assert last.stage == "slacker"
+    assert measure.mesh_tension(last.observables) == pytest.approx([0.5, 0.1], abs=2.0 * TOLERANCE * 0.5)

@@ -264,7 +264,7 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
     if any(stage.clamp_rotation for stage in scene.stages):
         yield "rotated clamps: given in a stage, load.clamp_rotation"
     if any(any(stage.by_tension) for stage in scene.stages):
-        yield "tension search: a direction is given by tension; strains are varied until the equilibrium carries it"
+        yield "strain by tension: a direction is given by tension; its strain moves with the nodes, by what the tension lacks"
     if scene.contact.friction:
         yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
     if wire.plastic:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..compute.steering import Steering
+from ..kernels.control import LEAST_WAY
 from ..measure.strain import clamp_rotation, rotation, stretch, true_stress
 
 COUNTS = 2.0**58  # of EA times the length of all wires: whole numbers in float64 up to a mean strain of 3 %, which no wire takes
@@ -38,6 +39,7 @@ class DrivenStrain:
         stress_now: Callable[[np.ndarray], np.ndarray],
         *,
         area: float,
+        clamp_share: np.ndarray,
         rigidity: float,
         scale: float,
         tolerance: float,
@@ -45,14 +47,15 @@ class DrivenStrain:
     ) -> None:
         """stress_at: evaluates rows, and returns their nominal stress (row, 2, 2) [N/m]; stress_now: that last evaluated.
 
-        area [m2] of a world at rest; rigidity [N m]: sum of EA times length over its wires; scale [N/m]: EI/C^3; tolerance: of
-        the residual; strain_range: most strain from one equilibrium to the next.
+        area [m2] of a world at rest; clamp_share (2,): distance of its outermost clamps over its size; rigidity [N m]: sum of EA
+        times length over its wires; scale [N/m]: EI/C^3; tolerance: of the residual; strain_range: most strain from one
+        equilibrium to the next.
         """
         self._steering, self.stress_at, self._stress_now = steering, stress_at, stress_now
-        self._area, self._scale = area, scale
+        self._area, self._scale, self._clamp_share = area, scale, clamp_share
         self.tolerance = min(TOLERANCE, TOLERANCE_SHARE * tolerance)
-        self.wanted = np.full((worlds, 2), np.nan)  # [N/m], where a direction is given by tension
-        self.tension, self.largest = np.zeros((2, worlds, 2))  # [N/m] at the last check, and largest as loads began
+        self.wanted = np.full((worlds, 2), np.nan)  # [N/m] over the whole size, where a direction is given by tension
+        self.tension, self.largest = np.zeros((2, worlds, 2))  # [N/m] at the last check, and largest of an equilibrium
         self._mass = np.ones((worlds, 2))  # [N/m]
         self._stiffness = np.zeros((worlds, 2, 2))  # [N/m] change of tensions by strains that all nodes follow
         self._checks = np.zeros(worlds, dtype=int)
@@ -81,6 +84,10 @@ class DrivenStrain:
     def is_endless(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether a mesh has been strained without carrying its tension."""
         return np.asarray((self.driven(rows) & (self._strain(rows) > ENDLESS)).any(axis=1))
+
+    def found(self, rows: np.ndarray) -> None:
+        """Note that worlds are in equilibrium."""
+        self.largest[rows] = np.maximum(self.largest[rows], self.tension[rows] / self._clamp_share)
 
     # --- tensions
 
@@ -113,7 +120,7 @@ class DrivenStrain:
 
     def begin(self, rows: np.ndarray, wanted: np.ndarray) -> None:
         """Begin loads of worlds: from the tension now to the `wanted` one (row, 2) [N/m], nan where a strain is given."""
-        self.wanted[rows] = wanted
+        self.wanted[rows] = wanted * self._clamp_share
         self._checks[rows] = 0
         self._last_strain[rows] = np.nan
         own = rows[np.isfinite(wanted).any(axis=1)]
@@ -122,7 +129,6 @@ class DrivenStrain:
         if not len(own):
             return
         self.tension[own] = self._tension(own, self.stress_at(own))
-        self.largest[own] = np.maximum(self.largest[own], self.tension[own])
         self._probe(own)
         driven = self.driven(own)
         begin = np.where(driven, self.tension[own], 0.0)
@@ -161,9 +167,10 @@ class DrivenStrain:
         """[row] what tensions lack over its tolerance, at this check; 0 where strains are given."""
         wanted, tension, at_limit = self.wanted[rows], self.tension[rows], self.at_limit(rows)
         begin = self._steering.tension_from[rows]
-        with np.errstate(invalid="ignore", divide="ignore"):  # on the way to them, in proportion
-            reached = np.where(at_limit, (tension - begin) / (wanted - begin), 1.0)
-        wanted = begin + np.clip(np.nan_to_num(reached, nan=1.0).min(axis=1), 0.0, 1.0)[:, None] * (wanted - begin)
+        way = np.nan_to_num(wanted - begin)
+        counts = at_limit & (np.abs(way) > float(LEAST_WAY) * np.nan_to_num(np.abs(wanted)).max(axis=1, keepdims=True))
+        reached = np.divide(tension - begin, way, out=np.ones_like(way), where=counts)  # on the way to them, in proportion
+        wanted = begin + np.clip(reached.min(axis=1), 0.0, 1.0)[:, None] * (wanted - begin)
         least = np.maximum(LEAST_TENSION * self._scale, 0.5 * np.abs(tension).max(axis=1))[:, None]
         with np.errstate(invalid="ignore"):
             missing = np.abs(wanted - tension) / np.maximum(np.abs(wanted), least)

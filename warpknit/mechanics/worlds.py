@@ -34,6 +34,7 @@ class Worlds(ABC):
             self.stress_at,
             self.stress_now,
             area=self.model.panel.area,
+            clamp_share=self.model.panel.clamp_share,
             rigidity=rigidity,
             scale=tension_scale(self.model),
             tolerance=self.model.scene.solver.residual_tolerance,

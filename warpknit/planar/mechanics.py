@@ -55,8 +55,8 @@ class PlanarWorlds(Worlds):
         `threads`: see `WorldStepper`.
         """
         model = models[0]
-        by_tension = any(any(stage.by_tension) for one in models for stage in one.scene.stages)
-        self.stepper = WorldStepper(model, len(models), state, threads=threads, counts_stress=by_tension)
+        counts_stress = any(one.scene.is_relaxed_to_tension for one in models)
+        self.stepper = WorldStepper(model, len(models), state, threads=threads, counts_stress=counts_stress)
         self.state = self.stepper.state
         self.diagnostics, self.residual = Diagnostics(self.stepper), Residual(model)
         self.slowest_mode, self.multipliers = SlowestMode(self.stepper), Multipliers(self.diagnostics)

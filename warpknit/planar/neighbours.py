@@ -29,8 +29,8 @@ class NeighbourSearch:
         # the nearer node of a touched segment is within half a (stretched) spacing along the wire
         self.radius = model.contact_reach + self.margin + 0.75 * float(model.table.spacing.max())
         self.searches = 0
-        # half of the largest relative motion of a body and a wire within the radius, by a unit strain of the load
-        state.steering.set(pair_reach=0.5 * self.radius)
+        # half of the relative motion of a body and a wire by a unit strain of the load, at rest within twice the radius
+        state.steering.set(pair_reach=self.radius)
 
     def search(self) -> None:
         """Seed every open pair, and reset the travel budget.

@@ -31,7 +31,7 @@ COMPRESSED = "compressed in weft or warp where the mean tension is this"
 SCATTER = 1e-3  # of a mean tension: a smaller one in one direction is about zero
 HEATED = (*STATE, "active_percent", "stress_max_Pa")
 PEAK = ("stress_max_part", "stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")
-ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the residual tolerance of this (solve/tension.py)
+ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the tolerance of this (mechanics/driven_strain.py)
 
 
 class Closing(Event):

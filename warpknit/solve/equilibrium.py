@@ -86,6 +86,7 @@ class Equilibrium:
         for row, count in zip(rows[unconverged].tolist(), checks[unconverged].tolist(), strict=True):
             if count * self._check_steps > self.relaxations[row].step_limit:
                 failed[row] = self.relaxations[row].exceeded_steps()
+        self.group.strains.found(rows[~unconverged])
         return CheckOutcome(rows[~unconverged].tolist(), failed)
 
     def solve(self) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -207,7 +208,7 @@ class MultilevelRelaxation(Relaxation):
             super()._start_level(target)
         else:
             begin = _load_of(self)
-            self.mechanics.set_load(target, 0)
+            self.mechanics.set_load(replace(target, tension=None), 0)
             self.progress.is_prolonged = self.prolongation.carry(self._response)
             self.mechanics.stop()
             self.mechanics.search()
@@ -217,6 +218,7 @@ class MultilevelRelaxation(Relaxation):
                     " wires would overlap too deeply: it was loaded from its own state"
                 )
                 self.mechanics.set_load(begin, 0)
+            if target.tension is not None or not self.progress.is_prolonged:
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)
 

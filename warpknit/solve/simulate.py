@@ -192,7 +192,7 @@ class Simulation:
         """The model of a world: this one with its loads, or one of loops scattered otherwise."""
         model: Any = self.model
         own, alike = model.scene, scene
-        if own.model.kind == "spatial" and (own.contact.friction > 0.0) == (scene.contact.friction > 0.0):
+        if own.model.of_kind.own_loops and (own.contact.friction > 0.0) == (scene.contact.friction > 0.0):
             knit, contact = replace(scene.knit, seed=own.knit.seed), replace(scene.contact, friction=own.contact.friction)
             alike = replace(scene, knit=knit, contact=contact)
         for name in ("wire", "knit", "contact", "model", "panel", "solver"):

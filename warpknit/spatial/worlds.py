@@ -61,7 +61,7 @@ class SpatialWorlds(Worlds):
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
-        if any(any(stage.by_tension) for one in models for stage in one.scene.stages):
+        if any(one.scene.is_relaxed_to_tension for one in models):
             StepStress(
                 self.stepper, self.contact, held_nodes(model, self.stepper), np.concatenate([model.wires.held_lever] * worlds)
             )
