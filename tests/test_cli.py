@@ -284,7 +284,7 @@ def test_the_time_left_is_told_when_a_tenth_is_done(monkeypatch, caplog):
 
 
 def test_progress_never_runs_backwards(monkeypatch, caplog):
-    """An increment that is halved, and an equilibrium that a search adds, begin anew: what was shown stays."""
+    """An increment that is halved begins anew: what was shown stays."""
     told = lines_of(monkeypatch, caplog, [(0.5, 0.5), (0.65, 0.7), (0.5, 0.6), (0.7, 0.7)])
     shown = [[int(number) for number in re.findall(r"(\d+) %", line)] for line in told]
     assert shown == [[50, 50], [65, 70], [65, 70], [70, 70]]

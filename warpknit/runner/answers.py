@@ -208,7 +208,7 @@ def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Clos
 
 def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | None]:
     """The neighbouring rows between which the mean tension passes `tension` [N/m], first in each stage but for changes of
-    temperature behind the first passage; a row that has it, within the `error` of a search, stands twice. One None without any.
+    temperature behind the first passage; a row that has it, within the `error` of a tension, stands twice. One None without any.
     """
     slack = error * tension
     passages: list[Jump | None] = [(rows[0], rows[0])] if mean_tension(rows[0]) >= tension - slack else []

@@ -85,7 +85,7 @@ def _without_scatter(part: Any, least: float, is_tension: bool = False) -> Any:
 
 
 def _tension(state: Row, digits: int = 3) -> str:
-    """Tension in weft and warp; their mean where they differ by no more than a search allows."""
+    """Tension in weft and warp; their mean where they differ by no more than their tolerance."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
     if abs(both[0] - both[1]) <= 2.0 * TOLERANCE * max(map(abs, both)):
         both = 2 * [0.5 * (both[0] + both[1])]

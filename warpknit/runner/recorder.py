@@ -220,12 +220,11 @@ class Recorder:
         before, begin = self._counted_from
         rate = (progress.steps - before) * self.model.node_count / (clock - begin) if progress.steps > before else None
         records = progress.level - (progress.stage_index == 0)  # the first stage begins with the unloaded state
-        is_search = self.scene.solver.drive == "relax" and any(stages[progress.stage_index].by_tension)
         done = (max(0, records) + progress.level_share) / max(1, self.scene.output.levels)
         if isinstance(self.scene.output.frames, str) and self.scene.solver.drive == "relax":
             done = self.rows[-1].load_factor if self.rows and self.rows[-1].stage == progress.stage else 0.0
         self.display.update(
-            done=None if is_search else done,
+            done=done,
             load_factor=progress.load_factor,
             node_steps_per_s=rate,
             now=self.simulation.solving,
