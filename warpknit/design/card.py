@@ -15,12 +15,17 @@ of the wires, dS/dL = d(dw/dL)/dE is had from the same states, and heat changes 
 What a test machine sees is D, the change of the true tension s by the strains e, geometric stiffness included,
 
     D_ii = C_ii + s_i     D_12 = C_12 - s_1     D_21 = C_12 - s_2.
+
+With friction or yield S depends on the direction and the size of a strain, and there is no w. C is then that of small cycles, of
+CYCLE about a state unloaded by twice as much, where most contacts stick. The same about a state loaded further gives the tangent of
+loading, which is not symmetric. alpha is found by heating the mesh under its tension, and by cooling it back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,13 +34,34 @@ from ..measure import Observables
 from ..results.row import Row
 from ..scene import Stage
 from ..studies.batch import Mesh
-from .load_path import LoadPath, PathState, under_strain
+from .load_path import LoadPath, PathState, part_of, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state
+CYCLE = 1e-4  # the same with friction or yield, amplitude of small cycles: the more contacts slip, the larger it is
+BESIDE = 2.0  # amplitudes along the load, or back, to the middle of these differences
+HEATED = 100.0  # [K] change of temperature for the expansion of a mesh with a history
 AGREEMENT = 0.05  # of the largest stiffness: larger changes from twice the step, or a larger asymmetry, give a warning
 WAVE_DIRECTIONS = 180  # directions of plane waves
 VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
+
+
+@dataclass(frozen=True)
+class History:
+    """Properties of a mesh with friction or yield that differ from those of small cycles and of heating."""
+
+    loading: np.ndarray  # (3, 3) [N/m] tangent stiffness along the load, row S, column E; not symmetric
+    difference: float  # change from differences of twice the step, over its largest entry
+    cooling: np.ndarray  # (3,) [1/K] strain E at constant S while the heated mesh cools to its temperature
+
+    def tension_slope(self, tension: np.ndarray) -> np.ndarray:
+        """(2, 2) [N/m] derivative of the tensions (2,) by the strains, as the load goes on."""
+        return _tension_slope(self.loading, tension)
+
+
+def _tension_slope(stiffness: np.ndarray, tension: np.ndarray) -> np.ndarray:
+    """(2, 2) [N/m] D of a stiffness C."""
+    return np.asarray(stiffness[:2, :2] + np.diag(tension) - tension[:, None] * (1.0 - np.eye(2)))
 
 
 @dataclass(frozen=True)
@@ -49,7 +75,7 @@ class MaterialCard:
     stiffness: np.ndarray  # (3, 3) [N/m] symmetric
     asymmetry: float  # of the finite-difference stiffness, over its largest entry
     step_difference: float  # change of the stiffness from differences of twice the step, over its largest entry
-    expansion: np.ndarray  # (3,) [1/K] strain E at constant S
+    expansion: np.ndarray  # (3,) [1/K] strain E at constant S, with friction or yield while the mesh is heated
     areal_mass: float  # [kg/m2] of the tensioned mesh
     stress_max: float  # [Pa] in the wire of the tensioned mesh
     active_percent: float  # contacts of the tensioned mesh
@@ -58,6 +84,7 @@ class MaterialCard:
     jumps: str = ""  # sentence on those of the load on the way to the mesh
     branch: str = ""  # sentence on another equilibrium that the report found under its load
     ahead: str = ""  # distance to the next snap-through and to first yield, in words
+    history: History | None = None  # with friction or yield
 
     @property
     def row(self) -> Row:
@@ -78,10 +105,14 @@ class MaterialCard:
         return float(c[0, 0] - c[0, 1] ** 2 / c[1, 1]), float(c[1, 1] - c[0, 1] ** 2 / c[0, 0])
 
     @property
+    def tension(self) -> np.ndarray:
+        """(2,) [N/m] in weft and warp."""
+        return np.array([self.tension_weft, self.tension_warp])
+
+    @property
     def tension_slope(self) -> np.ndarray:
         """(2, 2) [N/m] derivative of the tensions (force per current width) by the strains, in weft and warp."""
-        tension = np.array([self.tension_weft, self.tension_warp])
-        return np.asarray(self.stiffness[:2, :2] + np.diag(tension) - tension[:, None] * (1.0 - np.eye(2)))
+        return _tension_slope(self.stiffness, self.tension)
 
     @property
     def difference(self) -> float:
@@ -125,42 +156,38 @@ def stretch(strain: np.ndarray) -> np.ndarray:
     return np.array([[a, b], [0.0, np.sqrt(1.0 + 2.0 * strain[1] - b * b)]])
 
 
+def green(f: np.ndarray) -> np.ndarray:
+    """(3,) Green-Lagrange strain E11, E22, 2 E12 of f (2, 2)."""
+    strain = 0.5 * (f.T @ f - np.eye(2))
+    return np.array([strain[0, 0], strain[1, 1], 2.0 * strain[0, 1]])
+
+
 def find_card(
-    model: Mesh, begin: PathState, load: Stage, watch: Callable[[float], None] = lambda _: None
+    model: Mesh, begin: PathState, load: Stage, watch: Callable[[float], None] = lambda _: None, *, ahead: Stage | None = None
 ) -> tuple[MaterialCard, Observables]:
     """The card under `load`, from a state near it, and the tensioned mesh. model: periodic, see `exact_model`.
 
-    All states of the differences start from that mesh. `watch` is called with the share of them that is found.
-    Raises `Diverged` where the mesh does not converge.
+    All states of the differences start from that mesh. `watch` is called with the share of them that is found. ahead: a little
+    more of the load, which a mesh with friction or yield needs. Raises `Diverged` where the mesh does not converge.
     """
     path = LoadPath(model, begin)
     base = path.to(load).observables
-    tensioned = base.gradient
-    weft, warp = (float(strain) for strain in np.diag(tensioned) - 1.0)
-    area = model.panel.area * float(np.linalg.det(tensioned))
-    taken, wanted = 0, 12
-
-    def slopes(size: float) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the stress (3, 3) and of the energy by the length factor (3,), by E11, E22, 2 E12."""
-        nonlocal taken
-        found = np.zeros((3, 2, 4))
-        for k in range(3):
-            for side, sign in enumerate((1.0, -1.0)):
-                f = stretch(sign * size * np.eye(3)[k])
-                state = LoadPath(model, path.state).to(under_strain(model.scene, f @ tensioned)).observables
-                found[k, side] = *_stress(state, f, tensioned), state.thermal_force / area
-                taken += 1
-                watch(taken / wanted)
-        slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
-        return slope[:, :3], slope[:, 3]
-
-    coarse, fine, size = slopes(2.0 * STEP), slopes(STEP), STEP
-    differences = _Differences.of(coarse, fine, size)
-    while differences.error > AGREEMENT and size > LEAST_STEP:
-        wanted += 6
-        size *= 0.5
-        coarse, fine = fine, slopes(size)
-        differences = min(differences, _Differences.of(coarse, fine, size), key=lambda one: one.error)
+    has_history = model.scene.depends_on_path
+    find = partial(_differences, model, path.state, base.gradient)
+    history = None
+    if has_history:
+        assert ahead is not None
+        onwards = LoadPath(model, path.state).to(ahead).observables.gradient
+        along = green(onwards @ np.linalg.inv(base.gradient))
+        along *= BESIDE / np.abs(along).max()
+        differences, loading = (find(CYCLE, sign * along, watch=part_of(watch, k, 3)) for k, sign in enumerate((-1.0, 1.0)))
+        expansion, cooling = _expansions(model, path.state, base, load)
+        watch(1.0)
+        history = History(loading.tangent, loading.step_difference, cooling)
+    else:
+        differences = find(STEP, least=LEAST_STEP, watch=watch)
+        expansion = -np.linalg.solve(differences.stiffness, differences.by_length) * model.scene.wire.expansion
+    weft, warp = (float(strain) for strain in np.diag(base.gradient) - 1.0)
     tension = measure.mesh_tension(base)
     card = MaterialCard(
         strain_weft=weft,
@@ -171,35 +198,95 @@ def find_card(
         asymmetry=differences.asymmetry,
         step_difference=differences.step_difference,
         difference_step=differences.step,
-        expansion=-np.linalg.solve(differences.stiffness, differences.by_length) * model.scene.wire.expansion,
+        expansion=expansion,
         areal_mass=measure.areal_mass(base),
         stress_max=measure.largest_stress(base),
         active_percent=measure.contacts(base).active_percent,
         temperature=model.scene.stages[0].temperature,
+        history=history,
     )
     return card, base
+
+
+def _expansions(model: Mesh, state: PathState, base: Observables, load: Stage) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) [1/K] strain E a kelvin at the tension of a state, while it is heated by HEATED and while it cools back."""
+    weft, warp = measure.mesh_tension(base)
+    held = replace(load, strain_weft=None, strain_warp=None, tension_weft=weft, tension_warp=warp)
+    path, strains = LoadPath(model, state), [np.zeros(3)]
+    for name, change in (("heated", HEATED), ("cooled", 0.0)):
+        found = path.to(replace(held, name=name, temperature=load.temperature + change)).observables
+        strains.append(green(found.gradient @ np.linalg.inv(base.gradient)))
+    return strains[1] / HEATED, (strains[1] - strains[2]) / HEATED
+
+
+def _differences(
+    model: Mesh,
+    state: PathState,
+    tensioned: np.ndarray,
+    step: float,
+    beside: np.ndarray | float = 0.0,
+    *,
+    least: float = np.inf,
+    watch: Callable[[float], None],
+) -> _Differences:
+    """Derivatives about a strain of `beside` (3,) steps from a tensioned state, by the step from `least` on that agrees best."""
+    area = model.panel.area * float(np.linalg.det(tensioned))
+    taken, wanted = 0, 12
+
+    def slopes(size: float) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the stress (3, 3) and of the energy by the length factor (3,), by E11, E22, 2 E12."""
+        nonlocal taken
+        found = np.zeros((3, 2, 4))
+        for k in range(3):
+            for side, sign in enumerate((1.0, -1.0)):
+                f = stretch(size * (beside + sign * np.eye(3)[k]))
+                there = LoadPath(model, state).to(under_strain(model.scene, f @ tensioned)).observables
+                found[k, side] = *_stress(there, f, tensioned), there.thermal_force / area
+                taken += 1
+                watch(taken / wanted)
+        slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
+        return slope[:, :3], slope[:, 3]
+
+    coarse, fine = slopes(2.0 * step), slopes(step)
+    best = _Differences.of(coarse, fine, step)
+    while best.error > AGREEMENT and step > least:
+        wanted += 6
+        step *= 0.5
+        coarse, fine = fine, slopes(step)
+        best = min(best, _Differences.of(coarse, fine, step), key=lambda one: one.error)
+    return best
 
 
 @dataclass(frozen=True)
 class _Differences:
     """Derivatives by differences of one step, and what they differ by from those of twice the step."""
 
-    stiffness: np.ndarray  # (3, 3) [N/m]
+    tangent: np.ndarray  # (3, 3) [N/m] row stress, column strain
     by_length: np.ndarray  # (3,) [N/m]
-    asymmetry: float  # over the largest stiffness, as step_difference
-    step_difference: float
+    step_difference: float  # over the largest stiffness, as asymmetry
     step: float
 
     @classmethod
     def of(cls, coarse: tuple[np.ndarray, np.ndarray], fine: tuple[np.ndarray, np.ndarray], step: float) -> _Differences:
-        stiffness, coarser = (0.5 * (slope + slope.T) for slope, _ in (fine, coarse))
-        largest = np.abs(stiffness).max()
-        asymmetry = float(np.abs(fine[0] - fine[0].T).max() / largest)
-        return cls(stiffness, fine[1], asymmetry, float(np.abs(stiffness - coarser).max() / largest), step)
+        change = _symmetric(fine[0]) - _symmetric(coarse[0])
+        return cls(fine[0].T, fine[1], float(np.abs(change).max() / np.abs(_symmetric(fine[0])).max()), step)
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """(3, 3) [N/m] symmetric."""
+        return _symmetric(self.tangent)
+
+    @property
+    def asymmetry(self) -> float:
+        return float(np.abs(self.tangent - self.tangent.T).max() / np.abs(self.stiffness).max())
 
     @property
     def error(self) -> float:
         return max(self.asymmetry, self.step_difference)
+
+
+def _symmetric(tangent: np.ndarray) -> np.ndarray:
+    return np.asarray(0.5 * (tangent + tangent.T))
 
 
 def _stress(r: Observables, f: np.ndarray, tensioned: np.ndarray) -> tuple[float, float, float]:

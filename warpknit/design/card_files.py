@@ -19,7 +19,7 @@ from ..runner.cautions import preset_cautions
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
-from .card import AGREEMENT, LEAST_STEP, MaterialCard
+from .card import AGREEMENT, CYCLE, HEATED, LEAST_STEP, MaterialCard
 
 CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
@@ -29,6 +29,12 @@ DEFINITION = (
     " the FE model as prestress: its geometric stiffness is not included in C, E1, E2, nu12 and nu21. It is included in D11 to"
     " D22, which a test machine measures from the tensioned mesh on: a small strain in one direction, with the other held."
     " S = prestress + C (E - alpha (T - T0))."
+)
+OF_HISTORY = (
+    f" With friction or yield C, D and the constants from them are those of small cycles of {percent(CYCLE)} of strain, about a"
+    " state unloaded by twice as much; loading_C and loading_D are the same about a state loaded further, with a row for the"
+    f" stress and a column for the strain. alpha is that of heating by {HEATED:g} K at constant S, cooling_alpha that of cooling"
+    " back."
 )
 
 
@@ -51,6 +57,7 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     if card.is_stable:
         for axis, value, side in zip("12", card.expansion[:2].tolist(), ("weft", "warp"), strict=True):
             yield f"alpha{axis}", value, "1/K", f"thermal expansion in {side} at constant S"
+    yield from _history_values(card)
     yield "areal_mass", card.areal_mass, "kg/m^2", "mass per area of the tensioned mesh"
     for axis, value, side in zip("12", (card.tension_weft, card.tension_warp), ("weft", "warp"), strict=True):
         yield f"prestress{axis}", value, "N/m", f"tension in {side}, force per current width"
@@ -63,6 +70,28 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
     yield ("difference", card.difference, "1", "error estimate of the stiffness, over the largest entry; unreliable above 5 %")
 
 
+def _history_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
+    """Values of a mesh with friction or yield that differ from those of small cycles."""
+    history = card.history
+    if history is None:
+        return
+    sides = ("weft", "warp", "shear")
+    for (row, column), value in np.ndenumerate(history.loading):
+        if (row < 2 and column < 2) or row == column:
+            yield f"loading_C{row + 1}{column + 1}", float(value), "N/m", f"loading: S in {sides[row]} with E in {sides[column]}"
+    for (row, column), value in np.ndenumerate(history.tension_slope(card.tension)):
+        meaning = f"loading: change of tension in {sides[row]} with strain in {sides[column]}"
+        yield f"loading_D{row + 1}{column + 1}", float(value), "N/m", meaning
+    for axis, value, side in zip("12", history.cooling[:2].tolist(), sides[:2], strict=True):
+        yield f"cooling_alpha{axis}", value, "1/K", f"thermal contraction in {side} at constant S, after heating by {HEATED:g} K"
+    yield "loading_difference", history.difference, "1", "error estimate of loading_C, over the largest entry"
+
+
+def definition(card: MaterialCard) -> str:
+    """What the values of a card are, in words."""
+    return DEFINITION + ("" if card.history is None else OF_HISTORY)
+
+
 def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
     """Limits to the use of the card."""
     if not card.is_stable:
@@ -72,7 +101,11 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
         given = " and ".join(f"{celsius(temperature)}" for temperature in sorted(others))
         text = f"the material card is valid at {celsius(card.temperature)}, the temperature of [load], not at {given} of [[path]]"
         yield ResultWarning("W51", text, "change it with --set load.temperature")
-    if card.difference > AGREEMENT:
+    if card.history is not None and card.difference > AGREEMENT:
+        size, change = percent(card.difference_step), percent(card.difference, 0)
+        text = f"the stiffness of the material card depends on the size of a cycle: {change} less or more with twice {size} of strain"
+        yield ResultWarning("W52", text, "do not use it for larger changes of load", link="; ")
+    elif card.difference > AGREEMENT:
         yield ResultWarning(
             "W52",
             "stiffness and expansion of the material card are uncertain: its differences disagree by"
@@ -197,7 +230,7 @@ def write_card(
         "margin": card.ahead,
         "temperature_K": card.temperature,
         "axes": AXES,
-        "definition": DEFINITION,
+        "definition": definition(card),
         "values": {name: value for name, value, _, _ in rows},
         "units": {name: unit for name, _, unit, _ in rows},
         "meaning": {name: meaning for name, _, _, meaning in rows},

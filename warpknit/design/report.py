@@ -113,6 +113,7 @@ STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "o
 SEARCHES = ("equal tensions", "heat")  # of these, whose length is not known before
 WAY = 0.6  # of the time of a card: the way to the optimum
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
+AHEAD = 1.01  # of the load of the card: the way on, along which a mesh with friction or yield is loaded
 
 
 def write_report(
@@ -243,8 +244,10 @@ def _card(
             raise Diverged(unreached_text(scene, path, tension or 0.0))
         here = rows[-1] if row is None else row
         strains = np.array([[here.strain_weft, here.shear], [0.0, here.strain_warp]])
-        load, beyond = (under_strain(scene, np.eye(2) + factor * strains) for factor in (1.0, BEYOND))
-        card, mesh = _card_from(scene, begin, load, lambda share: watch(WAY + (1.0 - WAY) * share))
+        load, ahead, beyond = (under_strain(scene, np.eye(2) + factor * strains) for factor in (1.0, AHEAD, BEYOND))
+        if tension is not None:
+            ahead, beyond = (under_tension(scene, factor * tension) for factor in (AHEAD, BEYOND))
+        card, mesh = _card_from(scene, begin, load, ahead, lambda share: watch(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         if tension is None:
             return None, None, f"no card for {text}, which was not found again: {error}; {_another(scene, path)}", ()
@@ -253,7 +256,7 @@ def _card(
         rows = rows[: next(k for k, each in enumerate(rows, 1) if each is jumps[0][0])]
     else:
         with suppress(Diverged):
-            rows.append(row_of(LoadPath(model, begin).to(beyond if tension is None else under_tension(scene, BEYOND * tension))))
+            rows.append(row_of(LoadPath(model, begin).to(beyond)))
     left = row is not None and is_other(card.row, row)
     if tension is not None:
         branch = branches_at(tension, row, cells, card)
@@ -278,9 +281,14 @@ def _another(scene: Scene, path: EqualTensionPath) -> str:
     return "ask for a card at a tension that the mesh carries, with --tension"
 
 
-def _card_from(scene: Scene, begin: PathState, load: Stage, watch: Callable[[float], None]) -> tuple[MaterialCard, Observables]:
-    """The card under `load`, from a state under it that has converged to the tolerance of the scene. Raises `Diverged`."""
+def _card_from(
+    scene: Scene, begin: PathState, load: Stage, ahead: Stage, watch: Callable[[float], None]
+) -> tuple[MaterialCard, Observables]:
+    """The card under `load`, from a state under it that has converged to the tolerance of the scene; ahead: a little more of it.
+
+    Raises `Diverged`.
+    """
     for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
         with suppress(Diverged):
-            return find_card(exact_model(scene, tolerance), begin, load, watch)
-    return find_card(exact_model(scene, scene.solver.residual_tolerance), begin, load, watch)
+            return find_card(exact_model(scene, tolerance), begin, load, watch, ahead=ahead)
+    return find_card(exact_model(scene, scene.solver.residual_tolerance), begin, load, watch, ahead=ahead)

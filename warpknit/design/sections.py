@@ -20,7 +20,7 @@ from ..runner.strength import limit_text
 from ..scene import Scene, Wire
 from ..studies.contact_map import drift_text, jump_warning, optimum_note, optimum_warnings, unconverged_warning
 from .card import AGREEMENT
-from .card_files import DEFINITION, card_values, card_warnings, strength_values
+from .card_files import card_values, card_warnings, definition, strength_values
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length
@@ -291,7 +291,7 @@ def card_section(page: Page, found: Findings) -> None:
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in values]
     page.table(rows, ("", "value", "unit", "meaning"))
     page.text(
-        DEFINITION + " material_card.csv and material_card.json contain the same values, in SI units;"
+        definition(card) + " material_card.csv and material_card.json contain the same values, in SI units;"
         " the files material_card_*.* have them for FE codes."
     )
     for warning in card_warnings(card, scene):

@@ -362,11 +362,10 @@ RULES = (
     Rule("spatial", ("error", "hook"), "write 'planar'", "errors of hooks in space are not known"),
     *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "wires")),
     Rule("gripped", ("report",), "write 'periodic'", "a card describes endless cloth"),
-    Rule("friction", ("report",), "write 0", "a card needs states without load history"),
-    Rule("friction", ("map", "planar"), LEAVE_OUT, NOT_BUILT),
+    *(Rule(trait, ("map", "planar"), LEAVE_OUT, NOT_BUILT) for trait in ("friction", "plastic")),
     *(
         Rule(trait, ("map",), LEAVE_OUT, why)
-        for trait, why in (("plastic", NOT_BUILT), ("pull", ALONE), ("rotation", ALONE), ("gradient", ALONE), ("cord", ALONE))
+        for trait, why in (("pull", ALONE), ("rotation", ALONE), ("gradient", ALONE), ("cord", ALONE))
     ),
     Rule("cuda", ("map",), "write --device cpu", "small meshes fit the caches of a CPU"),
     Rule("ranks", ("trade",), ONE_RANK, "its meshes are small"),
