@@ -33,6 +33,7 @@ def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady"
         "stress_interior_max_Pa": stress,
         "slid_max_m": 0.0,
         "residual": 1e-3,
+        "dissipated_J": 0.0,
         **dict.fromkeys(("energy_stretch_J", "energy_bend_J", "energy_contact_J"), 1e-9),
         "nominal_weft_N_per_m": tension[0],
         "nominal_warp_N_per_m": tension[1],

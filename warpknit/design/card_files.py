@@ -31,7 +31,7 @@ DEFINITION = (
     " S = prestress + C (E - alpha (T - T0))."
 )
 OF_HISTORY = (
-    f" With friction or yield C, D and the constants from them are those of small cycles of {percent(CYCLE)} of strain, about a"
+    f" With friction or yield C, D and the constants from them are those of small cycles of {percent(CYCLE, 2)} of strain, about a"
     " state unloaded by twice as much; loading_C and loading_D are the same about a state loaded further, with a row for the"
     f" stress and a column for the strain. alpha is that of heating by {HEATED:g} K at constant S, cooling_alpha that of cooling"
     " back."
@@ -102,9 +102,9 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
         text = f"the material card is valid at {celsius(card.temperature)}, the temperature of [load], not at {given} of [[path]]"
         yield ResultWarning("W51", text, "change it with --set load.temperature")
     if card.history is not None and card.difference > AGREEMENT:
-        size, change = percent(card.difference_step), percent(card.difference, 0)
-        text = f"the stiffness of the material card depends on the size of a cycle: {change} less or more with twice {size} of strain"
-        yield ResultWarning("W52", text, "do not use it for larger changes of load", link="; ")
+        size, change = percent(2.0 * card.difference_step, 2), percent(card.difference, 0)
+        text = f"the stiffness of the material card depends on the size of a cycle: by {change} for cycles of {size} of strain"
+        yield ResultWarning("W52", text, "for larger changes of load use loading_C", link="; ")
     elif card.difference > AGREEMENT:
         yield ResultWarning(
             "W52",

@@ -53,12 +53,14 @@ def heat(
     """A tension [N/m] at the temperatures of [[path]]: held, and with the mesh held in a frame that expands by
     model.frame_expansion; or none, and the reason.
 
-    They begin where the path has a tension as small or smaller. `watch` is called with the share that is done; a load that does
+    They begin where the path has a tension as small or smaller. With friction or yield they return to the first temperature. `watch` is called with the share that is done; a load that does
     not converge ends with the records before.
     """
     temperatures = later_temperatures(scene)
     if not temperatures:
         return [], "the scene has no [[path]] with another temperature"
+    if scene.depends_on_path:
+        temperatures = [*temperatures, scene.stages[0].temperature]
     if held is None or len(path.rows) < 2:
         return [], "no tension was found that the mesh carries below the elastic limit of the wire"
     low = max((tension for tension in path.states if tension <= held), default=0.0)

@@ -187,7 +187,7 @@ def scene_text(request: SceneRequest, file_name: str) -> str:
     knit, metal, loads = request.named, MATERIALS[request.material], _load(request.loading)
     coating, thickness = _plating(request.plating or "gold, 0.2 um")
     is_net = any(bar.threading != "|" for bar in knit.bars)
-    holds = {"strained": all(key.startswith("strain") for key, _ in loads), "net": is_net}  # friction and yield require strains
+    holds = {"net": is_net}
     values = {
         "title": knit.title[0].upper() + knit.title[1:],
         "about": knit.about,

@@ -29,6 +29,7 @@ class Outcome:
     steps: int
     observables: Observables | None
     error: Diverged | None
+    dissipated: float = 0.0  # [J] since the mesh as knitted
 
 
 class Batch:
@@ -68,7 +69,7 @@ class Batch:
             if isinstance(found, Diverged):
                 yield Outcome(row, steps, None, found)
             else:
-                yield Outcome(row, steps, found.observables, None)
+                yield Outcome(row, steps, found.observables, None, found.dissipated)
 
     def _last_record(self, member: Relaxation) -> Findings:
         """The levels of a mesh, and the record of the last one."""

@@ -68,11 +68,22 @@ def columns_of(part: str, by_tension: bool = False) -> list[str]:
     names, targets = [line.name for line in measures_of(part)], TARGETS if by_tension else ()
     if part == "map":
         return ["strain_weft", "strain_warp", *names, "stop_reason", *targets]
-    return ["strain_weft", "strain_warp", "active_percent_deviation", *names, "seeds", "steps", "message", *targets]
+    return ["strain_weft", "strain_warp", "active_percent_deviation", *names, "dissipated_J", "seeds", "steps", "message", *targets]
 
 
-def map_row(load: Pair, observables: Observables | None, *, steps: int, message: str = "", by_tension: bool = False) -> MapRow:
-    """Row of an equilibrium, or of a failed load with its message. load: strains, or (`by_tension`) tensions [N/m]."""
+def map_row(
+    load: Pair,
+    observables: Observables | None,
+    *,
+    steps: int,
+    dissipated: float = 0.0,
+    message: str = "",
+    by_tension: bool = False,
+) -> MapRow:
+    """Row of an equilibrium, or of a failed load with its message. load: strains, or (`by_tension`) tensions [N/m].
+
+    dissipated [J]: on the way to it.
+    """
     strains: Sequence[float | None] = (None, None) if by_tension else load
     if by_tension and observables is not None:
         strains = (np.diag(observables.stretch) - 1.0).tolist()
@@ -84,6 +95,7 @@ def map_row(load: Pair, observables: Observables | None, *, steps: int, message:
         seeds=0 if observables is None else 1,
         steps=steps,
         message=message,
+        dissipated_J=None if observables is None else dissipated,
         **(dict.fromkeys(names) if observables is None else table.values(observables, names)),
         **(dict(zip(TARGETS, load, strict=True)) if by_tension else {}),
     )
@@ -131,6 +143,7 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
         seeds=len(steady),
         steps=sum(row.steps for row in rows),
         message=next((row.message for row in rows if row.message), ""),
+        dissipated_J=over("dissipated_J", np.mean),
         **measures,
         **targets,
     )
@@ -162,17 +175,17 @@ def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
     tensions = np.stack([grid(rows, f"tension_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
     force = np.stack([area * grid(rows, f"nominal_{side}_N_per_m", weft, warp) for side in SIDES], axis=-1)
     strain = np.stack([grid(rows, f"strain_{side}", weft, warp) for side in SIDES], axis=-1)
+    dissipated = np.nan_to_num(grid(rows, "dissipated_J", weft, warp))
     follows = strain if rows[0].by_tension else tensions  # the values that the load does not prescribe
     found: list[Jump] = []
     for path, axis in zip((weft, warp), (1, 0), strict=True):
         for line in range(stored.shape[1 - axis]):
-            energy = stored.take(line, 1 - axis)
             jumped = jumps(
                 np.array(path),
                 np.take(force, line, 1 - axis),
                 np.take(strain, line, 1 - axis),
-                stored=energy,
-                dissipated=np.zeros_like(energy),
+                stored=stored.take(line, 1 - axis),
+                dissipated=dissipated.take(line, 1 - axis),
                 values=[np.take(follows, line, 1 - axis)],
                 floor=floor,
             )

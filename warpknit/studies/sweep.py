@@ -195,7 +195,8 @@ class _Mapper:
             for outcome in Batch(self.meshes[seed], stages, levels, watch=watch).run():
                 message = "" if outcome.error is None else str(outcome.error)
                 pair, by_tension = pairs[outcome.index], self.sweep.by_tension
-                done.append(map_row(pair, outcome.observables, steps=outcome.steps, message=message, by_tension=by_tension))
+                taken = {"steps": outcome.steps, "dissipated": outcome.dissipated}
+                done.append(map_row(pair, outcome.observables, **taken, message=message, by_tension=by_tension))
             finished += len(pairs)
 
     # --- files ---
