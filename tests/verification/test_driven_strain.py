@@ -10,6 +10,8 @@ from warpknit.errors import NotCarried
 from warpknit.measure.strain import clamp_rotation, rotation, stretch, true_stress
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.mesh.rim import LoadPoint
+from warpknit.runner.branches import with_work
+from warpknit.runner.history import row_of
 from warpknit.scene import Scene
 from warpknit.solve.progress import Progress
 
@@ -177,3 +179,29 @@ def test_with_friction_a_held_tension_does_not_stop_the_other_one(kind: str) -> 
     _, last = last_of(scene_of(kind=kind, path=[{"name": "slacker", "tension_warp": "0.1 N/m"}], **tables))
     assert last.stage == "slacker"
     assert measure.mesh_tension(last.observables) == pytest.approx([0.5, 0.1], abs=2.0 * TOLERANCE * 0.5)
+
+
+def test_a_path_by_tension_is_that_of_its_strains() -> None:
+    """With friction, too: strained through the strains of its equilibria, a mesh carries their tensions, to the change of tension
+    over 1e-3 of strain. Levels by strain go straight where those by tension need not."""
+    tables = {"contact": {"friction": 0.2}}
+    records = list(Simulation(build_model(scene_of(output={"frames": 4}, **tables))).run())[1:]
+    strains = [np.diag(record.observables.stretch) - 1.0 for record in records]
+    stages = [{"name": str(k), "strain_weft": float(x), "strain_warp": float(y)} for k, (x, y) in enumerate(strains)]
+    _, last = last_of(scene_of(load=stages[0], path=stages[1:], **tables))
+    tensions = [np.array(measure.mesh_tension(record.observables)) for record in records]
+    slope = np.linalg.norm(tensions[-1] - tensions[-2]) / np.linalg.norm(strains[-1] - strains[-2])
+    assert measure.mesh_tension(last.observables) == pytest.approx(tensions[-1], abs=1e-3 * slope)
+
+
+def test_the_loop_of_a_cycle_of_tension_is_what_friction_dissipates() -> None:
+    """Let back from 1 to 0.3 N/m and loaded again the mesh returns to where it was: it has stored nothing more, and the area of
+    the loop is lost. Friction at the end of an increment acts on all of its slip, and work is by the trapezoidal rule."""
+    stages = [{"name": str(k), "tension_weft": end, "tension_warp": end} for k, end in enumerate((0.3, 1.0, 0.3, 1.0))]
+    model = build_model(scene_of(contact={"friction": 0.2}, path=stages, output={"frames": 4}))
+    rows = with_work([row_of(record) for record in Simulation(model).run()], model)
+    begin, end = (next(row for row in rows if row.stage == name and row.load_factor == 1.0) for name in ("1", "3"))
+    dissipated = end.dissipated_J - begin.dissipated_J
+    assert abs(end.stored - begin.stored) < 1e-3 * dissipated
+    assert end.work_J - begin.work_J == pytest.approx(dissipated, rel=0.05)
+    assert dissipated > 0.05 * end.stored

@@ -14,7 +14,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from study import COLOURS, add_directory, new_figure, new_parser, picture_path, show_rows, start_study, table_path, tidy, write_rows
+from study import (
+    COLOURS,
+    add_directory,
+    new_figure,
+    new_parser,
+    picture_path,
+    show_rows,
+    start_study,
+    table_path,
+    tidy,
+    write_rows,
+)
 
 from warpknit import Simulation, build_model, measure
 from warpknit.knit.named import named_knit
@@ -107,7 +118,7 @@ def main() -> None:
     parser = new_parser(__doc__)
     add_directory(parser, "draft preset, two meshes, frictions 0 and 0.2")
     given = start_study(parser)
-    frictions, seeds, preset = (((0.0, 0.2), 2, "draft") if given.quick else (FRICTIONS, SEEDS, "standard"))
+    frictions, seeds, preset = ((0.0, 0.2), 2, "draft") if given.quick else (FRICTIONS, SEEDS, "standard")
     rows = []
     for knit in KNITS:
         for load in LOADS:
