@@ -1,7 +1,7 @@
 """Wires whose ends are drawn apart by a tension, whose strain is an unknown: closed forms and boundary value problems.
 
-A wire of half rings, and two hooked loops, are elastic lines in a plane (elastica): with s the arc length at rest, theta the direction,
-m the moment, P the pull along x and V the force across it,
+A wire of half rings, and two hooked loops, are elastic lines in a plane (elastica): with s the arc length at rest, theta the
+direction, m the moment, P the pull along x and V the force across it,
 
     x' = (1 + N/EA) cos theta     y' = (1 + N/EA) sin theta     theta' = kappa0 + m/EI
     m' = (1 + N/EA) (P sin theta - V cos theta)                 N = P cos theta + V sin theta
@@ -94,8 +94,8 @@ def elastica(scene: Scene, parts: list[tuple[float, float]], theta: float, pull:
 
 @pytest.mark.parametrize("pull", [0.05, 1.0])
 def test_a_wire_of_half_rings_is_the_elastica(pull: float, tmp_path: Path) -> None:
-    """Half rings, up and down in turn, hinge on each other where they meet on the axis. Pull in units of EI/R^2; nodes keep chords and
-    not arcs, by 10/N^2 of N nodes a ring (test_ring.py). A small pull: Castigliano, d = (pi/2) P R^3/EI a half ring."""
+    """Half rings, up and down in turn, hinge on each other where they meet on the axis. Pull in units of EI/R^2; nodes keep
+    chords and not arcs, by 10/N^2 of N nodes a ring (test_ring.py). A small pull: Castigliano, d = (pi/2) P R^3/EI a half ring."""
     nodes = 8.0
     arc = np.linspace(0.0, np.pi, 81)
     up = np.stack([RADIUS * (1.0 - np.cos(arc)), RADIUS * np.sin(arc)], axis=1)
@@ -121,8 +121,8 @@ def loops(leg: float) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("pull", [0.5, 3.0])
 def test_two_hooked_loops_under_dead_weight(pull: float, tmp_path: Path) -> None:
-    """Half of each loop is clamped at its leg, and half of the weight bears on its top, across which it passes on. Clamps end half
-    a segment inside the ends; the wires may overlap by 0.004 of their thickness, and hinges keep chords, by 10/N^2."""
+    """Half of each loop is clamped at its leg, and half of the weight bears on its top, across which it passes on. Clamps end
+    half a segment inside the ends; the wires may overlap by 0.004 of their thickness, and hinges keep chords, by 10/N^2."""
     nodes, leg = 10.0, 2.0 * RADIUS
     scene = scene_of(tmp_path, loops(leg), "gripped", nodes, load={"strain_warp": 0.0})
     size = build_model(scene).panel.size

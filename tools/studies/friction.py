@@ -3,8 +3,8 @@
     python tools/studies/friction.py [DIR]      25 min on two cores; --quick 3
 
 One repeat of each knit as `warpknit new` has it (30 um molybdenum, 26 wales and 30 courses an inch; the open double atlas 15 and
-25), standard preset; means over 16 meshes whose loops scatter by 2 %, side by side. They are strained by 6 % both ways (the double
-atlas by 10 %), and pulled by 1 N/m both ways, in six levels each.
+25), standard preset; means over 16 meshes whose loops scatter by 2 %, side by side. They are strained by 6 % both ways (the
+double atlas by 10 %), and pulled by 1 N/m both ways, in six levels each.
 """
 
 from __future__ import annotations

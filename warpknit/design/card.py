@@ -17,8 +17,8 @@ What a test machine sees is D, the change of the true tension s by the strains e
     D_ii = C_ii + s_i     D_12 = C_12 - s_1     D_21 = C_12 - s_2.
 
 With friction or yield S depends on the direction and the size of a strain, and there is no w. C is then that of small cycles, of
-CYCLE about a state unloaded by twice as much, where most contacts stick. The same about a state loaded further gives the tangent of
-loading, which is not symmetric. alpha is found by heating the mesh under its tension, and by cooling it back.
+CYCLE about a state unloaded by twice as much, where most contacts stick. The same about a state loaded further gives the tangent
+of loading, which is not symmetric. alpha is found by heating the mesh under its tension, and by cooling it back.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ DEFINITION = (
     " S = prestress + C (E - alpha (T - T0))."
 )
 OF_HISTORY = (
-    f" With friction or yield C, D and the constants from them are those of small cycles of {percent(CYCLE, 2)} of strain, about a"
-    " state unloaded by twice as much; loading_C and loading_D are the same about a state loaded further, with a row for the"
+    f" With friction or yield C, D and the constants from them are those of small cycles of {percent(CYCLE, 2)} of strain, about"
+    " a state unloaded by twice as much; loading_C and loading_D are the same about a state loaded further, with a row for the"
     f" stress and a column for the strain. alpha is that of heating by {HEATED:g} K at constant S, cooling_alpha that of cooling"
     " back."
 )

@@ -53,8 +53,8 @@ def heat(
     """A tension [N/m] at the temperatures of [[path]]: held, and with the mesh held in a frame that expands by
     model.frame_expansion; or none, and the reason.
 
-    They begin where the path has a tension as small or smaller. With friction or yield they return to the first temperature. `watch` is called with the share that is done; a load that does
-    not converge ends with the records before.
+    They begin where the path has a tension as small or smaller. With friction or yield they return to the first temperature.
+    `watch` is called with the share that is done; a load that does not converge ends with the records before.
     """
     temperatures = later_temperatures(scene)
     if not temperatures:

@@ -195,8 +195,16 @@ class _Mapper:
             for outcome in Batch(self.meshes[seed], stages, levels, watch=watch).run():
                 message = "" if outcome.error is None else str(outcome.error)
                 pair, by_tension = pairs[outcome.index], self.sweep.by_tension
-                taken = {"steps": outcome.steps, "dissipated": outcome.dissipated}
-                done.append(map_row(pair, outcome.observables, **taken, message=message, by_tension=by_tension))
+                done.append(
+                    map_row(
+                        pair,
+                        outcome.observables,
+                        steps=outcome.steps,
+                        dissipated=outcome.dissipated,
+                        message=message,
+                        by_tension=by_tension,
+                    )
+                )
             finished += len(pairs)
 
     # --- files ---
