@@ -95,7 +95,7 @@ def elastica(scene: Scene, parts: list[tuple[float, float]], theta: float, pull:
 @pytest.mark.parametrize("pull", [0.05, 1.0])
 def test_a_wire_of_half_rings_is_the_elastica(pull: float, tmp_path: Path) -> None:
     """Half rings, up and down in turn, hinge on each other where they meet on the axis. Pull in units of EI/R^2; nodes keep
-    chords and not arcs, by 10/N^2 of N nodes a ring (test_ring.py). A small pull: Castigliano, d = (pi/2) P R^3/EI a half ring."""
+    chords and not arcs, by 10/N^2 of N nodes a ring (test_ring.py). Under a small pull d = (pi/2) P R^3/EI a half ring."""
     nodes = 8.0
     arc = np.linspace(0.0, np.pi, 81)
     up = np.stack([RADIUS * (1.0 - np.cos(arc)), RADIUS * np.sin(arc)], axis=1)
