@@ -47,6 +47,16 @@ def test_a_patch_that_is_pulled_sheared_and_heated_keeps_its_books() -> None:
     assert max(abs(missing(record)) for record in records) < 1e-3
 
 
+def test_what_friction_takes_is_on_the_books() -> None:
+    """A twentieth of the work; what is left of the balance is what sticking contacts store, which lose it as they part."""
+    load = ("load.strain_weft=0.12", "load.strain_warp=0.12", "solver.loading_time='8 ms'", "output.frames=2")
+    options = ["model.nodes_per_loop=24", "solver.residual_tolerance=0.02", "contact.friction=0.3", *load]
+    simulation = Simulation(build_model(load_scene(CELL, [*RAMP, *options])))
+    *_, last = simulation.run()
+    assert simulation.mechanics.dissipated > 0.04 * last.work
+    assert abs(missing(last)) < 0.01
+
+
 def test_a_load_that_is_too_fast_says_which_key_makes_it_slower() -> None:
     """Over in a microsecond: nodes move farther than half a wire in one step before any can pass another unseen."""
     load = ("load.strain_weft=0.5", "load.strain_warp=0.5", "solver.loading_time='1 us'", "output.frames=1")
@@ -83,10 +93,11 @@ def test_masses_make_the_wanted_step_stable() -> None:
             assert numbers.added_mass > 1.0
 
 
-def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_interrupt_and_resume_give_the_same_bits(friction: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A load that comes on, contact lists, work and damping: all goes on as if nothing had been."""
     load = ("load.strain_warp=0.02", "solver.loading_time='0.05 ms'", "output.frames=2", "solver.damping='1e5 /s'")
-    scene = load_scene(CELL, [*PATCH, *load, "path=[{temperature='20 degC', shear=0}]"])
+    scene = load_scene(CELL, [*PATCH, *load, f"contact.friction={friction}", "path=[{temperature='20 degC', shear=0}]"])
     parts = assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=17)
     with open(parts / "history.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

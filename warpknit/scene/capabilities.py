@@ -320,7 +320,7 @@ RULES = (
     Rule("body radius", ("spatial",), NO_EFFECT, OWN_CONTACT),
     Rule("friction", ("treatment",), "write 0, or contact.treatment = 'free-body'", "each treatment is studied without friction"),
     # friction and yield
-    Rule("friction", ("ramp",), "write 0", NOT_BUILT),
+    Rule("friction", ("planar", "ramp"), "write 0", NOT_BUILT),
     Rule("plastic", ("ramp",), "write false", NOT_BUILT),
     Rule("hardening", ("elastic",), NO_EFFECT, "it applies only with wire.plastic = true"),
     Rule("poisson", ("planar",), NO_EFFECT, "wires do not twist in the plane"),

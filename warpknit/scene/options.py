@@ -90,7 +90,7 @@ class Contact(Table):
     """[contact]: contact between wires; a pair is active when its force exceeds the threshold."""
 
     friction: values.Friction = key(
-        'Coulomb friction coefficient; `drive = "relax"` only. The state then depends on the load history:'
+        'Coulomb friction coefficient; in the plane `drive = "relax"` only. The state then depends on the load history:'
         " [theory](theory/contact.md#friction-in-the-plane).",
         0.0,
     )

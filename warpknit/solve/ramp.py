@@ -44,7 +44,7 @@ class Ramp(Drive):
 
     @property
     def dissipated(self) -> float:
-        return self.state.steering.dissipated
+        return float(self.state.steering.dissipated + self.mechanics.dissipated)
 
     def stage(self, stage: Stage) -> Iterator[Record]:
         self.loading_time = self.model.loading_time

@@ -223,6 +223,7 @@ class SpatialMechanics:
 
     @property
     def dissipated(self) -> float:
+        self.contact.collect_slip_work()
         return float(self.stepper.yielding.dissipated[self.world] + self.contact.dissipated[self.world])
 
     def _part(self, array: wp.array) -> wp.array:

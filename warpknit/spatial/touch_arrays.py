@@ -40,7 +40,7 @@ class TouchArrays:
     touch_normal_force: wp.array  # [N]
     touch_friction: wp.array  # vec3d [N] on the first wire; not without friction
     touch_normal: wp.array  # vec3d towards the first wire
-    touch_slip_work: wp.array  # [J] of the slip of an increment beyond the Coulomb limit; not without friction
+    touch_slip_work: wp.array  # [J] of slip beyond the Coulomb limit, of an increment or in real time; not without friction
 
     @property
     def capacity(self) -> int:

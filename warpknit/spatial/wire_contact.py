@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..compute.host import fetch, store
+from ..compute.host import fetch, store, store_at
 from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
@@ -82,7 +82,7 @@ class WireContact:
         self.stepper = stepper
         self.friction = float(np.max(friction))
         rods, device, worlds = stepper.rods, stepper.device, stepper.worlds
-        self.dissipated = np.zeros(worlds)  # [world] [J] by friction in a relaxation, over all ranks
+        self.dissipated = np.zeros(worlds)  # [world] [J] by friction, over all ranks; see `collect_slip_work`
         self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
         cells = cells or search_cells(rods, curve)
@@ -246,6 +246,7 @@ class WireContact:
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Have the steps look at those of all pairs that are marked as near, or at these pairs."""
         pairs, total, device = self._list, self.pair_count, self.stepper.device
+        self.collect_slip_work()
         if which is not None:
             is_near = np.zeros(pairs.capacity, dtype=np.int32)
             is_near[which] = 1
@@ -280,6 +281,8 @@ class WireContact:
         kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
             kept |= {name: fetch(self.stepper.part(array, world)).copy() for name, array in vars(self._before).items()}
+        if self._in_real_time:
+            kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
         numbers = [
             self.searches,
             self._penetration()[world],
@@ -306,7 +309,10 @@ class WireContact:
         searches, penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
         self.searches = int(searches)
         store(self.stepper.part(self.max_penetration, world), penetration)
+        store(self.touch.touch_slip_work, 0.0)
         self._take_near_pairs(near)
+        if self._in_real_time:
+            store_at(self.touch.touch_slip_work, slice(len(kept["slip_work"])), kept["slip_work"])
 
     def _nodes_of(self, world: int) -> slice:
         """The nodes of a world."""
@@ -359,6 +365,17 @@ class WireContact:
         for name, array in vars(self._before).items():
             store(stepper.part(array, world), fetch(stepper.part(getattr(stepper.state, name.removeprefix("before_")), world)))
         stepper.steering.set(rows, step=stepper.steering.step[rows] + 1.0)
+
+    @property
+    def _in_real_time(self) -> bool:
+        """Whether slips are those of a ramp, with friction."""
+        return bool(self.friction > 0.0 and self.stepper.steering.drive[0] > 0.0)
+
+    def collect_slip_work(self) -> None:
+        """Add to `dissipated` what friction has dissipated in real time, in a single world, since the last time."""
+        if self._in_real_time:
+            self.dissipated[0] += fetch(self.touch.touch_slip_work).sum()
+            store(self.touch.touch_slip_work, 0.0)
 
     def _penetration(self) -> np.ndarray:
         """[world] [m] largest penetration of those here."""
