@@ -50,6 +50,19 @@ def test_a_cell_is_the_run_under_its_tensions(kind: str, tmp_path: Path) -> None
     assert row.stress_max_Pa == pytest.approx(run["wire"]["stress_max_Pa"], rel=0.05)
 
 
+@pytest.mark.parametrize("history", [("contact.friction=0.2",), ("wire.plastic=true", "wire.yield_stress=2e8")])
+def test_a_planar_cell_with_history_is_the_run_under_its_load(history: tuple[str, ...], tmp_path: Path) -> None:
+    """Each cell has its own stick places and plastic turns: tensions to the bit."""
+    of_plane = (*QUICK, "model.kind=planar", *history)
+    swept = ("sweep.strain_weft=[0.05, 0.1]", "sweep.strain_warp=[0.05]")
+    assert run_map(load_scene(CELL, [*of_plane, *swept]), out=tmp_path / "map", device="cpu").exit_code == 0
+    row = read_map(tmp_path / "map" / "map.csv", tmp_path / "map" / "map_details.csv")[1]
+    loads = ("load.strain_weft=0.1", "load.strain_warp=0.05")
+    assert run_scene(load_scene(CELL, [*of_plane, *loads]), out=tmp_path / "run", device="cpu").exit_code == 0
+    run = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    assert row.tension == tuple(run["mesh"][f"tension_{side}_N_per_m"] for side in ("weft", "warp"))
+
+
 def test_a_map_over_tensions_goes_on_and_draws_its_axes(tmp_path: Path) -> None:
     """Its table names tensions; --resume keeps the cells; a weft tension on the command line takes the place of strains."""
     strains = str(CELL.with_name("contact_map.toml"))

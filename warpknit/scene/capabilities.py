@@ -362,7 +362,6 @@ RULES = (
     Rule("spatial", ("error", "hook"), "write 'planar'", "errors of hooks in space are not known"),
     *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "wires")),
     Rule("gripped", ("report",), "write 'periodic'", "a card describes endless cloth"),
-    *(Rule(trait, ("map", "planar"), LEAVE_OUT, NOT_BUILT) for trait in ("friction", "plastic")),
     *(
         Rule(trait, ("map",), LEAVE_OUT, why)
         for trait, why in (("pull", ALONE), ("rotation", ALONE), ("gradient", ALONE), ("cord", ALONE))
