@@ -39,6 +39,7 @@ LAYERS = (
     {"export"},
     {"runner"},
     {"studies"},
+    {"reflection"},
     {"design"},
     {"results"},
     {"commands"},

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from warpknit.design.fine_states import states_at
-from warpknit.design.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.measure import pair_active, positions
+from warpknit.measure.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS

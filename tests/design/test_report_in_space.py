@@ -13,8 +13,8 @@ from warpknit.design import curves
 from warpknit.design.card import HEATED, find_card
 from warpknit.design.fine_states import exact_model, states_at
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
-from warpknit.design.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.design.opening_size import openings
+from warpknit.measure.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.spatial.observables import SpatialObservables

@@ -23,9 +23,9 @@ from pulled_meshes import INCH
 from study import add_directory, new_parser, picture_path, show_rows, start_study, table_path, write_rows
 
 from warpknit import measure
-from warpknit.design.network import contact_resistances, sheet_resistance
 from warpknit.errors import Diverged
 from warpknit.knit.named import named_knit
+from warpknit.measure.network import contact_resistances, sheet_resistance
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation

@@ -10,13 +10,13 @@ import numpy as np
 
 from ..errors import Diverged
 from ..measure import Observables, table
+from ..measure.network import sheet_resistance
 from ..results.finding import ResultWarning
 from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
 from ..studies.batch import Mesh
 from .load_path import LoadPath, part_of, under_strain
-from .network import sheet_resistance
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")

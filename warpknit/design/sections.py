@@ -13,6 +13,7 @@ from scipy.constants import inch, speed_of_light
 from .. import measure
 from ..base.text import alike, celsius, engineering, exact, percent
 from ..measure import Observables
+from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
 from ..results.finding import ResultWarning
 from ..results.row import Row
 from ..runner.answers_table import answer_rows
@@ -24,7 +25,6 @@ from .card_files import card_values, card_warnings, definition, strength_values
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length
-from .network import contact_resistances, sheet_resistance, surface, wire_resistance
 from .opening_size import BANDS, FINE_ENOUGH, OpeningSize
 from .service import ServicePoint
 

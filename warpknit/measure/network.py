@@ -19,10 +19,9 @@ import scipy.sparse as sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from ..measure import Observables
-from ..measure.observables import ContactPlaces
 from ..scene import Wire
 from ..scene.materials import MATERIALS, Material
+from .observables import ContactPlaces, Observables
 
 SHORTEST = 1e-9  # of a wire: length between two contacts at the same place
 CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off

@@ -1,0 +1,6 @@
+"""Reflection of a plane wave by an endless mesh of thin round wires with an impedance at every contact.
+
+A recorded equilibrium (`repeat`) becomes branches of wire and contacts (`thin_wires`, `impedance`). A mixed-potential integral
+equation gives their currents (`green`, `currents`), and the currents give the waves that leave the mesh (`waves`). `frequencies`
+interpolates the equation over a band, `study` solves the states of a directory, and `table` has rows, files and findings.
+"""

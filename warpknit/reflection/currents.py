@@ -1,0 +1,173 @@
+"""Currents that a plane wave drives in a periodic mesh of thin wires, and the waves that they send out.
+
+Mixed-potential integral equation of thin wires (Harrington, Field Computation by Moment Methods, 1968) in the circuit form of
+Ruehli (IEEE Trans. MTT 22 (1974) 216):
+
+    current I       one for each branch, at its middle, and one for each contact
+    charge Q        one for each node, spread evenly over the half branches there: j w Q = D^H I (Kirchhoff's law)
+    branch          E . dl = z I + j w mu0 L I + D P Q / eps0
+    L, P            double integrals of the Green's function over half branches and contacts (`green`)
+
+The current falls along a half branch by the charge that stays there, so current and charge agree, also where wires join. A
+contact is a straight piece from axis to axis with an impedance. It has inductance and no charge. An open contact carries no
+current. At low frequency these are the equations of the resistors of measure/network.py.
+
+The part of G in `green` is Hermitian and stores energy. The waves that leave the mesh add, for each direction and polarisation p,
+
+    R = k Z0 / (4 A kz) v^* v^T,      v = p . (integral of t exp(j k . r) along the pieces)
+
+so the power that the currents lose in R is that of the waves, and energy is conserved to round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sparse
+
+from .green import SHORTEST, PieceKernel
+from .thin_wires import ThinWires
+from .waves import DOWN, LIGHT, UP, Z0, Angles, Scattering, mode_decay, polarisations
+
+
+@dataclass(frozen=True, eq=False)
+class StoredEnergy:
+    """Matrices (current, current) of the energy that the near field stores."""
+
+    inductance: np.ndarray  # [m] L / mu0
+    potential: np.ndarray  # [1/m] D P D^H
+
+    def impedance(self, k: float) -> np.ndarray:
+        """(current, current) [Ohm]."""
+        return 1j * Z0 * (k * self.inductance - self.potential / k)
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """Impedances that conduct: of the wire per length, and admittances of contacts; 0 is open, inf a perfect contact."""
+
+    wire: complex  # [Ohm/m]
+    contact: np.ndarray  # [contact] [S]
+
+
+class MeshCurrents:
+    """The integral equation of a mesh. The geometry and the static integrals are found once, for all frequencies and angles."""
+
+    def __init__(self, wires: ThinWires) -> None:
+        self.wires = wires
+        start, branch, contact = wires.node[wires.branch_node[:, 0]], wires.branches, wires.contacts
+        self.branch_count, self.contact_count = len(branch), len(contact)
+        # first halves of the branches, second halves where their branch is drawn, contacts
+        middle = [start + 0.25 * branch, start + 0.75 * branch, wires.node[wires.contact_node[:, 0]] + 0.5 * contact]
+        vector = np.concatenate([0.5 * branch, 0.5 * branch, contact])
+        self.kernel = PieceKernel(wires.cell, wires.radius, np.concatenate(middle), vector)
+        tangent = vector / np.maximum(self.kernel.length, SHORTEST)[:, None]
+        self.alignment = tangent @ tangent.T
+        self.half_node = wires.branch_node.T.ravel()
+        halves = self.kernel.length[: 2 * self.branch_count]
+        self.node_length = np.bincount(self.half_node, halves, minlength=len(wires.node))
+
+    def stored(self, k: float, angles: Angles) -> StoredEnergy:
+        """The matrices at one wave number [1/m]: nearly all of the work of a frequency."""
+        transverse = angles.transverse(k)
+        kernel = self.kernel.regular(k, transverse)
+        charge, current = self._spread(transverse)
+        return StoredEnergy(
+            inductance=current.conj().T @ ((kernel * self.alignment) @ current), potential=charge.conj().T @ (kernel @ charge)
+        )
+
+    def scattering(self, k: float, angles: Angles, stored: StoredEnergy, loads: Sequence[Load]) -> list[Scattering]:
+        """Waves from the mesh for each of some loads, with the matrices of `stored` at the same wave number and angles."""
+        transverse = angles.transverse(k)
+        charge, current = self._spread(transverse)
+        leaving = self._leaving(k, transverse, angles.phi, current)
+        impedance = stored.impedance(k)
+        for wave in leaving:
+            impedance = impedance + wave.resistance
+        length = sparse.diags_array(np.where(np.arange(current.shape[0]) < 2 * self.branch_count, self.kernel.length, 0.0))
+        wire = (current.conj().T @ length @ current).toarray()
+        down = polarisations(k, transverse, DOWN, angles.phi)
+        incoming = np.array([*transverse, -np.sqrt(k**2 - transverse @ transverse)])
+        voltage = current.conj().T @ (self._moment(incoming).conj() @ down.T)
+        return [self._answer(impedance + load.wire * wire, load.contact, voltage, leaving) for load in loads]
+
+    def solve(self, frequency: float, angles: Angles, loads: Sequence[Load]) -> list[Scattering]:
+        """Waves from the mesh at one frequency [Hz] for each of some loads."""
+        k = 2.0 * np.pi * frequency / LIGHT
+        return self.scattering(k, angles, self.stored(k, angles), loads)
+
+    def _answer(self, impedance: np.ndarray, contact: np.ndarray, voltage: np.ndarray, leaving: Sequence[_Leaving]) -> Scattering:
+        """Solve for the currents, without those of open contacts, and sum up the waves."""
+        conducts = np.concatenate([np.ones(self.branch_count, dtype=bool), contact != 0.0])
+        place = self.branch_count + np.flatnonzero(contact)
+        impedance[place, place] += 1.0 / contact[contact != 0.0]
+        flow = np.zeros((len(conducts), 2), dtype=complex)
+        flow[conducts] = scipy.linalg.solve(impedance[np.ix_(conducts, conducts)], voltage[conducts])
+        lobes, specular = np.zeros(2), {UP: np.zeros((2, 2), dtype=complex), DOWN: np.eye(2, dtype=complex)}
+        for wave in leaving:
+            amplitude = -wave.strength * (wave.moment @ flow)
+            if wave.is_specular:
+                specular[wave.direction] = specular[wave.direction] + amplitude
+            else:
+                lobes += wave.power * (np.abs(amplitude) ** 2).sum(axis=0)
+        return Scattering(specular[UP], specular[DOWN], lobes)
+
+    def _leaving(self, k: float, transverse: np.ndarray, phi: float, current: sparse.csr_array) -> list[_Leaving]:
+        """The waves that leave: up and down, specular and in lobes."""
+        found = []
+        for g in self.kernel.modes[mode_decay(k, self.kernel.modes + transverse).real == 0.0]:
+            kg = transverse + g
+            kz = float(np.sqrt(k**2 - kg @ kg))
+            for direction in (UP, DOWN):
+                across = polarisations(k, kg, direction, phi) @ self._moment(np.array([*kg, direction * kz])).T
+                found.append(
+                    _Leaving(
+                        direction=direction,
+                        is_specular=not g.any(),
+                        moment=across @ current,
+                        strength=k * Z0 / (2.0 * self.wires.area * kz),
+                        power=kz / float(np.sqrt(k**2 - transverse @ transverse)),
+                    )
+                )
+        return found
+
+    def _moment(self, wave: np.ndarray) -> np.ndarray:
+        """(piece, 3) [m] integral of t exp(j wave . r) along the pieces, for a wave vector (3,) [1/m]."""
+        middle, vector = self.kernel.middle, self.kernel.vector
+        return np.asarray(vector * (np.exp(1j * middle @ wave) * np.sinc(vector @ wave / (2.0 * np.pi)))[:, None])
+
+    def _spread(self, transverse: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """(piece, current) charge per length times j w [1/m], and current in the middle of a piece, for each current."""
+        wires, b, c, pieces = self.wires, self.branch_count, self.contact_count, len(self.kernel.length)
+        ends, shift = (
+            np.concatenate(parts)
+            for parts in ((wires.branch_node, wires.contact_node), (wires.branch_shift, wires.contact_shift))
+        )
+        jump = np.exp(-1j * (shift @ wires.cell) @ transverse) if transverse.any() else np.ones(b + c)
+        row, shape, halves = np.arange(b + c), (b + c, len(wires.node)), np.arange(2 * b)
+        drop = sparse.csr_array((jump, (row, ends[:, 1])), shape) - sparse.csr_array((np.ones(b + c), (row, ends[:, 0])), shape)
+        per_length = np.concatenate([np.ones(b), jump[:b]]) / self.node_length[self.half_node]  # a second half is at an image
+        charge = sparse.csr_array((per_length, (halves, self.half_node)), (pieces, len(wires.node))) @ drop.conj().T
+        place = np.concatenate([halves, 2 * b + np.arange(c)]), np.concatenate([halves % b, b + np.arange(c)])
+        fall = 0.5 * self.kernel.length * np.where(np.arange(pieces) < b, -1.0, 1.0)
+        current = sparse.csr_array((np.ones(pieces), place), (pieces, b + c)) - sparse.diags_array(fall) @ charge
+        return charge.tocsr(), current.tocsr()
+
+
+@dataclass(frozen=True, eq=False)
+class _Leaving:
+    """A wave that leaves the mesh, in both polarisations."""
+
+    direction: float  # UP or DOWN
+    is_specular: bool  # else in a lobe
+    moment: np.ndarray  # (polarisation, current) [m]
+    strength: float  # [Ohm/m2] k Z0 / (2 A kz): minus the amplitude over moment and current
+    power: float  # kz over that of the incident wave
+
+    @property
+    def resistance(self) -> np.ndarray:
+        """(current, current) [Ohm] of the power of the wave."""
+        return 0.5 * self.strength * (self.moment.conj().T @ self.moment)

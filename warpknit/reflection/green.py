@@ -1,0 +1,164 @@
+"""Green's function of a doubly periodic sheet, integrated over pairs of straight pieces of wire by Ewald's sum.
+
+A source repeats at R = i cell[0] + j cell[1] with the phase exp(-j kt . R). Its potential is the sum over R of
+
+    G = exp(-j kt . R) exp(-j k d) / (4 pi d),      d = sqrt(|r - r'|^2 + a^2)
+
+with the radius a of the wire: the distance from its axis (reduced kernel). Two sums of few terms give it (Jordan, Richter, Sheng,
+J. Comput. Phys. 63 (1986) 222), here with the splitting parameter eta:
+
+    images   exp(-j kt . R) Re[exp(j k d) erfc(eta d + j k / (2 eta))] / (4 pi d)
+    modes    exp(-j kg . rho) f / (4 A),    f = [exp(u h) erfc(u / (2 eta) + eta h) + exp(-u h) erfc(u / (2 eta) - eta h)] / u
+
+kg = kt + g, u = sqrt(|kg|^2 - k^2), h^2 = (z - z')^2 + a^2, A the area of the cell. For a mode that travels, u = j kz and
+
+    f = (real even function of u) - 2 j cos(kz h) / kz.
+
+Only the real part is in `regular`. The other part carries the power that leaves; `currents` adds it mode by mode, taken on the
+axes, so that powers add up exactly. f is even in h and is interpolated by a polynomial in h^2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.special import wofz
+
+from .waves import mode_decay
+
+NEGLIGIBLE = 3.6  # erfc(3.6) = 4e-7: both sums end there
+REACH = 0.5  # range of the images, in square roots of the area of a cell
+HEIGHTS = 5  # points of the interpolation in h^2
+FLAT = 1e-6  # relative range of h^2 below which one point is enough
+GAUSS = 5  # points towards each end of a piece beside another
+BESIDE = 5.0  # lengths: pieces nearer than that are integrated, others are taken at their middles
+SHORTEST = 1e-15  # [m] length below which a piece has no direction
+
+
+class PieceKernel:
+    """Double integrals of the Green's function over straight pieces; the geometry and the static integrals are found once.
+
+    cell: (2, 2) [m], rows are the periods. radius: [m]. middle, vector: (piece, 3) [m], a piece from end to end.
+    """
+
+    def __init__(self, cell: np.ndarray, radius: float, middle: np.ndarray, vector: np.ndarray) -> None:
+        self.cell, self.radius, self.middle, self.vector = cell, radius, middle, vector
+        self.area = abs(float(np.linalg.det(cell)))
+        self.length = np.linalg.norm(vector, axis=1)
+        self.splitting = NEGLIGIBLE / (REACH * np.sqrt(self.area))
+        self.modes = _modes(cell, 2.0 * self.splitting * NEGLIGIBLE)
+        self._find_images()
+        self._place_heights()
+
+    def regular(self, k: float, transverse: np.ndarray) -> np.ndarray:
+        """(piece, piece) [m] double integrals of G without the waves that leave; Hermitian, real where kt is 0."""
+        total = self._image_sum(k, transverse)
+        kg = self.modes + transverse
+        u = mode_decay(k, kg)
+        wave = self._transforms(kg)
+        for height2, share in zip(self.height2, self.shares, strict=True):
+            strength = _mode_term(u, np.sqrt(height2), self.splitting).real / (4.0 * self.area)
+            total += share * _product(wave, strength, is_real=not transverse.any())
+        return total
+
+    def _image_sum(self, k: float, transverse: np.ndarray) -> np.ndarray:
+        """(piece, piece) the sum over images."""
+        d, eta, count = self.distance, self.splitting, len(self.length)
+        term = np.exp(-((eta * d) ** 2) + (k / (2.0 * eta)) ** 2) * wofz(1j * eta * d - k / (2.0 * eta)).real / d
+        value = (term * self.weight + self.static) / (4.0 * np.pi)
+        if transverse.any():
+            value = value * np.exp(-1j * (self.image @ self.cell) @ transverse)
+        return np.asarray(sparse.coo_array((value, (self.first, self.second)), shape=(count, count)).toarray())
+
+    def _transforms(self, kg: np.ndarray) -> np.ndarray:
+        """(piece, mode) [m] integrals of exp(-j kg . r) along the pieces."""
+        phase = self.middle[:, :2] @ kg.T
+        size = self.length[:, None] * np.sinc(self.vector[:, :2] @ kg.T / (2.0 * np.pi))
+        return np.asarray(size * np.exp(-1j * phase))
+
+    def _find_images(self) -> None:
+        """Pairs (first, second + image) within the range of the images, and the static correction of neighbours.
+
+        The correction is the integral of 1/d less its value at the middles; the rest of the image term is smooth.
+        """
+        inverse, reach = np.linalg.inv(self.cell), NEGLIGIBLE / self.splitting
+        home = np.floor(self.middle[:, :2] @ inverse)
+        inside = self.middle.copy()
+        inside[:, :2] -= home @ self.cell
+        most = np.ceil(reach * np.linalg.norm(inverse, axis=0)).astype(int)
+        found = []
+        for step in np.ndindex(*(2 * most + 1)):
+            image = np.array(step) - most
+            away = inside + np.array([*(image @ self.cell), 0.0])
+            square = sum((inside[:, None, axis] - away[None, :, axis]) ** 2 for axis in range(3))
+            first, second = np.nonzero(square < reach**2)
+            found.append((first, second, home[first] - home[second] + image, square[first, second]))
+        self.first, self.second, self.image, square = (np.concatenate([part[n] for part in found]) for n in range(4))
+        self.distance = np.sqrt(square + self.radius**2)
+        self.weight = self.length[self.first] * self.length[self.second]
+        near = self.distance < BESIDE * (self.length[self.first] + self.length[self.second]) + 4.0 * self.radius
+        first, second = self.first[near], self.second[near]
+        other = self.middle[second].copy()
+        other[:, :2] += self.image[near] @ self.cell
+        exact = static_integral(self.middle[first], self.vector[first], other, self.vector[second], self.radius)
+        self.static = np.zeros(len(self.first))
+        self.static[near] = exact - self.weight[near] / self.distance[near]
+
+    def _place_heights(self) -> None:
+        """Chebyshev points in h^2, and the Lagrange polynomials (piece, piece) of each."""
+        z, low = self.middle[:, 2], self.radius**2
+        high = low + np.ptp(z) ** 2
+        count = HEIGHTS if high > low * (1.0 + FLAT) else 1
+        self.height2 = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        square = (z[:, None] - z) ** 2 + low
+        self.shares = [
+            np.prod([(square - other) / (value - other) for other in np.delete(self.height2, place)], axis=0)
+            for place, value in enumerate(self.height2)
+        ]
+
+
+def _modes(cell: np.ndarray, most: float) -> np.ndarray:
+    """(mode, 2) [1/m] vectors of the reciprocal lattice up to a length [1/m], and one more in each direction."""
+    reciprocal = 2.0 * np.pi * np.linalg.inv(cell).T
+    most = most + np.linalg.norm(reciprocal, axis=1).max()
+    count = np.ceil(most * np.linalg.norm(cell, axis=1) / (2.0 * np.pi)).astype(int)
+    i, j = np.meshgrid(*(np.arange(-n, n + 1) for n in count))
+    vectors = np.stack([i.ravel(), j.ravel()], axis=1) @ reciprocal
+    return np.asarray(vectors[np.linalg.norm(vectors, axis=1) < most])
+
+
+def _product(wave: np.ndarray, strength: np.ndarray, is_real: bool) -> np.ndarray:
+    """sum over modes of strength wave wave^H; is_real: modes come in pairs g, -g, so that the sum is real."""
+    if not is_real:
+        return np.asarray((wave * strength) @ wave.conj().T)
+    return np.asarray((wave.real * strength) @ wave.real.T + (wave.imag * strength) @ wave.imag.T)
+
+
+def _mode_term(u: np.ndarray, height: float, splitting: float) -> np.ndarray:
+    """[mode] [m] f of the docstring above, with erfc(x) = exp(-x^2) w(j x)."""
+    half, rise = u / (2.0 * splitting), height * splitting
+    envelope = np.exp(-(half**2) - rise**2)
+    less = half - rise
+    turned = less.real < 0.0  # erfc(x) = 2 - erfc(-x)
+    second = envelope * wofz(1j * np.where(turned, -less, less))
+    second = np.where(turned, 2.0 * np.exp(-u * height) - second, second)
+    return np.asarray((envelope * wofz(1j * (half + rise)) + second) / u)
+
+
+def static_integral(p: np.ndarray, u: np.ndarray, q: np.ndarray, v: np.ndarray, radius: float) -> np.ndarray:
+    """[pair] [m] double integrals of 1/sqrt(|r - r'|^2 + radius^2) over pieces u and v (pair, 3) with the middles p and q.
+
+    The inner integral is closed. The outer one is Gauss's rule on each half, with its points dense at the ends of the piece.
+    """
+    points, weights = np.polynomial.legendre.leggauss(GAUSS)
+    length = np.linalg.norm(v, axis=1)
+    tangent = v / np.maximum(length, SHORTEST)[:, None]
+    total = np.zeros(len(p))
+    for sign in (-1.0, 1.0):
+        for x, weight in zip(0.5 * (points + 1.0), 0.5 * weights, strict=True):
+            r = p + sign * 0.5 * (1.0 - x**3) * u - q
+            along = (r * tangent).sum(axis=1)
+            across = np.sqrt(np.maximum((r * r).sum(axis=1) - along**2, 0.0) + radius**2)
+            inner = np.arcsinh((0.5 * length - along) / across) + np.arcsinh((0.5 * length + along) / across)
+            total += 1.5 * x**2 * weight * inner
+    return np.asarray(total * np.linalg.norm(u, axis=1))

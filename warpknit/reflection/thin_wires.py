@@ -1,0 +1,44 @@
+"""One repeat of thin wires: straight branches between nodes, and contacts between nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+def _none() -> np.ndarray:
+    return np.zeros((0, 2), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class ThinWires:
+    """Branches and contacts of a periodic mesh. A shift counts the periods from the first end to the second."""
+
+    cell: np.ndarray  # (2, 2) [m] rows are the periods, at any angle
+    radius: float  # [m] equivalent radius of the yarn
+    node: np.ndarray  # (node, 3) [m]
+    branch_node: np.ndarray  # (branch, 2)
+    branch_shift: np.ndarray  # (branch, 2)
+    contact_node: np.ndarray = field(default_factory=_none)  # (contact, 2)
+    contact_shift: np.ndarray = field(default_factory=_none)  # (contact, 2)
+
+    @property
+    def area(self) -> float:
+        """[m2] of the cell."""
+        return abs(float(np.linalg.det(self.cell)))
+
+    @property
+    def branches(self) -> np.ndarray:
+        """(branch, 3) [m] from the first end to the second."""
+        return self._span(self.branch_node, self.branch_shift)
+
+    @property
+    def contacts(self) -> np.ndarray:
+        """(contact, 3) [m] from axis to axis."""
+        return self._span(self.contact_node, self.contact_shift)
+
+    def _span(self, ends: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        span = self.node[ends[:, 1]] - self.node[ends[:, 0]]
+        span[:, :2] += shift @ self.cell
+        return np.asarray(span)
