@@ -49,6 +49,7 @@ MAY_IMPORT_EXPORT = {
     "runner.recorder",
     "studies.sweep",
     "studies.study",
+    "reflection.study",
     "commands.cli",
     "design.report_files",
     "results.run",

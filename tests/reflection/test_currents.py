@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from reference.wire_grids import bonded_grid, parallel_reflection, parallel_wires, repeated, stacked_grid, wavy_wire
-from warpknit.reflection.currents import Load, MeshCurrents
+from warpknit.reflection.currents import MeshCurrents
 from warpknit.reflection.green import PieceKernel
 from warpknit.reflection.waves import LIGHT, Angles, first_lobe, mode_decay
 
 SPACING, RADIUS, FREQUENCY = 0.635e-3, 15e-6, 30e9
-OPEN = Load(0.0, np.zeros(1))
-NO_CONTACT = Load(0.0, np.zeros(0))
+OPEN, PERFECT, NO_CONTACT = np.zeros(1), np.array([np.inf]), np.zeros(0)
 NORMAL = Angles()
 
 
@@ -24,13 +23,13 @@ def degrees(theta, phi=0.0):
     return Angles(np.radians(theta), np.radians(phi))
 
 
-def waves(wires, frequency=FREQUENCY, angles=NORMAL, load=NO_CONTACT):
-    return MeshCurrents(wires).solve(frequency, angles, [load])[0]
+def waves(wires, frequency=FREQUENCY, angles=NORMAL, contact=NO_CONTACT, wire=0.0):
+    return MeshCurrents(wires).solve(frequency, angles, wire, [contact])[0]
 
 
 def through(ohm):
-    """A contact of so many ohms between wires without resistance."""
-    return Load(0.0, np.array([1.0 / ohm]))
+    """[contact] [S] one contact of so many ohms."""
+    return np.array([1.0 / ohm])
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +69,13 @@ def test_a_cut_wire_with_a_resistor_in_the_gap(ohm, value):
     k = 2.0 * np.pi * 3e9 / LIGHT
     expected = -20.0 * np.log10(abs(parallel_reflection(k, np.zeros(2), SPACING, RADIUS, ohm / SPACING)[1, 1]))
     assert expected == pytest.approx(value, abs=5e-5)
-    assert waves(parallel_wires(SPACING, RADIUS, 16, cut=True), 3e9, load=through(ohm)).loss[1] == pytest.approx(value, rel=5e-3)
+    found = waves(parallel_wires(SPACING, RADIUS, 16, cut=True), 3e9, contact=through(ohm))
+    assert found.loss[1] == pytest.approx(value, rel=5e-3)
 
 
 def test_sheet_resistance_of_a_grid():
     """At low frequency r = -Z0/(Z0 + 2 z d): a sheet of z d, z being the resistance of the wire per length."""
-    sheet = waves(bonded_grid(SPACING, RADIUS, 8), 1e6, load=Load(37.0, np.zeros(0))).sheet_impedance
+    sheet = waves(bonded_grid(SPACING, RADIUS, 8), 1e6, wire=37.0).sheet_impedance
     assert np.diag(sheet).real == pytest.approx(37.0 * SPACING, rel=1e-4)
 
 
@@ -85,7 +85,7 @@ def test_sheet_resistance_of_a_grid():
 def test_bonded_grid_at_normal_incidence(gold):
     grid = bonded_grid(SPACING, RADIUS, 16)
     assert waves(grid).loss == pytest.approx(0.248, rel=5e-3)
-    assert waves(grid, load=Load(gold, np.zeros(0))).loss == pytest.approx(0.268, rel=5e-3)
+    assert waves(grid, wire=gold).loss == pytest.approx(0.268, rel=5e-3)
 
 
 def test_bonded_grid_at_60_degrees():
@@ -93,13 +93,13 @@ def test_bonded_grid_at_60_degrees():
 
 
 def test_stacked_grid_at_60_degrees_without_contact():
-    found = waves(stacked_grid(SPACING, RADIUS, 24), angles=degrees(60.0), load=OPEN).loss
+    found = waves(stacked_grid(SPACING, RADIUS, 24), angles=degrees(60.0), contact=OPEN).loss
     assert found == pytest.approx([0.0636, 0.1056], rel=1e-2)
 
 
 def test_a_perfect_contact_joins_the_layers():
     """All but the length of the contact: two radii against the spacing, 5 % of the inductance."""
-    joined = waves(stacked_grid(SPACING, RADIUS, 16), angles=degrees(60.0), load=Load(0.0, np.array([np.inf]))).loss
+    joined = waves(stacked_grid(SPACING, RADIUS, 16), angles=degrees(60.0), contact=PERFECT).loss
     assert joined[1] == pytest.approx(0.4459, rel=2e-2)
 
 
@@ -128,15 +128,15 @@ def test_greens_function_against_the_sum_over_modes():
 
 def test_skew_periods_of_the_same_lattice():
     skew = SPACING * np.array([[1.0, 0.0], [1.0, 1.0]])
-    angles, load = Angles(0.7, 0.4), through(5.0)
-    one, other = (waves(stacked_grid(SPACING, RADIUS, 12, cell), angles=angles, load=load) for cell in (None, skew))
+    angles, contact = Angles(0.7, 0.4), through(5.0)
+    one, other = (waves(stacked_grid(SPACING, RADIUS, 12, cell), angles=angles, contact=contact) for cell in (None, skew))
     assert np.abs(one.reflection - other.reflection).max() < 1e-8
 
 
 def test_three_repeats_as_one():
     angles, grid = Angles(0.7, 0.4), stacked_grid(SPACING, RADIUS, 12)
-    one = waves(grid, angles=angles, load=through(5.0))
-    three = waves(repeated(grid, 3), angles=angles, load=Load(0.0, np.full(3, 0.2)))
+    one = waves(grid, angles=angles, contact=through(5.0))
+    three = waves(repeated(grid, 3), angles=angles, contact=np.full(3, 0.2))
     assert np.abs(one.reflection - three.reflection).max() < 2e-5
 
 

@@ -1,5 +1,5 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit export`,
-`warpknit view`, `warpknit new`.
+"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit reflect`,
+`warpknit export`, `warpknit view`, `warpknit new`.
 
 `Program` turns exceptions into an exit status and one line, on all ranks.
 """
@@ -288,10 +288,11 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
         )  # fmt: skip
     if not ranks.is_first:
         return int(result.exit_code)
+    from warpknit.reflection.study import read_findings
     from warpknit.runner.summary_table import print_table, summary_findings
 
     if result.summary and (result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.stages)):
-        print_table(summary_findings(result.summary, directory))
+        print_table([*summary_findings(result.summary, directory), *read_findings(directory)])
     return FINISHED if result.exit_code == FINISHED else unfinished(result, asked)
 
 
@@ -302,6 +303,7 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
     loaded, directory = open_scene(asked, "map", ranks)
 
     from warpknit.commands.run import map_command, naming_the_file
+    from warpknit.reflection.study import read_findings
     from warpknit.runner.progress_display import progress_for
     from warpknit.studies.map_table import map_findings
 
@@ -309,7 +311,7 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
         result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
     if result.exit_code != FINISHED:
         return unfinished(result, asked)
-    return finished(map_findings(result.summary), directory)
+    return finished([*map_findings(result.summary), *read_findings(directory)], directory)
 
 
 @main.command()
@@ -391,7 +393,7 @@ def report(
 
     lines = [Finding("mesh", note) for note in done.notes] + list(done.page.answer_lines)
     lines += map_findings(done.result.summary)
-    lines.append(Finding("map", done.page.sweep_text))
+    lines += [*done.page.reflection, Finding("map", done.page.sweep_text)]
     if done.result.exit_code == FINISHED:
         lines.append(Finding("material card", done.page.card_state))
         lines += [Finding("", note) for note in done.page.file_notes]
@@ -418,6 +420,28 @@ def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
     with naming_the_file(loaded):
         planned = make_plan(loaded, asked.device)
     click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
+
+
+@main.command("reflect")
+@click.option("--quiet", is_flag=True, help="No progress; results are printed.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help='Another value for a key of [reflection], such as reflection.frequencies="1 to 40 GHz, 50". Repeatable.',
+)
+@click.argument("run_dir", metavar="DIR")
+def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> int:
+    """Solve the waves that the states of the run or map in DIR reflect, at the frequencies of [reflection]."""
+    configure_logging(logging.WARNING if quiet else logging.INFO)
+    from warpknit.commands.reflect import ReflectRequest, reflect_command
+    from warpknit.runner.progress_display import progress_for
+
+    request = ReflectRequest(Path(run_dir), overrides)
+    with progress_for(quiet=quiet) as progress:
+        result = reflect_command(request, progress)
+    return finished(result.findings, request.directory)
 
 
 @main.command()

@@ -21,6 +21,7 @@ from ..knit.lapping import parse_chain
 from ..mechanics.protocols import Model
 from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
 from ..mesh.rim import net_nodes
+from ..reflection.study import reflection_text
 from ..results.finding import ResultWarning
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from ..scene import Scene
@@ -107,6 +108,7 @@ class Plan(Overview):
                 else f"{_about(self._time, self.run)} on this CPU, kernels compiled",
             ),
             ("", _measured(self.run)),
+            *([] if self.scene.reflection is None else [("reflection", reflection_text(self.scene, self._wire))]),
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
@@ -122,6 +124,11 @@ class Plan(Overview):
         return (
             f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
         )
+
+    @property
+    def _wire(self) -> float:
+        """[m] of wire of the mesh."""
+        return float(self.model.panel.wire_length.sum()) * self.nodes / self.model.node_count
 
     def _time(self, steps: int) -> str:
         return duration(self.run.seconds * steps / max(1, self.steps))

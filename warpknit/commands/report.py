@@ -13,15 +13,17 @@ from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import write_report
 from ..errors import INTERRUPTED, Diverged, InputError, naming_arguments
+from ..reflection.study import read_findings
 from ..results.row import Values, write_json
 from ..results.run import Run
 from ..runner.progress_display import Display
-from ..runner.run_directory import CommandResult
+from ..runner.run_directory import CommandResult, read_summary
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..studies.contact_map import read_map
 from ..studies.map_table import MapSummary
 from ..studies.sweep import run_map as sweep_scene
+from .reflect import check_reflection, with_reflection
 from .run import Directory, Source, carried_out
 
 
@@ -108,17 +110,25 @@ def report_command(
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass), progress))
     notes, mapped = fitted.notes, time.perf_counter()
-    result = sweep_scene(fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report")
+    check_reflection(fitted.scene)
+    result = sweep_scene(
+        fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report",
+        keep_states=fitted.scene.reflection is not None,
+    )  # fmt: skip
+    result = with_reflection(fitted.scene, out, progress, result)
     if result.exit_code != 0:
         return Report(result, notes, None)
     times = {"map": time.perf_counter() - mapped}
     rows = read_map(out / "map.csv", out / "map_details.csv")
     try:
-        page = write_report(fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress)
+        page = write_report(
+            fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress,
+            reflection=read_findings(out),
+        )  # fmt: skip
     except KeyboardInterrupt:
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
     took = Values(wall_s=time.perf_counter() - begin, stages_s=Values(**times, **page.times))
-    summary = replace(result.summary, report=took)
+    summary = replace(result.summary, report=took, reflection=(read_summary(out, "map.json") or {}).get("reflection"))
     if not page.earlier_kept:
         write_fit(fitted, out)
         write_json(out / "map.json", summary.json())

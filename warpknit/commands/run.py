@@ -28,6 +28,7 @@ from ..scene.options import DEFAULT, GIVEN
 from ..scene.units import QuantityError, has_unit, shown, si, tidy
 from ..studies.map_table import MapSummary
 from ..studies.sweep import run_map as sweep_scene
+from .reflect import check_reflection, with_reflection
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
 Directory = str | os.PathLike[str]
@@ -136,7 +137,8 @@ def run_command(
         setting = ranks.from_first(lambda: settings_for_error(scene, percent))
         estimator = partial(estimate_of, scene=scene, setting=setting, percent=percent)
         scene = load_scene(scene, setting.overrides, command="error", ranks=ranks.count)
-    return run_scene(
+    check_reflection(scene)
+    result = run_scene(
         scene,
         out=out,
         device=device,
@@ -147,6 +149,7 @@ def run_command(
         error_estimator=estimator,
         probes=probes,
     )
+    return with_reflection(scene, out, progress, result) if ranks.is_first else result
 
 
 def percentage(given: float | str) -> float:
@@ -191,4 +194,7 @@ def map_command(
 ) -> CommandResult[MapSummary]:
     """`warpknit map`. Raises as `sweep_scene` does."""
     refuse(scene, "map")
-    return sweep_scene(scene, out=out, device=device, resume=resume, force=force, progress=progress)
+    check_reflection(scene)
+    keep_states = scene.reflection is not None
+    result = sweep_scene(scene, out=out, device=device, resume=resume, force=force, progress=progress, keep_states=keep_states)
+    return with_reflection(scene, out, progress, result)

@@ -67,6 +67,7 @@ class Findings:
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card
     times: Mapping[str, float] = field(default_factory=dict)  # [s] of the stages of the report
+    reflection: Sequence[Finding] = ()  # lines on the reflection loss of the states of the map
     file_notes: tuple[str, ...] = ()  # FE codes without a card and why, and files that were removed
 
     @property

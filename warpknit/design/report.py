@@ -23,6 +23,7 @@ from ..compute.kept import under
 from ..errors import Diverged
 from ..measure import Observables
 from ..measure.table import Record
+from ..results.finding import Finding
 from ..results.row import Row
 from ..runner.answers import answers_of
 from ..runner.branches import Jump as RowJump
@@ -125,11 +126,13 @@ def write_report(
     notes: Sequence[str] = (),
     codes: Sequence[str] = tuple(CODES),
     progress: Display | None = None,
+    reflection: Sequence[Finding] = (),
 ) -> Findings:
     """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
 
     rows: of the map. tension [N/m]: of the card, in both directions; default: the optimum. notes: how the scene was fitted.
-    codes: FE codes that get the card (`fe.CODES`). A report without a card does not replace one that has one.
+    codes: FE codes that get the card (`fe.CODES`). reflection: lines on the waves from the states of the map.
+    A report without a card does not replace one that has one.
     Raises `ModelError`, `KnitError`.
     """
     show = progress or Display()
@@ -202,6 +205,7 @@ def write_report(
         model_warnings=list(model.warnings(rows)),
         earlier_kept=card is None and (out / CARD).exists(),
         codes=codes,
+        reflection=reflection,
     )
     found = found if found.earlier_kept else replace(found, file_notes=write_files(found, out))
     ends = [*begins.values(), time.perf_counter()][1:]

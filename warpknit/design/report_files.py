@@ -30,6 +30,7 @@ from .sections import (
     map_section,
     mesh_section,
     openings_section,
+    reflection_section,
     wire_text,
 )
 
@@ -92,6 +93,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     card_section(page, found)
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
     electric_section(page, found.scene, found.tensioned, figures["resistance"])
+    reflection_section(page, found.reflection, sorted(figures["map"].parent.glob("reflection_map_*.png")))
     return page
 
 

@@ -14,7 +14,7 @@ from .. import measure
 from ..base.text import alike, celsius, engineering, exact, percent
 from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
-from ..results.finding import ResultWarning
+from ..results.finding import Finding, ResultWarning
 from ..results.row import Row
 from ..runner.answers_table import answer_rows
 from ..runner.strength import limit_text
@@ -356,6 +356,21 @@ def electric_section(page: Page, scene: Scene, tensioned: Observables | None, fi
         f" (Holm); the surface has a resistivity of {1e9 * metal.resistivity:.3g} nOhm m and a hardness of"
         f" {1e-9 * metal.hardness:g} GPa (wire.hardness), at 20 degC. Oxide films are not included. In the spatial model wires"
         " also touch outside the contacts that the shares count; in the planar model they do not."
+    )
+
+
+def reflection_section(page: Page, lines: Sequence[Finding], figures: Sequence[Path]) -> None:
+    """Reflection loss of the states of the map; nothing without lines."""
+    if not lines:
+        return
+    page.heading("Reflection loss")
+    page.table([(line.name, line.text) for line in lines])
+    for figure in figures:
+        page.figure(figure, "Reflection loss over the loads of the map, of the worse polarisation.")
+    page.text(
+        "A plane wave on endless mesh of thin wires with skin effect, and at each contact Holm's constriction and the film of"
+        " [reflection]. Open: no contact conducts. Closed: all contacts, and gaps below the radius, are perfect. Least tension:"
+        " the smallest one whose loss is that near to the smallest loss of the map. reflection.csv has all values."
     )
 
 

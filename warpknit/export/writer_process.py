@@ -24,7 +24,7 @@ import numpy as np
 
 from warpknit.base.processes import ending_of, sendable, start_process
 from warpknit.errors import OutOfResources
-from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
+from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout, state_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +37,6 @@ class StageOptions:
     colour_stress_max: float | None
     full_every: int
     points_per_tile: int
-
-
-def state_file(directory: Path, index: int) -> Path:
-    return directory / "states" / f"state_{index:06d}.npz"
 
 
 class FrameWriter:
@@ -146,8 +142,8 @@ class WriterProcess(FrameWriter):
         first = 0
         for entry in fields(Frame):
             value = getattr(frame, entry.name)
-            # contacts elsewhere, which may be any number, go through the pipe
-            if isinstance(value, np.ndarray) and not entry.name.startswith("elsewhere_"):
+            # contacts, which may be any number, go through the pipe
+            if isinstance(value, np.ndarray) and not entry.name.startswith(("elsewhere_", "contact_")):
                 target = np.ndarray(value.shape, value.dtype, buffer=self._memory, offset=first)
                 target[...] = value
                 value = (value.shape, value.dtype.str, first)

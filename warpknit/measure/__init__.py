@@ -283,4 +283,14 @@ def frame(r: Observables, *, index: int, stage: str, load_factor: float, tempera
         elsewhere_position=r.elsewhere_position - r.corner,
         elsewhere_force=r.elsewhere_force,
         elsewhere_wires=r.elsewhere_wires,
+        **_contacts(r),
     )
+
+
+def _contacts(r: Observables) -> dict[str, np.ndarray]:
+    """The contacts of a periodic mesh, as in a frame."""
+    if r.model.scene.model.boundary != "periodic" or r.model.cloth is None:
+        return {}
+    places = r.contact_places
+    share = places.arc / places.wire_length[places.wire]
+    return {"contact_force": places.force, "contact_wires": places.wire, "contact_share": share}

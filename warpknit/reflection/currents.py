@@ -45,14 +45,6 @@ class StoredEnergy:
         return 1j * Z0 * (k * self.inductance - self.potential / k)
 
 
-@dataclass(frozen=True, eq=False)
-class Load:
-    """Impedances that conduct: of the wire per length, and admittances of contacts; 0 is open, inf a perfect contact."""
-
-    wire: complex  # [Ohm/m]
-    contact: np.ndarray  # [contact] [S]
-
-
 class MeshCurrents:
     """The integral equation of a mesh. The geometry and the static integrals are found once, for all frequencies and angles."""
 
@@ -79,41 +71,42 @@ class MeshCurrents:
             inductance=current.conj().T @ ((kernel * self.alignment) @ current), potential=charge.conj().T @ (kernel @ charge)
         )
 
-    def scattering(self, k: float, angles: Angles, stored: StoredEnergy, loads: Sequence[Load]) -> list[Scattering]:
-        """Waves from the mesh for each of some loads, with the matrices of `stored` at the same wave number and angles."""
-        transverse = angles.transverse(k)
+    def scattering(
+        self, k: float, angles: Angles, stored: StoredEnergy, wire: complex, contacts: Sequence[np.ndarray]
+    ) -> list[Scattering]:
+        """Waves from the mesh, with the matrices of `stored` at the same wave number and angles.
+
+        wire: [Ohm/m] impedance of the wire. contacts: for each result the admittances [contact] [S]; 0 is open, inf perfect.
+        The currents of the branches are eliminated once for all results.
+        """
+        transverse, b = angles.transverse(k), self.branch_count
         charge, current = self._spread(transverse)
         leaving = self._leaving(k, transverse, angles.phi, current)
-        impedance = stored.impedance(k)
+        half = 0.5 * self.wires.arcs
+        length = sparse.diags_array(np.concatenate([half, half, np.zeros(self.contact_count)]))
+        impedance = stored.impedance(k) + wire * (current.conj().T @ length @ current).toarray()
         for wave in leaving:
-            impedance = impedance + wave.resistance
-        length = sparse.diags_array(np.where(np.arange(current.shape[0]) < 2 * self.branch_count, self.kernel.length, 0.0))
-        wire = (current.conj().T @ length @ current).toarray()
+            impedance += wave.resistance
         down = polarisations(k, transverse, DOWN, angles.phi)
         incoming = np.array([*transverse, -np.sqrt(k**2 - transverse @ transverse)])
         voltage = current.conj().T @ (self._moment(incoming).conj() @ down.T)
-        return [self._answer(impedance + load.wire * wire, load.contact, voltage, leaving) for load in loads]
+        in_branches = scipy.linalg.solve(impedance[:b, :b], np.concatenate([impedance[:b, b:], voltage[:b]], axis=1))
+        drawn, driven = in_branches[:, :-2], in_branches[:, -2:]
+        between = impedance[b:, b:] - impedance[b:, :b] @ drawn
+        across = voltage[b:] - impedance[b:, :b] @ driven
+        found = []
+        for admittance in contacts:
+            conducts = np.flatnonzero(admittance)
+            matrix = between[np.ix_(conducts, conducts)] + np.diag(1.0 / admittance[conducts])
+            flow = np.zeros((len(admittance), 2), dtype=complex)
+            flow[conducts] = scipy.linalg.solve(matrix, across[conducts]) if len(conducts) else 0.0
+            found.append(_waves(leaving, np.concatenate([driven - drawn @ flow, flow])))
+        return found
 
-    def solve(self, frequency: float, angles: Angles, loads: Sequence[Load]) -> list[Scattering]:
-        """Waves from the mesh at one frequency [Hz] for each of some loads."""
+    def solve(self, frequency: float, angles: Angles, wire: complex, contacts: Sequence[np.ndarray]) -> list[Scattering]:
+        """Waves from the mesh at one frequency [Hz]; wire and contacts as in `scattering`."""
         k = 2.0 * np.pi * frequency / LIGHT
-        return self.scattering(k, angles, self.stored(k, angles), loads)
-
-    def _answer(self, impedance: np.ndarray, contact: np.ndarray, voltage: np.ndarray, leaving: Sequence[_Leaving]) -> Scattering:
-        """Solve for the currents, without those of open contacts, and sum up the waves."""
-        conducts = np.concatenate([np.ones(self.branch_count, dtype=bool), contact != 0.0])
-        place = self.branch_count + np.flatnonzero(contact)
-        impedance[place, place] += 1.0 / contact[contact != 0.0]
-        flow = np.zeros((len(conducts), 2), dtype=complex)
-        flow[conducts] = scipy.linalg.solve(impedance[np.ix_(conducts, conducts)], voltage[conducts])
-        lobes, specular = np.zeros(2), {UP: np.zeros((2, 2), dtype=complex), DOWN: np.eye(2, dtype=complex)}
-        for wave in leaving:
-            amplitude = -wave.strength * (wave.moment @ flow)
-            if wave.is_specular:
-                specular[wave.direction] = specular[wave.direction] + amplitude
-            else:
-                lobes += wave.power * (np.abs(amplitude) ** 2).sum(axis=0)
-        return Scattering(specular[UP], specular[DOWN], lobes)
+        return self.scattering(k, angles, self.stored(k, angles), wire, contacts)
 
     def _leaving(self, k: float, transverse: np.ndarray, phi: float, current: sparse.csr_array) -> list[_Leaving]:
         """The waves that leave: up and down, specular and in lobes."""
@@ -171,3 +164,15 @@ class _Leaving:
     def resistance(self) -> np.ndarray:
         """(current, current) [Ohm] of the power of the wave."""
         return 0.5 * self.strength * (self.moment.conj().T @ self.moment)
+
+
+def _waves(leaving: Sequence[_Leaving], flow: np.ndarray) -> Scattering:
+    """The waves of currents (current, in) [A]."""
+    lobes, specular = np.zeros(2), {UP: np.zeros((2, 2), dtype=complex), DOWN: np.eye(2, dtype=complex)}
+    for wave in leaving:
+        amplitude = -wave.strength * (wave.moment @ flow)
+        if wave.is_specular:
+            specular[wave.direction] = specular[wave.direction] + amplitude
+        else:
+            lobes += wave.power * (np.abs(amplitude) ** 2).sum(axis=0)
+    return Scattering(specular[UP], specular[DOWN], lobes)

@@ -52,14 +52,20 @@ class PieceKernel:
 
     def regular(self, k: float, transverse: np.ndarray) -> np.ndarray:
         """(piece, piece) [m] double integrals of G without the waves that leave; Hermitian, real where kt is 0."""
-        total = self._image_sum(k, transverse)
-        kg = self.modes + transverse
+        total, is_real = self._image_sum(k, transverse), not transverse.any()
+        kg = self._half_modes if is_real else self.modes + transverse
         u = mode_decay(k, kg)
         wave = self._transforms(kg)
         for height2, share in zip(self.height2, self.shares, strict=True):
             strength = _mode_term(u, np.sqrt(height2), self.splitting).real / (4.0 * self.area)
-            total += share * _product(wave, strength, is_real=not transverse.any())
+            total += share * (_real_product(wave, strength) if is_real else (wave * strength) @ wave.conj().T)
         return total
+
+    @property
+    def _half_modes(self) -> np.ndarray:
+        """(mode, 2) [1/m] one mode of each pair g, -g, and g = 0 first."""
+        kept = (self.modes[:, 0] > 0.0) | ((self.modes[:, 0] == 0.0) & (self.modes[:, 1] > 0.0))
+        return np.concatenate([np.zeros((1, 2)), self.modes[kept]])
 
     def _image_sum(self, k: float, transverse: np.ndarray) -> np.ndarray:
         """(piece, piece) the sum over images."""
@@ -127,11 +133,10 @@ def _modes(cell: np.ndarray, most: float) -> np.ndarray:
     return np.asarray(vectors[np.linalg.norm(vectors, axis=1) < most])
 
 
-def _product(wave: np.ndarray, strength: np.ndarray, is_real: bool) -> np.ndarray:
-    """sum over modes of strength wave wave^H; is_real: modes come in pairs g, -g, so that the sum is real."""
-    if not is_real:
-        return np.asarray((wave * strength) @ wave.conj().T)
-    return np.asarray((wave.real * strength) @ wave.real.T + (wave.imag * strength) @ wave.imag.T)
+def _real_product(wave: np.ndarray, strength: np.ndarray) -> np.ndarray:
+    """sum over `_half_modes` and their opposites of strength wave wave^H, which is real."""
+    twice = np.concatenate([strength[:1], 2.0 * strength[1:]])
+    return np.asarray((wave.real * twice) @ wave.real.T + (wave.imag * twice) @ wave.imag.T)
 
 
 def _mode_term(u: np.ndarray, height: float, splitting: float) -> np.ndarray:

@@ -22,6 +22,7 @@ class ThinWires:
     branch_shift: np.ndarray  # (branch, 2)
     contact_node: np.ndarray = field(default_factory=_none)  # (contact, 2)
     contact_shift: np.ndarray = field(default_factory=_none)  # (contact, 2)
+    branch_arc: np.ndarray | None = None  # [branch] [m] of wire, whose resistance counts; None: of straight wires
 
     @property
     def area(self) -> float:
@@ -37,6 +38,11 @@ class ThinWires:
     def contacts(self) -> np.ndarray:
         """(contact, 3) [m] from axis to axis."""
         return self._span(self.contact_node, self.contact_shift)
+
+    @property
+    def arcs(self) -> np.ndarray:
+        """[branch] [m] of wire."""
+        return np.linalg.norm(self.branches, axis=1) if self.branch_arc is None else self.branch_arc
 
     def _span(self, ends: np.ndarray, shift: np.ndarray) -> np.ndarray:
         span = self.node[ends[:, 1]] - self.node[ends[:, 0]]

@@ -13,6 +13,7 @@ import os
 import zipfile
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from warpknit.base.files import write_arrays
 from warpknit.base.text import short_repr
 
-__all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame", "drawn_layout"]
+__all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame", "drawn_layout", "state_file"]
 
 POINTS_A_LOOP = 128  # of the drawn curve of small meshes, about
 MOST_PARTS = 8  # between two nodes
@@ -29,6 +30,11 @@ POINTS_DRAWN = 20_000  # largest number of points of all drawn curves; beyond, n
 
 Floats = NDArray[np.floating[Any]]
 Integers = NDArray[np.integer[Any]]
+
+
+def state_file(directory: Path, index: int) -> Path:
+    """The file of a recorded state in the directory of a run."""
+    return directory / "states" / f"state_{index:06d}.npz"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -172,6 +178,9 @@ class Frame:
         elsewhere_position  [contact, 3] [m]  active contacts at no body; empty in the plane and in old files
         elsewhere_force     [contact] [N]     their normal force
         elsewhere_wires     [contact, 2]      the wires that touch; twice the same where a wire touches itself
+        contact_force     [place] [N]         active contacts of a periodic mesh; empty otherwise and in old files
+        contact_wires     [place, 2]          the wires that touch
+        contact_share     [place, 2]          where along each wire, in shares of its length from its first node
 
     Nodes, wires and bodies are those of the `WireLayout` of the run. The number of contacts elsewhere differs from record to
     record; on a periodic tile such a contact lies where its first wire is drawn, and its second may be an image.
@@ -196,6 +205,9 @@ class Frame:
     elsewhere_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # [contact, 3] [m]  at no body
     elsewhere_force: Floats = field(default_factory=lambda: np.zeros(0))  # [contact] [N]
     elsewhere_wires: Integers = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))  # [contact, 2]
+    contact_force: Floats = field(default_factory=lambda: np.zeros(0))  # [place] [N]  active contacts of a periodic mesh
+    contact_wires: Integers = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))  # [place, 2]
+    contact_share: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [place, 2]  of the length of each wire
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "index", int(self.index))
@@ -203,6 +215,7 @@ class Frame:
         for name in ("load_factor", "strain_weft", "strain_warp", "shear", "temperature"):
             object.__setattr__(self, name, float(getattr(self, name)))
         nodes, bodies, elsewhere = (len(x) for x in (self.node_position, self.body_position, self.elsewhere_position))
+        places = len(self.contact_force)
         for name, shape in (
             ("node_position", (nodes, 3)),
             ("node_stress", (nodes,)),
@@ -213,6 +226,8 @@ class Frame:
             ("elsewhere_position", (elsewhere, 3)),
             ("elsewhere_force", (elsewhere,)),
             ("elsewhere_wires", (elsewhere, 2)),
+            ("contact_wires", (places, 2)),
+            ("contact_share", (places, 2)),
         ):
             array = np.asarray(getattr(self, name), dtype=np.bool_ if name == "pair_active" else None)
             if array.shape != shape:

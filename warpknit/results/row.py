@@ -201,7 +201,7 @@ def _number(text: str) -> float | None:
 KINDS: dict[str, Callable[[str], Any]] = {"int": int, "str": str, "bool": "True".__eq__}
 COLUMNS: dict[str, Callable[[str], Any]] = {
     name: KINDS.get(kind.partition(" ")[0], _number) for name, kind in Row.__annotations__.items()
-} | {"stop_reason": str, "message": str, "seeds": int}
+} | {"stop_reason": str, "message": str, "seeds": int, "contacts": str, "record": int}
 
 
 def columns_of(rows: Iterable[Mapping[str, object]]) -> Columns:

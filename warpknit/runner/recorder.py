@@ -18,7 +18,7 @@ from ..errors import OutOfResources, RunDirectoryError
 from ..measure import MeshModel
 from ..measure.table import Record
 from ..mesh.layout import contact_classes
-from ..results.frame import Frame, WireLayout
+from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Columns, Row, write_json
 from ..scene import Scene, resolved_toml
 from ..solve.simulate import Progress, Simulation
@@ -235,7 +235,6 @@ class Recorder:
     def _export(self, summary: Summary) -> None:
         """Draw the figures and write the VTK files that the scene asks for."""
         from ..export import RunRecord, export_record
-        from ..export.writer_process import state_file
 
         scene, limit = self.scene, self.rows[-1].yield_stress_Pa
         states = tuple(state_file(self.out, row.index) for row in self.rows)

@@ -256,6 +256,7 @@ TRAITS = {
     "seeds": Trait(
         "several seeds", "sweep.seeds", _given("sweep.seeds", 1), {"sweep": {**SWEEP, "seeds": 2}}, ("sweep", "scatter")
     ),
+    "reflection": Trait("a reflected wave", "reflection", _given("reflection"), {"reflection": {"frequencies": ["10 GHz"]}}),
     # commands, and options besides the scene
     "map": _command("`warpknit map`", "map", "report", needs=("sweep", "relax")),
     "trade": _command("`warpknit trade`", "trade"),
@@ -309,6 +310,9 @@ RULES = (
     Rule("sweep", ("hook",), LEAVE_OUT, "two hooked wires have no strain"),
     Rule("sweep", ("wires",), LEAVE_OUT, NOT_BUILT),
     Rule("ramp", ("wires",), RELAX, NOT_BUILT),
+    Rule("reflection", ("hook",), LEAVE_OUT, "two hooked wires are no sheet"),
+    Rule("reflection", ("wires",), LEAVE_OUT, "wires of a file may differ in diameter"),
+    Rule("reflection", ("gripped",), "write model.boundary = 'periodic'", "the wave meets an endless mesh"),
     Rule("file repeats", ("gripped",), "write [1, 1], or model.boundary = 'periodic'", "wires held at their ends do not repeat"),
     Rule("crossing distance", ("planar",), LEAVE_OUT, "both wires lie in one plane"),
     Rule("seeds", ("even loops",), "write 1, or knit.scatter", "all seeds give the same mesh"),

@@ -369,3 +369,30 @@ class Sweep(Table):
             load, strain_weft=strains[0], strain_warp=strains[1], tension_weft=tensions[0], tension_warp=tensions[1],
             name=f"weft {pair[0]:g}, warp {pair[1]:g}",
         )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reflection(Table):
+    """[reflection]: a plane wave on the mesh, as an endless sheet of thin wires."""
+
+    frequencies: values.FrequencyList = key(
+        'Frequencies, below the first grating lobe of the repeat; `["10 GHz", "30 GHz"]`, or `"1 to 40 GHz, 50"` for 50 of them.'
+    )
+    theta: values.Incidence = key("Angle of incidence, from the normal of the mesh.", 0.0)
+    phi: values.Angle = key(
+        "Direction in which the wave goes along the mesh, from weft towards warp. At normal incidence, TE has its field along the"
+        " warp and TM along the weft for phi = 0.",
+        0.0,
+    )
+    contacts: values.ContactState = key(
+        "Contacts that conduct: `computed` by their force, and beside them all and none as bounds; or only `open` or `closed`.",
+        "computed",
+    )
+    film_resistance: values.Resistance = key(
+        "Resistance of a film on each contact, in series with its constriction ([how-to](how-to/corroding_contacts.md)).", 0.0
+    )
+    branch_length: values.Length | None = key(
+        "Longest straight piece of wire of the field solver, at least one wire diameter.",
+        None,
+        left_out="1/64 of the wire of a loop",
+    )

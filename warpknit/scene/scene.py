@@ -20,7 +20,7 @@ from warpknit.base.text import exact
 from warpknit.errors import SceneError
 from warpknit.scene.keys import Table, given_values, key, keys_of
 from warpknit.scene.knit import Hook, Knit, KnitTable
-from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Solver, Stage, Sweep
+from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep
 from warpknit.scene.panel_options import PanelOptions, PanelTable
 from warpknit.scene.presets import PRESETS, preset_like, tight_knits
 from warpknit.scene.units import si_text
@@ -46,6 +46,7 @@ class SceneFile(Table):
     solver: Solver = key("How the state is found.", Solver())
     output: Output = key("What is written.", Output())
     sweep: Sweep | None = key("What `warpknit map` runs.", None)
+    reflection: Reflection | None = key("What wave the mesh reflects.", None)
 
     @model_validator(mode="before")
     @classmethod
@@ -119,6 +120,7 @@ class Scene:
     solver: Solver
     output: Output
     sweep: Sweep | None
+    reflection: Reflection | None = None
     kind_reason: str = field(default=GIVEN, compare=False)  # of `model.kind`, see capabilities.py
     assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys of the wire with the value of its material
     is_empty: bool = field(default=False, compare=False)  # whether its file holds no key
@@ -219,8 +221,9 @@ def resolved_toml(scene: Scene) -> str:
         table["path"] = path
     for name in ("contact", "solver", "output"):
         table[name] = _written(getattr(scene, name), name, left_out)
-    if scene.sweep is not None:
-        table["sweep"] = _written(scene.sweep, "sweep", left_out)
+    for name in ("sweep", "reflection"):
+        if getattr(scene, name) is not None:
+            table[name] = _written(getattr(scene, name), name, left_out)
     return f"{RESOLVED} {', '.join(left_out)}\n\n" + tomli_w.dumps(table)
 
 

@@ -337,6 +337,7 @@ def make_scene(
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
         sweep=file.sweep,
+        reflection=file.reflection,
         kind_reason=kind_reason,
         assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
         is_empty=is_empty,

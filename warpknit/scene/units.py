@@ -44,6 +44,8 @@ DIMENSIONS = {
     "temperature_gradient": Dimension("K/m", "a temperature per length", "'200 K/m'"),
     "time": Dimension("s", "a time", "'60 s'"),
     "rate": Dimension("1/s", "a rate", "'100 /s'"),
+    "frequency": Dimension("Hz", "a frequency", "'10 GHz'"),
+    "resistance": Dimension("ohm", "a resistance", "'1 ohm'"),
 }
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BeforeValidator
@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from warpknit.base.text import either, exact
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
-from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
+from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si, tidy
 
 T = TypeVar("T")
 
@@ -184,6 +184,36 @@ class Pair(ValueCheck):
 
 
 @dataclass(frozen=True)
+class Frequencies(ValueCheck):
+    """Frequencies in a list, or evenly over a range."""
+
+    each: Quantity = field(default_factory=lambda: Quantity("frequency", least=1e6, most=1e12))
+    allowed: str = "a list of frequencies from 1 MHz to 1 THz, or a range with their number, such as '1 to 40 GHz, 50'"
+
+    def __call__(self, value: Any) -> tuple[float, ...]:
+        if isinstance(value, str):
+            return self._range(value)
+        if not isinstance(value, list | tuple) or not value:
+            raise self.refusal("is neither a list nor a range")
+        return tuple(sorted({self._checked(one) for one in value}))
+
+    def _range(self, text: str) -> tuple[float, ...]:
+        """The frequencies of a text "FIRST to LAST, COUNT"; the first one may leave out its unit."""
+        found = re.fullmatch(r"\s*(.+?)\s+to\s+(.+?)\s*,\s*(\d{1,4})\s*", text)
+        if found is None or not 2 <= (count := int(found[3])):
+            raise self.refusal("is not a range of at least 2 frequencies")
+        first = found[1] if has_unit(found[1]) else f"{found[1]} {found[2].split()[-1]}"
+        low, high = self._checked(first), self._checked(found[2])
+        return tuple(tidy(low + (high - low) * step / (count - 1)) for step in range(count))
+
+    def _checked(self, value: Any) -> float:
+        try:
+            return self.each(value)
+        except PydanticCustomError as error:
+            raise self.refusal(f"has {shown(value)}, which {(error.context or {})['wrong']}") from error
+
+
+@dataclass(frozen=True)
 class Choice(ValueCheck):
     """One of a few words."""
 
@@ -346,4 +376,8 @@ Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
 OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
 Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]
 Interpolation = Annotated[str, BeforeValidator(Choice(("spline", "linear")))]
+FrequencyList = Annotated[tuple[float, ...], BeforeValidator(Frequencies())]
+Incidence = Annotated[float, BeforeValidator(Quantity("angle", least=0.0, most=1.5))]
+Resistance = Annotated[float, BeforeValidator(Quantity("resistance", least=0.0))]
+ContactState = Annotated[str, BeforeValidator(Choice(("computed", "open", "closed")))]
 LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]

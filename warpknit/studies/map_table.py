@@ -35,10 +35,11 @@ class MapSummary:
     optimum: Optimum | None
     jumps: Sequence[Jump]
     report: Values | None = None  # times of a report
+    reflection: Sequence[Values] | None = None  # of a map with [reflection], see there
 
     def json(self) -> Tree:
         """All of map.json."""
-        return {name: value for name, value in plain(self).items() if name != "report" or value is not None}
+        return {name: value for name, value in plain(self).items() if name not in ("report", "reflection") or value is not None}
 
     @classmethod
     def of(cls, tree: Tree) -> MapSummary:

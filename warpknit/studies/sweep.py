@@ -13,12 +13,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from .. import measure
 from ..base.text import celsius, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
+from ..measure import Observables
 from ..mesh.layout import smaller_scene
 from ..results.finding import ResultWarning
+from ..results.frame import state_file
 from ..results.row import Values, write_json
 from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
@@ -77,8 +80,11 @@ def run_map(
     force: bool = False,
     progress: Display | None = None,
     command: str = "map",
+    keep_states: bool = False,
 ) -> CommandResult[MapSummary]:
     """Run the sweep of `scene` into the directory `out`, for a command that messages name.
+
+    keep_states: write the equilibria too, as those of a run; a seed after the other, its pairs line by line.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
@@ -93,7 +99,7 @@ def run_map(
     meshes = [mesh_of(one) for one in seeds]
     _refuse_beyond_memory(meshes[0], sweep)
     open_directory(out, resolved, keep=keep)
-    return _Mapper(meshes, sweep, out, progress or Display()).run()
+    return _Mapper(meshes, sweep, out, progress or Display(), keep_states).run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -117,8 +123,9 @@ def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
 class _Mapper:
     """Runs the batches of a map, one a seed, and writes the rows."""
 
-    def __init__(self, meshes: Sequence[Any], sweep: Sweep, out: Path, display: Display) -> None:
+    def __init__(self, meshes: Sequence[Any], sweep: Sweep, out: Path, display: Display, keep_states: bool) -> None:
         """`meshes`: of each seed."""
+        self.keep_states = keep_states
         self.meshes, self.scene, self.sweep, self.out, self.display = meshes, meshes[0].scene, sweep, out, display
         self.nodes = meshes[0].node_count
         self.pairs = sweep.pairs
@@ -195,19 +202,21 @@ class _Mapper:
             for outcome in Batch(self.meshes[seed], stages, levels, watch=watch).run():
                 message = "" if outcome.error is None else str(outcome.error)
                 pair, by_tension = pairs[outcome.index], self.sweep.by_tension
-                done.append(
-                    map_row(
-                        pair,
-                        outcome.observables,
-                        steps=outcome.steps,
-                        dissipated=outcome.dissipated,
-                        message=message,
-                        by_tension=by_tension,
-                    )
-                )
+                if self.keep_states and outcome.observables is not None:
+                    self._keep(seed * len(self.pairs) + self.pairs.index(pair), outcome.observables)
+                of_way = {"steps": outcome.steps, "dissipated": outcome.dissipated}
+                done.append(map_row(pair, outcome.observables, **of_way, message=message, by_tension=by_tension))
             finished += len(pairs)
 
     # --- files ---
+
+    def _keep(self, number: int, state: Observables) -> None:
+        """Write an equilibrium, and with the first one the layout."""
+        if not (self.out / "layout.npz").exists():
+            self.meshes[0].layout().save(self.out / "layout.npz")
+        load = self.scene.stages[0]
+        frame = measure.frame(state, index=number, stage=load.name, load_factor=1.0, temperature=load.temperature)
+        frame.save(state_file(self.out, number))
 
     def _paths(self, seed: int) -> tuple[Path, Path]:
         if self.sweep.seeds == 1:

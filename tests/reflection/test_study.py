@@ -1,0 +1,147 @@
+"""The command: the states of a run and of a map, files, the table, and what is refused in one line."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from warpknit.commands.cli import main
+from warpknit.reflection.study import LossRow
+from warpknit.reflection.table import COLUMNS, State, least_tension, loss_row
+from warpknit.reflection.waves import Angles, Scattering
+from warpknit.results.row import read_rows
+
+SCENE = """
+[wire]
+diameter = "15 um"
+[model]
+kind = "planar"
+boundary = "periodic"
+[load]
+strain_weft = 0.12
+strain_warp = 0.12
+[solver]
+preset = "draft"
+[output]
+frames = 3
+usd = false
+[reflection]
+frequencies = ["1 GHz", "3 GHz"]
+branch_length = "250 um"
+"""
+SWEEP = "[sweep]\nstrain_weft = [0.08, 0.12]\nstrain_warp = [0.12]\n"
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(main, [str(one) for one in arguments])
+
+
+def refusal(*arguments):
+    """The one line of a command that was refused."""
+    done = invoke(*arguments)
+    assert done.exit_code == 2, done.output
+    (line,) = done.stderr.splitlines()[-1:]
+    assert line.startswith("warpknit: ")
+    return line
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("reflection") / "cell.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(scene):
+    """The directory of a run, and what was printed."""
+    out = scene.parent / "run"
+    done = invoke("run", scene, "--out", out, "--quiet")
+    assert done.exit_code == 0, done.output
+    return out, done.stdout
+
+
+def test_a_run_reflects(run):
+    out, printed = run
+    assert "reflection loss at 3 GHz" in printed and "dB warp" in printed
+    rows = read_rows(out / "reflection.csv", LossRow)
+    assert list(vars(rows[0])) == list(COLUMNS)
+    assert len(rows) == 4 * 2 * 3  # records, frequencies, states of the contacts
+    summary = json.loads((out / "summary.json").read_text())
+    assert [entry["frequency_Hz"] for entry in summary["reflection"]] == [1e9, 3e9]
+    assert all(entry["loss_closed_te_dB"] < entry["loss_open_tm_dB"] for entry in summary["reflection"])
+    with np.load(out / "reflection.npz") as file:
+        assert file["reflection"].shape == file["transmission"].shape == (4, 2, 3, 2, 2)
+        assert file["contacts"].tolist() == ["computed", "open", "closed"]
+        powers = (np.abs(file["reflection"]) ** 2 + np.abs(file["transmission"]) ** 2).sum(axis=-2)
+    assert (powers <= 1.0).all()
+    assert {"reflection_tension.png", "reflection_frequency.png"} <= {path.name for path in (out / "figures").iterdir()}
+
+
+def test_other_frequencies_of_a_finished_run(run):
+    out, _ = run
+    before = (out / "reflection.csv").read_text()
+    done = invoke("reflect", out, "--quiet", "--set", "reflection.frequencies=['1 GHz']", "--set", "reflection.contacts='open'")
+    assert done.exit_code == 0, done.output
+    rows = {(row.record, row.frequency_Hz): row for row in read_rows(out / "reflection.csv", LossRow)}
+    assert {row.contacts for row in rows.values()} == {"open"} and {key[1] for key in rows} == {1e9}
+    assert invoke("reflect", out, "--quiet").exit_code == 0
+    assert (out / "reflection.csv").read_text() == before
+
+
+def test_a_map_reflects(scene):
+    out = scene.parent / "map"
+    path = scene.with_name("map.toml")
+    path.write_text(SCENE + SWEEP, encoding="utf-8")
+    done = invoke("map", path, "--out", out, "--quiet", "--set", "reflection.frequencies=['3 GHz']")
+    assert done.exit_code == 0, done.output
+    assert (out / "figures" / "reflection_map_3_GHz.png").exists()
+    assert [row.strain_weft for row in read_rows(out / "reflection.csv", LossRow)][::3] == pytest.approx([0.08, 0.12])
+    assert len(json.loads((out / "map.json").read_text())["reflection"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("reflection.frequencies=['80 GHz']", "beyond the first grating lobe of a repeat, at"),
+        ("reflection.frequencies=['100 kHz']", "below 1000000 Hz"),
+        ("reflection.branch_length='10 um'", "below the wire diameter; write 15 um or more"),
+        ("model.boundary='gripped'", "the wave meets an endless mesh"),
+    ],
+)
+def test_what_is_refused(scene, key, wrong):
+    assert wrong in refusal("run", scene, "--out", scene.parent / "refused", "--set", key)
+    assert not (scene.parent / "refused").exists()
+
+
+def test_other_keys_need_a_new_run(run):
+    assert "other keys need a new run" in refusal("reflect", run[0], "--set", "wire.ends=2")
+
+
+def test_no_results(tmp_path):
+    assert "no results" in refusal("reflect", tmp_path)
+
+
+# --- rows
+
+
+def row(tension, *losses, **more):
+    reflection = np.diag([10.0 ** (-loss / 20.0) for loss in losses])
+    state = State(0, (0.0, 0.0), (tension, tension))
+    return loss_row(state, 1e10, Angles(), "computed", Scattering(reflection, np.zeros((2, 2)), np.zeros(2)))
+
+
+def test_least_tension_is_within_a_tolerance_of_the_best():
+    """By the worse polarisation; a state without tension does not count."""
+    rows = [row(-0.1, 0.01, 0.01), row(0.5, 0.01, 0.2), row(1.0, 0.01, 0.065), row(2.0, 0.01, 0.05), row(3.0, 0.01, 0.06)]
+    assert least_tension(rows) is rows[2]
+    assert least_tension(rows[:1]) is None
+
+
+def test_the_noise_is_that_of_the_heat():
+    """All that is missing here is absorbed: 290 K times the share."""
+    found = row(1.0, 0.1, 0.0)
+    share = 1.0 - 10.0 ** (-0.01)
+    assert (found.noise_te_K, found.ohmic_share_te) == pytest.approx((290.0 * share, 1.0))
+    assert (found.noise_tm_K, found.ohmic_share_tm) == pytest.approx((0.0, 0.0), abs=1e-9)

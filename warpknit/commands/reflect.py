@@ -1,0 +1,56 @@
+"""`warpknit reflect` as a function, and the reflection of the states of a run, a map or a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..errors import INTERRUPTED, InputError, RunDirectoryError
+from ..reflection.study import Reflected, options_of, reflect
+from ..results.run import load_run
+from ..runner.progress_display import Display
+from ..runner.run_directory import CommandResult
+from ..scene import Scene
+from ..scene.capabilities import refuse
+
+TABLE = "reflection."  # the keys that may be set for finished results
+
+
+@dataclass(frozen=True)
+class ReflectRequest:
+    """Finished results, and keys of [reflection] in place of those of their scene."""
+
+    directory: Path
+    overrides: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for override in self.overrides:
+            if not override.startswith(TABLE):
+                raise InputError(f"--set: {override!r} is not of [reflection]; other keys need a new run")
+
+
+def reflect_command(request: ReflectRequest, progress: Display) -> Reflected:
+    """Solve the waves from the states of finished results. Raises InputError, RunDirectoryError, KeyboardInterrupt."""
+    run = load_run(request.directory)
+    if not {"stages", "cells"} & set(run.summary):
+        raise RunDirectoryError(f"{request.directory}: has no states; give the directory of a run or a map")
+    scene = run.scene.changed(request.overrides)
+    refuse(scene)
+    return reflect(request.directory, scene, progress)
+
+
+def check_reflection(scene: Scene) -> None:
+    """Refuse a [reflection] that cannot be solved, before the states are. Raises InputError."""
+    if scene.reflection is not None:
+        options_of(scene)
+
+
+def with_reflection(scene: Scene, directory: Path, progress: Display, result: CommandResult[Any]) -> CommandResult[Any]:
+    """The result of a command; if it finished and its scene has [reflection], the waves from its states are in `directory`."""
+    if scene.reflection is not None and result.exit_code == 0 and not (directory / "reflection.csv").exists():
+        try:
+            reflect(directory, scene, progress)
+        except KeyboardInterrupt as stop:
+            return replace(result, exit_code=INTERRUPTED, message=str(stop) or "interrupted")
+    return result

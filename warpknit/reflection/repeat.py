@@ -1,0 +1,167 @@
+"""The branches and contacts of a recorded equilibrium.
+
+The drawn curve of each wire is divided at its contacts, and between them into branches of about equal length. Contacts of one
+wire within a diameter share a node. A gap below the radius between two wires that do not touch is a contact without force: a
+capacitor. Gaps are those of the spatial model; the planar model does not solve for heights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..measure.network import holm_resistance, surface
+from ..results.frame import Frame, WireLayout
+from ..scene import Wire
+from .curves import Meeting, WireCurve, find_gaps
+from .impedance import gap_capacitance, yarn_radius
+from .thin_wires import ThinWires
+
+OPEN, COMPUTED, CLOSED = "open", "computed", "closed"  # contacts: none conducts, as computed, all and the gaps are perfect
+BRANCHES = 64  # of the wire of a loop by default (docs/studies/reflection.md)
+LEAST = 4.0  # radii of the default, at least
+WINDOW = 2.0  # diameters along both wires around a contact within which no gap is counted
+
+
+@dataclass(frozen=True, eq=False)
+class Repeat:
+    """One repeat of an equilibrium, as the field solver needs it."""
+
+    wires: ThinWires
+    force: np.ndarray  # [place] [N]; 0 for a gap
+    gap: np.ndarray  # [place] [m] between the surfaces; 0 for a contact
+    row: np.ndarray  # [place] contact of `wires`; -1 for a place that joins a node to itself
+
+    def contacts(self, wire: Wire, frequency: float, state: str, film: float = 0.0) -> np.ndarray:
+        """[contact] [S] admittances at a frequency [Hz]; 0 is open, inf perfect.
+
+        film: [Ohm] resistance in series with the constriction of each contact that touches.
+        """
+        rows = len(self.wires.contact_node)
+        if state != COMPUTED:
+            return np.full(rows, np.inf if state == CLOSED else 0.0)
+        admittance = 2j * np.pi * frequency * gap_capacitance(self.wires.radius, self.gap)
+        touches = self.force > 0.0
+        admittance[touches] += 1.0 / (holm_resistance(surface(wire), self.force[touches]) + film)
+        total = np.zeros(rows, dtype=complex)
+        np.add.at(total, self.row[self.row >= 0], admittance[self.row >= 0])
+        return total
+
+
+def repeat_of(layout: WireLayout, frame: Frame, wire: Wire, longest: float) -> Repeat:
+    """The repeat of a recorded state with branches of at most `longest` [m]."""
+    cell = (frame.deformation @ np.diag(layout.period)).T
+    curves, radius = list(_curves(layout, frame, cell)), yarn_radius(wire)
+    thickness = layout.diameter
+    pairs = zip(frame.contact_wires.tolist(), (frame.contact_share % 1.0).tolist(), strict=True)
+    places = [Meeting(thickness, tuple(wires), tuple(share)) for wires, share in pairs]
+    touching = len(places)
+    if layout.in_space:
+        places += find_gaps(curves, cell, thickness + radius, WINDOW * thickness, places)
+    branches = _divided(curves, places, longest, 2.0 * radius)
+    shift = _nearest_image(curves, places, cell) + branches.turn[:, 1] - branches.turn[:, 0]
+    ends = np.concatenate([branches.end, shift], axis=1)
+    joins_itself = (ends[:, 0] == ends[:, 1]) & ~ends[:, 2:].any(axis=1)
+    rows, found = np.unique(ends[~joins_itself], axis=0, return_inverse=True)
+    row = np.full(len(ends), -1)
+    row[~joins_itself] = found.ravel()
+    return Repeat(
+        wires=ThinWires(cell, radius, branches.node, branches.branch, branches.shift, rows[:, :2], rows[:, 2:], branches.arc),
+        force=np.concatenate([frame.contact_force, np.zeros(len(places) - touching)]),
+        gap=np.array([max(place.distance - thickness, 0.0) for place in places]),
+        row=row,
+    )
+
+
+def _curves(layout: WireLayout, frame: Frame, cell: np.ndarray) -> Iterator[WireCurve]:
+    """The drawn curve of each wire."""
+    between = np.asarray(frame.between, dtype=float)
+    for start, end, rest in zip(layout.wire_start[:-1], layout.wire_start[1:], layout.wire_closing, strict=True):
+        points = np.asarray(frame.node_position, dtype=float)[start:end, None]
+        if between.size:
+            points = np.concatenate([points, points + between[start:end]], axis=1)
+        closing, points = np.array([*(frame.deformation @ rest), 0.0]), points.reshape(-1, 3)
+        yield WireCurve(np.concatenate([points, points[:1] + closing]), closing, cell)
+
+
+def _nearest_image(curves: Sequence[WireCurve], places: Sequence[Meeting], cell: np.ndarray) -> np.ndarray:
+    """(place, 2) periods by which the second wire, as drawn, is moved to lie beside the first."""
+
+    def place(wire: int, share: float) -> np.ndarray:
+        return curves[wire].at(np.array(share * curves[wire].length))
+
+    drawn = np.array([[*map(place, one.wire, one.share)] for one in places]).reshape(-1, 2, 3)
+    return np.asarray(np.rint((drawn[:, 0] - drawn[:, 1])[:, :2] @ np.linalg.inv(cell)).astype(np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class _Branches:
+    """Wires that are divided at places."""
+
+    node: np.ndarray  # (node, 3) [m]
+    branch: np.ndarray  # (branch, 2) nodes
+    shift: np.ndarray  # (branch, 2) periods from the first node to the second
+    arc: np.ndarray  # [branch] [m] of wire
+    end: np.ndarray  # (place, 2) nodes at a place
+    turn: np.ndarray  # (place, 2, 2) periods from each of these, as drawn, to the place
+
+
+def _divided(curves: Sequence[WireCurve], places: Sequence[Meeting], longest: float, least: float) -> _Branches:
+    """Divide wires at places; those within `least` [m] of a wire share a node."""
+    node, branch, shift, length, count = [], [], [], [], 0
+    wire, share = (np.array([getattr(one, name) for one in places]).reshape(-1, 2) for name in ("wire", "share"))
+    end, turn = np.zeros((len(places), 2), dtype=np.int64), np.zeros((len(places), 2, 2), dtype=np.int64)
+    for number, curve in enumerate(curves):
+        where = np.argwhere(wire == number)
+        stops = _stops(share[tuple(where.T)] * curve.length, curve.length, least)
+        begins = [stop.arc for stop in stops] or [0.0]
+        parts = [_parts(*span, longest) for span in zip(begins, [*begins[1:], begins[0] + curve.length], strict=True)]
+        first = count + np.cumsum([0, *(len(part) for part in parts)])
+        for stop, drawn in zip(stops, first, strict=False):
+            for member, turns in zip(stop.members, stop.turns, strict=True):
+                end[tuple(where[member])], turn[tuple(where[member])] = drawn, turns * curve.lattice
+        size = int(first[-1]) - count
+        step = np.arange(size)
+        begin = np.concatenate(parts)
+        node.append(curve.at(begin))
+        length.append(np.diff(begin, append=begins[0] + curve.length))
+        branch.append(count + np.stack([step, (step + 1) % size], axis=1))
+        shift.append(np.where((step == size - 1)[:, None], curve.lattice, 0))
+        count += size
+    nodes, branches, shifts, arcs = map(np.concatenate, (node, branch, shift, length))
+    return _Branches(nodes, branches, shifts, arcs, end, turn)
+
+
+@dataclass(frozen=True)
+class _Stop:
+    """A node of a wire where it has one place or several."""
+
+    arc: float  # [m] in 0 .. length
+    members: tuple[int, ...]
+    turns: tuple[int, ...]  # periods from the node to each place
+
+
+def _stops(arcs: np.ndarray, length: float, least: float) -> list[_Stop]:
+    """Places of one wire in order; those within `least` [m] of the first one are one stop at their mean."""
+    groups: list[list[tuple[int, int]]] = []
+    for place in np.argsort(arcs).tolist():
+        if groups and arcs[place] - arcs[groups[-1][0][0]] < least:
+            groups[-1].append((place, 0))
+        else:
+            groups.append([(place, 0)])
+    if len(groups) > 1 and arcs[groups[0][0][0]] + length - arcs[groups[-1][0][0]] < least:  # across the end of the wire
+        groups[-1] += [(place, 1) for place, _ in groups.pop(0)]
+    stops = []
+    for group in groups:
+        arc = float(np.mean([arcs[place] + turn * length for place, turn in group]))
+        over = int(arc // length)
+        stops.append(_Stop(arc % length, tuple(place for place, _ in group), tuple(over - turn for _, turn in group)))
+    return sorted(stops, key=lambda stop: stop.arc)
+
+
+def _parts(begin: float, end: float, longest: float) -> np.ndarray:
+    """[m] arcs at which the branches between two stops begin."""
+    count = max(1, int(np.ceil((end - begin) / longest)))
+    return begin + (end - begin) * np.arange(count) / count

@@ -1,0 +1,313 @@
+"""`warpknit reflect`: the waves from all recorded states of a run or a map, on all cores.
+
+DIR gets reflection.csv, reflection.npz (amplitudes) and figures/reflection_*.png, and its summary the section `reflection`.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base.files import write_arrays
+from ..base.text import at_least, engineering, exact, memory
+from ..errors import InputError, RunDirectoryError
+from ..knit.cloth import same_cloth
+from ..results.finding import Finding
+from ..results.frame import Frame, WireLayout, state_file
+from ..results.row import Row, columns_of, read_rows, write_json, write_rows
+from ..runner.interrupts import Interrupts
+from ..runner.progress_display import Display
+from ..runner.run_directory import SUMMARIES
+from ..scene import Scene
+from ..scene.options import Reflection
+from ..studies.contact_map import MapRow, read_map
+from .currents import MeshCurrents
+from .frequencies import scattering_at
+from .impedance import surface_radius, wire_impedance, yarn_radius
+from .repeat import BRANCHES, CLOSED, COMPUTED, LEAST, OPEN, repeat_of
+from .table import COLUMNS, LossRow, State, least_tension, loss_row, reflection_findings, shown_frequencies, summary_of
+from .waves import Angles, Scattering, first_lobe
+
+BYTES = 200  # for each pair of half branches, at normal incidence
+STARTED = 8  # states from which on other processes are worth their start
+THREADS = "OPENBLAS_NUM_THREADS"
+PROGRAMS = ("warpknit", "__main__", "pytest")  # main modules that another process may import without harm
+
+
+@dataclass(frozen=True)
+class Reflected:
+    """The result of `reflect`."""
+
+    rows: tuple[LossRow, ...]
+    is_map: bool
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The lines of the table of a command."""
+        return list(reflection_findings(self.rows, None if self.is_map else self.record))
+
+    @property
+    def record(self) -> int:
+        """The record of the summary: the last one; of a map that of the least tension at the highest frequency."""
+        highest = [row for row in self.rows if row.frequency_Hz == self.rows[-1].frequency_Hz]
+        best = least_tension(highest) if self.is_map else None
+        return int(self.rows[-1].record if best is None else best.record)
+
+    @property
+    def summary(self) -> list[dict[str, float | None]]:
+        """The section of the summary, of that record."""
+        return summary_of([row for row in self.rows if row.record == self.record])
+
+
+# --- what a scene asks for
+
+
+def options_of(scene: Scene) -> Reflection:
+    """[reflection] of a scene. Raises InputError where it has none, or a branch length below a wire diameter."""
+    options = scene.reflection
+    if options is None:
+        raise InputError(f"{scene.path}: no [reflection]; give --set 'reflection.frequencies=[\"10 GHz\"]', or add the table")
+    least = 2.0 * surface_radius(scene.wire)
+    if options.branch_length is not None and options.branch_length < least:
+        wrong = f"{exact(options.branch_length, 'm')} is below the wire diameter"
+        raise InputError(f"{scene.path}: reflection.branch_length: {wrong}; write {at_least(least, 'm')} or more")
+    refuse_lobes(scene, np.diag(scene.knit.size))
+    return options
+
+
+def refuse_lobes(scene: Scene, cell: np.ndarray) -> None:
+    """Raise InputError for frequencies from which on a mesh with these periods (rows [m]) has grating lobes."""
+    options = scene.reflection
+    assert options is not None
+    limit, highest = first_lobe(cell, Angles(options.theta, options.phi)), max(options.frequencies)
+    if highest >= limit:
+        raise InputError(
+            f"{scene.path}: reflection.frequencies: {engineering(highest, 'Hz')} is beyond the first grating lobe of a repeat, at"
+            f" {engineering(limit, 'Hz', 4)}; write lower ones, or fewer knit.repeats"
+        )
+
+
+def branch_length(scene: Scene) -> float:
+    """[m] longest branch."""
+    assert scene.reflection is not None
+    if scene.reflection.branch_length is not None:
+        return scene.reflection.branch_length
+    return max(_loop_length(scene) / BRANCHES, LEAST * yarn_radius(scene.wire))
+
+
+def _loop_length(scene: Scene) -> float:
+    """[m] of wire a loop."""
+    return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses).wire_length
+
+
+def reflection_text(scene: Scene, wire: float) -> str:
+    """What the field solver of a mesh with `wire` [m] of wire would take, for a plan. Raises as `options_of`."""
+    options = options_of(scene)
+    branches, workers = round(wire / branch_length(scene)), worker_count()
+    needed = BYTES * (2 * branches) ** 2 * (2 if options.theta else 1)
+    count = len(options.frequencies)
+    waves = f"{count} frequenc{'y' if count == 1 else 'ies'} up to {engineering(options.frequencies[-1], 'Hz')}"
+    return f"{waves}, about {branches:,} branches of wire a state; {memory(workers * needed)} on {workers} cores"
+
+
+# --- the recorded states
+
+
+def states_of(directory: Path) -> list[State]:
+    """The recorded states of a finished run or map, without those whose file is missing."""
+    if (directory / "history.csv").exists():
+        rows: Sequence[Row] = read_rows(directory / "history.csv", Row)
+    else:
+        rows = _cells(directory)
+    found = [_state(number, row) for number, row in enumerate(rows) if row.get("tension_weft_N_per_m") is not None]
+    return [state for state in found if state_file(directory, state.record).exists()]
+
+
+def _cells(directory: Path) -> list[MapRow]:
+    """Rows of a map in the order of its states: those of one seed after the other."""
+    seeds = sorted((directory / "seeds").glob("map_*.csv"))
+    tables = [(path, path.with_name(path.name.replace("map", "details"))) for path in seeds]
+    return [row for paths in tables or [(directory / "map.csv", directory / "map_details.csv")] for row in read_map(*paths)]
+
+
+def _state(number: int, row: Row) -> State:
+    load = row.load if isinstance(row, MapRow) else None
+    return State(number, (row.strain_weft, row.strain_warp), row.tension, load, row.stress_max_Pa)
+
+
+# --- the study
+
+
+def reflect(directory: Path, scene: Scene, progress: Display | None = None) -> Reflected:
+    """Solve the waves from all states in `directory`, which holds a finished run or map of `scene`, and write the results.
+
+    Raises InputError, RunDirectoryError, and KeyboardInterrupt, on which nothing is written.
+    """
+    options, display = options_of(scene), progress or Display()
+    states = states_of(directory)
+    if not states:
+        raise RunDirectoryError(f"{directory}: no recorded states; run the scene again with [reflection], and --force")
+    display.stage(f"reflection of {len(states)} states", number=1, of=1)
+    found: dict[int, list[list[Scattering]]] = {}
+    for record, waves in _solved(directory, scene, states):
+        found[record] = waves
+        display.update(done=len(found) / len(states), load_factor=len(found) / len(states))
+    names, angles = contact_states(options), Angles(options.theta, options.phi)
+    rows = [
+        loss_row(state, frequency, angles, name, one)
+        for state in states
+        for frequency, waves in zip(options.frequencies, found[state.record], strict=True)
+        for name, one in zip(names, waves, strict=True)
+    ]
+    result = Reflected(tuple(rows), is_map=states[0].load is not None)
+    _write(directory, scene, states, found, result)
+    return result
+
+
+def contact_states(options: Reflection) -> tuple[str, ...]:
+    """The states of contacts that are solved."""
+    return (COMPUTED, OPEN, CLOSED) if options.contacts == COMPUTED else (options.contacts,)
+
+
+def _solved(directory: Path, scene: Scene, states: Sequence[State]) -> Iterator[tuple[int, list[list[Scattering]]]]:
+    """Record and waves [frequency][contact state] of each state, as they come."""
+    workers, interrupts = min(worker_count(), len(states)), Interrupts()
+    with interrupts.handled():
+        if workers == 1 or len(states) < STARTED:
+            for state in states:
+                _stop_if_asked(interrupts, directory)
+                yield state.record, state_waves(directory, scene, state.record)
+            return
+        with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _ignore_interrupts) as pool:
+            waiting = {pool.submit(state_waves, directory, scene, state.record): state.record for state in states}
+            try:
+                for done in as_completed(waiting):
+                    _stop_if_asked(interrupts, directory)
+                    yield waiting[done], done.result()
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _ignore_interrupts() -> None:
+    """The process that started the pool shuts it down."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _stop_if_asked(interrupts: Interrupts, directory: Path) -> None:
+    if interrupts.is_requested:
+        raise KeyboardInterrupt(f"interrupted; the states are kept, continue with warpknit reflect {directory}")
+
+
+def worker_count() -> int:
+    """Processes that share the states: one a core; one where the main module would run again in each of them."""
+    main = getattr(sys.modules["__main__"], "__file__", None)
+    return 1 if main is not None and Path(main).stem not in PROGRAMS else len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes that start inside use one thread each for matrices."""
+    before = os.environ.get(THREADS)
+    os.environ[THREADS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[THREADS]
+        if before is not None:
+            os.environ[THREADS] = before
+
+
+def state_waves(directory: Path, scene: Scene, record: int) -> list[list[Scattering]]:
+    """Waves [frequency][contact state] from one recorded state. Raises InputError beyond its first grating lobe."""
+    options = scene.reflection
+    assert options is not None
+    frame = Frame.load(state_file(directory, record))
+    repeat = repeat_of(WireLayout.load(directory / "layout.npz"), frame, scene.wire, branch_length(scene))
+    refuse_lobes(scene, repeat.wires.cell)
+    names = contact_states(options)
+    return scattering_at(
+        MeshCurrents(repeat.wires),
+        options.frequencies,
+        Angles(options.theta, options.phi),
+        lambda frequency: wire_impedance(scene.wire, frequency),
+        lambda frequency: [repeat.contacts(scene.wire, frequency, name, options.film_resistance) for name in names],
+    )
+
+
+# --- files
+
+
+def read_findings(directory: Path) -> list[Finding]:
+    """Lines of the table for the reflection that a directory holds; none without one."""
+    path = directory / "reflection.csv"
+    is_map = (directory / "map.csv").exists()
+    return Reflected(tuple(read_rows(path, LossRow)), is_map).findings if path.exists() else []
+
+
+def _write(
+    directory: Path, scene: Scene, states: Sequence[State], found: Mapping[int, list[list[Scattering]]], result: Reflected
+) -> None:
+    """Write the table, the amplitudes, the section of the summary and the figures."""
+    write_rows(directory / "reflection.csv", result.rows, COLUMNS)
+    options = scene.reflection
+    assert options is not None
+    amplitudes = {
+        name: np.array([[[getattr(one, name) for one in waves] for waves in found[state.record]] for state in states])
+        for name in ("reflection", "transmission")
+    }
+    about = {
+        "record": np.array([state.record for state in states]),
+        "frequency": np.array(options.frequencies),
+        "contacts": np.array(contact_states(options)),
+    }
+    write_arrays(directory / "reflection.npz", about | amplitudes)
+    for name in SUMMARIES:
+        if (path := directory / name).exists():
+            summary = json.loads(path.read_text(encoding="utf-8"))
+            write_json(path, summary | {"reflection": result.summary})
+    if scene.output.figures:
+        _draw(directory, scene, states, result)
+
+
+def _draw(directory: Path, scene: Scene, states: Sequence[State], result: Reflected) -> None:
+    from ..export.map_figure import Marks, map_figure
+    from ..export.reflection_figure import frequency_figure, tension_figure
+
+    columns = {**columns_of(map(vars, result.rows)), "contacts": np.array([row.contacts for row in result.rows])}
+    folder, title = directory / "figures", scene.name
+    if states[0].load is None:
+        tension_figure(columns, folder / "reflection_tension.png", title)
+        frequency_figure(columns, result.record, folder / "reflection_frequency.png", title)
+        return
+    weft, warp = (sorted({state.load[side] for state in states if state.load}) for side in (0, 1))
+    by_tension, given = scene.sweep is not None and scene.sweep.by_tension, result.rows[0].contacts
+    stress = _grid({state.load: [state.stress] for state in states}, weft, warp)
+    place = {state.record: state.load for state in states}
+    for frequency in shown_frequencies(result.rows):
+        here = [row for row in result.rows if row.frequency_Hz == frequency and row.contacts == given]
+        losses: dict[Any, list[float]] = {}
+        for row in here:
+            losses.setdefault(place[row.record], []).append(row.loss)
+        best, at = least_tension(here), engineering(frequency, "Hz")
+        places = () if best is None else ((f"least tension, {best.loss:.3g} dB", place[best.record], best.loss),)
+        map_figure(
+            folder / f"reflection_map_{at.replace(' ', '_')}.png", weft, warp, _grid(losses, weft, warp),
+            title=title, label=f"reflection loss at {at}, the worse polarisation", unit="dB", by_tension=by_tension,
+            marks=Marks(stress=stress, yield_stress=scene.wire.yield_stress, optimum=None, places=places),
+        )  # fmt: skip
+
+
+def _grid(values: Mapping[Any, Sequence[float]], weft: Sequence[float], warp: Sequence[float]) -> np.ndarray:
+    """(warp, weft) mean of the values of each load; nan where there is none."""
+    return np.array([[float(np.mean(values[x, y])) if (x, y) in values else np.nan for x in weft] for y in warp])
