@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from warpknit.measure import table
+from warpknit.reflection.table import LossRow
 from warpknit.results import row
 from warpknit.runner import answers, summary
 
@@ -145,12 +146,26 @@ The columns of `history.csv`, one row for each recorded state, and those of the 
 Columns with an `A` stand for each class of contact.
 
 {history_table}
+
+## reflection.csv
+
+One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)). The section
+`reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state: the last one, and of a map that of
+the least tension at the highest frequency. There `loss_open_te_dB`, `loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are
+the bounds; null where they were not solved.
+
+{reflection_table}
 """
 
 
 def page() -> str:
     """The text of docs/reference/summary.md."""
-    return TEXT.format(summary_table=summary_table(), answers_table=answers_table(), history_table=history_table())
+    return TEXT.format(
+        summary_table=summary_table(),
+        answers_table=answers_table(),
+        history_table=history_table(),
+        reflection_table=_table(("name", "meaning"), [(f"`{name}`", words) for name, words in commented(LossRow, FIELD).items()]),
+    )
 
 
 if __name__ == "__main__":

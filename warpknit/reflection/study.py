@@ -206,7 +206,7 @@ def _ignore_interrupts() -> None:
 
 def _stop_if_asked(interrupts: Interrupts, directory: Path) -> None:
     if interrupts.is_requested:
-        raise KeyboardInterrupt(f"interrupted; the states are kept, continue with warpknit reflect {directory}")
+        raise KeyboardInterrupt(f"interrupted; the states are kept in {directory}")
 
 
 def worker_count() -> int:
