@@ -149,10 +149,10 @@ Columns with an `A` stand for each class of contact.
 
 ## reflection.csv
 
-One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)). The section
-`reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state: the last one, and of a map that of
-the least tension at the highest frequency. There `loss_open_te_dB`, `loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are
-the bounds; null where they were not solved.
+One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)).
+The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state: the last
+one, and of a map that of the least tension at the highest frequency. There `loss_open_te_dB`, `loss_open_tm_dB`,
+`loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds; null where they were not solved.
 
 {reflection_table}
 """

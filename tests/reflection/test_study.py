@@ -115,6 +115,12 @@ def test_what_is_refused(scene, key, wrong):
     assert not (scene.parent / "refused").exists()
 
 
+def test_a_plan_counts_branches(scene):
+    done = invoke("plan", scene)
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("reflection")]
+    assert "2 frequencies up to 3 GHz, about" in line and "branches of wire a state" in line
+
+
 def test_other_keys_need_a_new_run(run):
     assert "other keys need a new run" in refusal("reflect", run[0], "--set", "wire.ends=2")
 

@@ -23,6 +23,7 @@ from ..base.files import write_arrays
 from ..base.text import at_least, engineering, exact, memory
 from ..errors import InputError, RunDirectoryError
 from ..knit.cloth import same_cloth
+from ..mechanics.numerics import thread_count
 from ..results.finding import Finding
 from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Row, columns_of, read_rows, write_json, write_rows
@@ -114,11 +115,11 @@ def _loop_length(scene: Scene) -> float:
 def reflection_text(scene: Scene, wire: float) -> str:
     """What the field solver of a mesh with `wire` [m] of wire would take, for a plan. Raises as `options_of`."""
     options = options_of(scene)
-    branches, workers = round(wire / branch_length(scene)), worker_count()
+    branches, workers = round(wire / branch_length(scene)), worker_count(STARTED)
     needed = BYTES * (2 * branches) ** 2 * (2 if options.theta else 1)
     count = len(options.frequencies)
     waves = f"{count} frequenc{'y' if count == 1 else 'ies'} up to {engineering(options.frequencies[-1], 'Hz')}"
-    return f"{waves}, about {branches:,} branches of wire a state; {memory(workers * needed)} on {workers} cores"
+    return f"{waves}, about {branches:,} branches of wire a state; {memory(workers * needed)} in {workers} processes"
 
 
 # --- the recorded states
@@ -182,7 +183,7 @@ def contact_states(options: Reflection) -> tuple[str, ...]:
 
 def _solved(directory: Path, scene: Scene, states: Sequence[State]) -> Iterator[tuple[int, list[list[Scattering]]]]:
     """Record and waves [frequency][contact state] of each state, as they come."""
-    workers, interrupts = min(worker_count(), len(states)), Interrupts()
+    workers, interrupts = worker_count(len(states)), Interrupts()
     with interrupts.handled():
         if workers == 1 or len(states) < STARTED:
             for state in states:
@@ -209,10 +210,10 @@ def _stop_if_asked(interrupts: Interrupts, directory: Path) -> None:
         raise KeyboardInterrupt(f"interrupted; the states are kept in {directory}")
 
 
-def worker_count() -> int:
-    """Processes that share the states: one a core; one where the main module would run again in each of them."""
+def worker_count(states: int) -> int:
+    """Processes that share states: one a core; one where the main module would run again in each of them."""
     main = getattr(sys.modules["__main__"], "__file__", None)
-    return 1 if main is not None and Path(main).stem not in PROGRAMS else len(os.sched_getaffinity(0))
+    return 1 if main is not None and Path(main).stem not in PROGRAMS else thread_count(states)
 
 
 @contextmanager
