@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -66,7 +67,8 @@ class MeshCurrents:
         """The matrices at one wave number [1/m]: nearly all of the work of a frequency."""
         transverse = angles.transverse(k)
         kernel = self.kernel.regular(k, transverse)
-        charge, current = self._spread(transverse)
+        spread = self._spread(transverse)
+        charge, current = spread.charge, spread.current
         return StoredEnergy(
             inductance=current.conj().T @ ((kernel * self.alignment) @ current), potential=charge.conj().T @ (kernel @ charge)
         )
@@ -80,11 +82,10 @@ class MeshCurrents:
         The currents of the branches are eliminated once for all results.
         """
         transverse, b = angles.transverse(k), self.branch_count
-        charge, current = self._spread(transverse)
+        spread = self._spread(transverse)
+        current = spread.current
         leaving = self._leaving(k, transverse, angles.phi, current)
-        half = 0.5 * self.wires.arcs
-        length = sparse.diags_array(np.concatenate([half, half, np.zeros(self.contact_count)]))
-        impedance = stored.impedance(k) + wire * (current.conj().T @ length @ current).toarray()
+        impedance = stored.impedance(k) + wire * spread.length
         for wave in leaving:
             impedance += wave.resistance
         down = polarisations(k, transverse, DOWN, angles.phi)
@@ -132,13 +133,18 @@ class MeshCurrents:
         middle, vector = self.kernel.middle, self.kernel.vector
         return np.asarray(vector * (np.exp(1j * middle @ wave) * np.sinc(vector @ wave / (2.0 * np.pi)))[:, None])
 
-    def _spread(self, transverse: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """(piece, current) charge per length times j w [1/m], and current in the middle of a piece, for each current."""
+    def _spread(self, transverse: np.ndarray) -> _Spread:
+        """How currents spread over pieces, with a transverse wave vector (2,) [1/m]."""
+        return self._spread_with(transverse) if transverse.any() else self._spread_at_normal
+
+    @cached_property
+    def _spread_at_normal(self) -> _Spread:
+        return self._spread_with(np.zeros(2))
+
+    def _spread_with(self, transverse: np.ndarray) -> _Spread:
         wires, b, c, pieces = self.wires, self.branch_count, self.contact_count, len(self.kernel.length)
-        ends, shift = (
-            np.concatenate(parts)
-            for parts in ((wires.branch_node, wires.contact_node), (wires.branch_shift, wires.contact_shift))
-        )
+        ends = np.concatenate([wires.branch_node, wires.contact_node])
+        shift = np.concatenate([wires.branch_shift, wires.contact_shift])
         jump = np.exp(-1j * (shift @ wires.cell) @ transverse) if transverse.any() else np.ones(b + c)
         row, shape, halves = np.arange(b + c), (b + c, len(wires.node)), np.arange(2 * b)
         drop = sparse.csr_array((jump, (row, ends[:, 1])), shape) - sparse.csr_array((np.ones(b + c), (row, ends[:, 0])), shape)
@@ -147,7 +153,18 @@ class MeshCurrents:
         place = np.concatenate([halves, 2 * b + np.arange(c)]), np.concatenate([halves % b, b + np.arange(c)])
         fall = 0.5 * self.kernel.length * np.where(np.arange(pieces) < b, -1.0, 1.0)
         current = sparse.csr_array((np.ones(pieces), place), (pieces, b + c)) - sparse.diags_array(fall) @ charge
-        return charge.tocsr(), current.tocsr()
+        half = 0.5 * wires.arcs
+        length = sparse.diags_array(np.concatenate([half, half, np.zeros(c)]))
+        return _Spread(charge.tocsr(), current.tocsr(), (current.conj().T @ length @ current).toarray())
+
+
+@dataclass(frozen=True, eq=False)
+class _Spread:
+    """How currents spread over pieces."""
+
+    charge: sparse.csr_array  # (piece, current) [1/m] charge per length times j w
+    current: sparse.csr_array  # (piece, current) current in the middle of a piece
+    length: np.ndarray  # (current, current) [m] of wire, as it resists
 
 
 @dataclass(frozen=True, eq=False)
