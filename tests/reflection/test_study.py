@@ -1,6 +1,7 @@
 """The command: the states of a run and of a map, files, the table, and what is refused in one line."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -123,6 +124,17 @@ def test_a_plan_counts_branches(scene):
 
 def test_other_keys_need_a_new_run(run):
     assert "other keys need a new run" in refusal("reflect", run[0], "--set", "wire.ends=2")
+
+
+def test_states_without_contacts_are_refused(run, tmp_path):
+    """Those of an earlier version: all contacts would be open."""
+    out = tmp_path / "run"
+    shutil.copytree(run[0], out)
+    for path in (out / "states").glob("*.npz"):
+        with np.load(path) as file:
+            arrays = {name: file[name] for name in file.files if not name.startswith("contact_")}
+        np.savez(path, **arrays)
+    assert "holds no contacts; run the scene again with --force" in refusal("reflect", out)
 
 
 def test_no_results(tmp_path):

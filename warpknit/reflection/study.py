@@ -126,13 +126,21 @@ def reflection_text(scene: Scene, wire: float) -> str:
 
 
 def states_of(directory: Path) -> list[State]:
-    """The recorded states of a finished run or map, without those whose file is missing."""
+    """The recorded states of a finished run or map, without those whose file is missing.
+
+    Raises RunDirectoryError for states without their contacts, of an earlier version.
+    """
     if (directory / "history.csv").exists():
         rows: Sequence[Row] = read_rows(directory / "history.csv", Row)
     else:
         rows = _cells(directory)
     found = [_state(number, row) for number, row in enumerate(rows) if row.get("tension_weft_N_per_m") is not None]
-    return [state for state in found if state_file(directory, state.record).exists()]
+    there = [state for state in found if state_file(directory, state.record).exists()]
+    if there:
+        with np.load(path := state_file(directory, there[0].record)) as file:
+            if "contact_force" not in file.files:
+                raise RunDirectoryError(f"{path}: holds no contacts; run the scene again with --force")
+    return there
 
 
 def _cells(directory: Path) -> list[MapRow]:
@@ -163,7 +171,7 @@ def reflect(directory: Path, scene: Scene, progress: Display | None = None) -> R
     found: dict[int, list[list[Scattering]]] = {}
     for record, waves in _solved(directory, scene, states):
         found[record] = waves
-        display.update(done=len(found) / len(states), load_factor=len(found) / len(states))
+        display.update(done=len(found) / len(states), load_factor=1.0)
     names, angles = contact_states(options), Angles(options.theta, options.phi)
     rows = [
         loss_row(state, frequency, angles, name, one)

@@ -146,6 +146,7 @@ class Run:
             node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
             pair_force [pair] [N] where wires hook, pair_active [pair], body_force [body] [N], body_active [body],
             elsewhere_position (contact, 3) [m], elsewhere_force [contact] [N], elsewhere_wires (contact, 2) where no wires hook,
+            contact_force [place] [N], contact_wires (place, 2), contact_share (place, 2) of every contact of a periodic mesh,
             stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
         observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
         layout           a `WireLayout`: which nodes make a wire, which wires a body hooks, the class of a contact
