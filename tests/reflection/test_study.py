@@ -108,6 +108,7 @@ def test_a_map_reflects(scene):
         ("reflection.frequencies=['80 GHz']", "beyond the first grating lobe of a repeat, at"),
         ("reflection.frequencies=['100 kHz']", "below 1000000 Hz"),
         ("reflection.branch_length='10 um'", "below the wire diameter; write 15 um or more"),
+        ("knit.repeats=[12, 10]", "branches of wire need"),
         ("model.boundary='gripped'", "the wave meets an endless mesh"),
     ],
 )

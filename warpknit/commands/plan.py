@@ -108,7 +108,7 @@ class Plan(Overview):
                 else f"{_about(self._time, self.run)} on this CPU, kernels compiled",
             ),
             ("", _measured(self.run)),
-            *([] if self.scene.reflection is None else [("reflection", reflection_text(self.scene, self._wire))]),
+            *([] if self.scene.reflection is None else [("reflection", reflection_text(self.scene))]),
             ("accuracy", self.accuracy),
             ("physics", self.physics[0]),
             *(("", sentence) for sentence in self.physics[1:]),
@@ -124,11 +124,6 @@ class Plan(Overview):
         return (
             f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
         )
-
-    @property
-    def _wire(self) -> float:
-        """[m] of wire of the mesh."""
-        return float(self.model.panel.wire_length.sum()) * self.nodes / self.model.node_count
 
     def _time(self, steps: int) -> str:
         return duration(self.run.seconds * steps / max(1, self.steps))

@@ -21,9 +21,11 @@ import numpy as np
 
 from ..base.files import write_arrays
 from ..base.text import at_least, engineering, exact, memory
-from ..errors import InputError, RunDirectoryError
+from ..compute.memory import available_memory
+from ..errors import InputError, MemoryNeeded, RunDirectoryError
 from ..knit.cloth import same_cloth
 from ..mechanics.numerics import thread_count
+from ..mesh.layout import mesh_nodes
 from ..results.finding import Finding
 from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Row, columns_of, read_rows, write_json, write_rows
@@ -75,7 +77,11 @@ class Reflected:
 
 
 def options_of(scene: Scene) -> Reflection:
-    """[reflection] of a scene. Raises InputError where it has none, or a branch length below a wire diameter."""
+    """[reflection] of a scene.
+
+    Raises InputError where it has none, for a branch length below a wire diameter, for frequencies with grating lobes, and
+    MemoryNeeded for a mesh that is too large.
+    """
     options = scene.reflection
     if options is None:
         raise InputError(f"{scene.path}: no [reflection]; give --set 'reflection.frequencies=[\"10 GHz\"]', or add the table")
@@ -84,6 +90,11 @@ def options_of(scene: Scene) -> Reflection:
         wrong = f"{exact(options.branch_length, 'm')} is below the wire diameter"
         raise InputError(f"{scene.path}: reflection.branch_length: {wrong}; write {at_least(least, 'm')} or more")
     refuse_lobes(scene, np.diag(scene.knit.size))
+    size, available = Size.of(scene), available_memory()
+    if size.needed > available:
+        room = f"{memory(size.needed)}, {memory(available)} are available"
+        wrong = f"about {size.branches:,} branches of wire need {room}"
+        raise MemoryNeeded(f"{scene.path}: reflection: {wrong}; write fewer knit.repeats, or a larger reflection.branch_length")
     return options
 
 
@@ -112,14 +123,28 @@ def _loop_length(scene: Scene) -> float:
     return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses).wire_length
 
 
-def reflection_text(scene: Scene, wire: float) -> str:
-    """What the field solver of a mesh with `wire` [m] of wire would take, for a plan. Raises as `options_of`."""
-    options = options_of(scene)
-    branches, workers = round(wire / branch_length(scene)), worker_count(STARTED)
-    needed = BYTES * (2 * branches) ** 2 * (2 if options.theta else 1)
-    count = len(options.frequencies)
+@dataclass(frozen=True)
+class Size:
+    """How large the equation of one state is."""
+
+    branches: int
+    needed: int  # [bytes]
+
+    @classmethod
+    def of(cls, scene: Scene) -> Size:
+        """Of the states of a scene, estimated."""
+        assert scene.reflection is not None
+        loops = mesh_nodes(scene) / scene.model.nodes_per_loop
+        branches = round(loops * _loop_length(scene) / branch_length(scene))
+        return cls(branches, BYTES * (2 * branches) ** 2 * (2 if scene.reflection.theta else 1))
+
+
+def reflection_text(scene: Scene) -> str:
+    """What the waves from a state would take, for a plan. Raises as `options_of`."""
+    options, size = options_of(scene), Size.of(scene)
+    count, workers = len(options.frequencies), worker_count(STARTED, size)
     waves = f"{count} frequenc{'y' if count == 1 else 'ies'} up to {engineering(options.frequencies[-1], 'Hz')}"
-    return f"{waves}, about {branches:,} branches of wire a state; {memory(workers * needed)} in {workers} processes"
+    return f"{waves}, about {size.branches:,} branches of wire a state; {memory(workers * size.needed)} in {workers} processes"
 
 
 # --- the recorded states
@@ -191,7 +216,7 @@ def contact_states(options: Reflection) -> tuple[str, ...]:
 
 def _solved(directory: Path, scene: Scene, states: Sequence[State]) -> Iterator[tuple[int, list[list[Scattering]]]]:
     """Record and waves [frequency][contact state] of each state, as they come."""
-    workers, interrupts = worker_count(len(states)), Interrupts()
+    workers, interrupts = worker_count(len(states), Size.of(scene)), Interrupts()
     with interrupts.handled():
         if workers == 1 or len(states) < STARTED:
             for state in states:
@@ -218,10 +243,15 @@ def _stop_if_asked(interrupts: Interrupts, directory: Path) -> None:
         raise KeyboardInterrupt(f"interrupted; the states are kept in {directory}")
 
 
-def worker_count(states: int) -> int:
-    """Processes that share states: one a core; one where the main module would run again in each of them."""
+def worker_count(states: int, size: Size) -> int:
+    """Processes that share states: one a core, as far as memory goes.
+
+    One where the main module would run again in each of them.
+    """
     main = getattr(sys.modules["__main__"], "__file__", None)
-    return 1 if main is not None and Path(main).stem not in PROGRAMS else thread_count(states)
+    if main is not None and Path(main).stem not in PROGRAMS:
+        return 1
+    return max(1, min(thread_count(states), available_memory() // max(size.needed, 1)))
 
 
 @contextmanager
