@@ -9,6 +9,7 @@ result has the new points as well, so its error is smaller.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from .waves import LIGHT, Angles, Scattering
 
 TOLERANCE = 1e-4  # of the amplitude of a wave: 0.001 dB of reflection loss
 INTERVALS = 2  # of the first interpolation
+SAME = 1e-12  # of a wave number: round-off
 
 
 def scattering_at(
@@ -48,37 +50,53 @@ def stored_over(
     def exact(k: float) -> StoredEnergy:
         return mesh.stored(k, angles)
 
-    low, high = min(wave_numbers), max(wave_numbers)
-    count, known = INTERVALS, [exact(k) for k in _points(low, high, INTERVALS)] if len(wave_numbers) > 2 * INTERVALS + 1 else []
-    while known and 2 * count + 1 < len(wave_numbers):
-        points = _points(low, high, 2 * count)
-        new = {k: exact(k) for k in points[1::2]}
-        error = max(_difference(waves(k, _between(_points(low, high, count), known, k)), waves(k, one)) for k, one in new.items())
-        known = [one for pair in zip(known, [*new.values(), known[-1]], strict=True) for one in pair][:-1]
-        count *= 2
+    if 2 * INTERVALS + 1 >= len(wave_numbers):
+        return exact
+    points = _points(min(wave_numbers), max(wave_numbers), INTERVALS)
+    band = _Band(points, [exact(k) for k in points])
+    while 2 * len(band.points) - 1 < len(wave_numbers):
+        band, error = band.refined(exact, waves)
         if error < TOLERANCE:
-            return lambda k: _between(points, known, k)
+            return band
     return exact
+
+
+@dataclass(frozen=True, eq=False)
+class _Band:
+    """Matrices at Chebyshev-Lobatto points [1/m], and between them."""
+
+    points: Sequence[float]
+    known: Sequence[StoredEnergy]
+
+    def __call__(self, k: float) -> StoredEnergy:
+        """Barycentric interpolation."""
+        away = k - np.array(self.points)
+        if (at := np.flatnonzero(np.abs(away) < SAME * self.points[-1])).size:
+            return self.known[at[0]]
+        weight = (-1.0) ** np.arange(len(self.points)) / away
+        weight[[0, -1]] *= 0.5
+        weight /= weight.sum()
+        pairs = list(zip(weight, self.known, strict=True))
+        return StoredEnergy(
+            inductance=np.asarray(sum(w * one.inductance for w, one in pairs)),
+            potential=np.asarray(sum(w * one.potential for w, one in pairs)),
+        )
+
+    def refined(
+        self, exact: Callable[[float], StoredEnergy], waves: Callable[[float, StoredEnergy], list[Scattering]]
+    ) -> tuple[_Band, float]:
+        """Twice as many intervals, and the largest error of waves between the points of this one."""
+        points = _points(self.points[0], self.points[-1], 2 * len(self.points) - 2)
+        new = [exact(k) for k in points[1::2]]
+        error = max(_difference(waves(k, self(k)), waves(k, one)) for k, one in zip(points[1::2], new, strict=True))
+        known = [*self.known, *new]
+        known[::2], known[1::2] = self.known, new
+        return _Band(points, known), error
 
 
 def _points(low: float, high: float, intervals: int) -> list[float]:
     """Chebyshev-Lobatto points; half as many intervals have every second one of them."""
     return (0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * np.arange(intervals + 1) / intervals)).tolist()
-
-
-def _between(points: Sequence[float], known: Sequence[StoredEnergy], k: float) -> StoredEnergy:
-    """Barycentric interpolation between Chebyshev-Lobatto points."""
-    away = k - np.array(points)
-    if (at := np.flatnonzero(np.abs(away) < 1e-12 * points[-1])).size:
-        return known[at[0]]
-    weight = (-1.0) ** np.arange(len(points)) / away
-    weight[[0, -1]] *= 0.5
-    weight /= weight.sum()
-    inductance, potential = (sum(w * getattr(one, name) for w, one in zip(weight, known, strict=True)) for name in _MATRICES)
-    return StoredEnergy(np.asarray(inductance), np.asarray(potential))
-
-
-_MATRICES = ("inductance", "potential")
 
 
 def _difference(some: Sequence[Scattering], others: Sequence[Scattering]) -> float:

@@ -89,13 +89,21 @@ def options_of(scene: Scene) -> Reflection:
     if options.branch_length is not None and options.branch_length < least:
         wrong = f"{exact(options.branch_length, 'm')} is below the wire diameter"
         raise InputError(f"{scene.path}: reflection.branch_length: {wrong}; write {at_least(least, 'm')} or more")
-    refuse_lobes(scene, np.diag(scene.knit.size))
+    refuse_lobes(scene, np.diag(np.asarray(scene.knit.size) * (1.0 + _largest_strains(scene))))
     size, available = Size.of(scene), available_memory()
     if size.needed > available:
         room = f"{memory(size.needed)}, {memory(available)} are available"
         wrong = f"about {size.branches:,} branches of wire need {room}"
         raise MemoryNeeded(f"{scene.path}: reflection: {wrong}; write fewer knit.repeats, or a larger reflection.branch_length")
     return options
+
+
+def _largest_strains(scene: Scene) -> np.ndarray:
+    """(2,) largest strains in weft and warp that the scene prescribes, at least 0."""
+    strains = [(stage.strain_weft or 0.0, stage.strain_warp or 0.0) for stage in scene.stages]
+    if scene.sweep is not None and not scene.sweep.by_tension:
+        strains += scene.sweep.pairs
+    return np.max([(0.0, 0.0), *strains], axis=0)
 
 
 def refuse_lobes(scene: Scene, cell: np.ndarray) -> None:

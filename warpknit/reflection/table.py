@@ -103,7 +103,7 @@ def summary_of(rows: Sequence[LossRow]) -> list[dict[str, float | None]]:
     for frequency in sorted({row.frequency_Hz for row in rows}):
         of_state = {row.contacts: row for row in rows if row.frequency_Hz == frequency}
         given = of_state.get(COMPUTED) or next(iter(of_state.values()))
-        entry = {name: given[name] for name in COLUMNS[5:] if name not in ("contacts",)}
+        entry = {name: given[name] for name in COLUMNS[5:] if name != "contacts"}
         for state in (OPEN, CLOSED):
             for side in SIDES:
                 other = of_state.get(state)
