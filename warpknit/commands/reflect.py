@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import INTERRUPTED, InputError, RunDirectoryError
-from ..reflection.study import Reflected, options_of, reflect
+from ..reflection.checks import options_of
+from ..reflection.study import Reflected, reflect
 from ..results.run import load_run
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult
