@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from warpknit.commands.cli import main
 from warpknit.reflection.study import LossRow
-from warpknit.reflection.table import COLUMNS, State, least_tension, loss_row
+from warpknit.reflection.table import COLUMNS, LoadedMesh, least_tension, loss_row
 from warpknit.reflection.waves import Angles, Scattering
 from warpknit.results.row import read_rows
 
@@ -147,7 +147,7 @@ def test_no_results(tmp_path):
 
 def row(tension, *losses, **more):
     reflection = np.diag([10.0 ** (-loss / 20.0) for loss in losses])
-    state = State(0, (0.0, 0.0), (tension, tension))
+    state = LoadedMesh(0, (0.0, 0.0), (tension, tension))
     return loss_row(state, 1e10, Angles(), "computed", Scattering(reflection, np.zeros((2, 2)), np.zeros(2)))
 
 

@@ -2,6 +2,6 @@
 
 A recorded equilibrium (`repeat`) becomes branches of wire and contacts (`thin_wires`, `impedance`). A mixed-potential integral
 equation gives their currents (`green`, `currents`), and the currents give the waves that leave the mesh (`waves`). `frequencies`
-interpolates the equation over a band, `checks` refuses what cannot be solved, `study` solves the states of a directory, and `table`
-has rows and findings.
+interpolates the equation over a band, `checks` refuses what cannot be solved, `study` solves the states of a directory, and
+`table` has rows and findings.
 """

@@ -38,7 +38,7 @@ from .currents import MeshCurrents
 from .frequencies import scattering_at
 from .impedance import wire_impedance
 from .repeat import CLOSED, COMPUTED, OPEN, repeat_of
-from .table import COLUMNS, LossRow, State, least_tension, loss_row, reflection_findings, shown_frequencies, summary_of
+from .table import COLUMNS, LoadedMesh, LossRow, least_tension, loss_row, reflection_findings, shown_frequencies, summary_of
 from .waves import Angles, Scattering
 
 STARTED = 8  # states from which on other processes are worth their start
@@ -74,7 +74,7 @@ class Reflected:
 # --- the recorded states
 
 
-def states_of(directory: Path) -> list[State]:
+def states_of(directory: Path) -> list[LoadedMesh]:
     """The recorded states of a finished run or map, without those whose file is missing.
 
     Raises RunDirectoryError for states without their contacts, of an earlier version.
@@ -99,9 +99,9 @@ def _cells(directory: Path) -> list[MapRow]:
     return [row for paths in tables or [(directory / "map.csv", directory / "map_details.csv")] for row in read_map(*paths)]
 
 
-def _state(number: int, row: Row) -> State:
+def _state(number: int, row: Row) -> LoadedMesh:
     load = row.load if isinstance(row, MapRow) else None
-    return State(number, (row.strain_weft, row.strain_warp), row.tension, load, row.stress_max_Pa)
+    return LoadedMesh(number, (row.strain_weft, row.strain_warp), row.tension, load, row.stress_max_Pa)
 
 
 # --- the study
@@ -138,7 +138,7 @@ def contact_states(options: Reflection) -> tuple[str, ...]:
     return (COMPUTED, OPEN, CLOSED) if options.contacts == COMPUTED else (options.contacts,)
 
 
-def _solved(directory: Path, scene: Scene, states: Sequence[State]) -> Iterator[tuple[int, list[list[Scattering]]]]:
+def _solved(directory: Path, scene: Scene, states: Sequence[LoadedMesh]) -> Iterator[tuple[int, list[list[Scattering]]]]:
     """Record and waves [frequency][contact state] of each state, as they come."""
     workers, interrupts = worker_count(len(states), Size.of(scene)), Interrupts()
     with interrupts.handled():
@@ -227,7 +227,7 @@ def read_findings(directory: Path) -> list[Finding]:
 
 
 def _write(
-    directory: Path, scene: Scene, states: Sequence[State], found: Mapping[int, list[list[Scattering]]], result: Reflected
+    directory: Path, scene: Scene, states: Sequence[LoadedMesh], found: Mapping[int, list[list[Scattering]]], result: Reflected
 ) -> None:
     """Write the table, the amplitudes, the section of the summary and the figures."""
     write_rows(directory / "reflection.csv", result.rows, COLUMNS)
@@ -251,7 +251,7 @@ def _write(
         _draw(directory, scene, states, result)
 
 
-def _draw(directory: Path, scene: Scene, states: Sequence[State], result: Reflected) -> None:
+def _draw(directory: Path, scene: Scene, states: Sequence[LoadedMesh], result: Reflected) -> None:
     from ..export.map_figure import Marks, map_figure
     from ..export.reflection_figure import frequency_figure, tension_figure
 

@@ -20,7 +20,7 @@ SHOWN = 3  # frequencies in the table of a run
 
 
 @dataclass(frozen=True)
-class State:
+class LoadedMesh:
     """A recorded state that reflects."""
 
     record: int
@@ -71,7 +71,7 @@ class LossRow(Values):
 COLUMNS = tuple(LossRow.__annotations__)
 
 
-def loss_row(state: State, frequency: float, angles: Angles, contacts: str, found: Scattering) -> LossRow:
+def loss_row(state: LoadedMesh, frequency: float, angles: Angles, contacts: str, found: Scattering) -> LossRow:
     """The row of a state at a frequency [Hz] with contacts in a state."""
     lost = np.maximum(1.0 - found.reflected, 0.0)
     powers = {

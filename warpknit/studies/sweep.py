@@ -204,8 +204,8 @@ class _Mapper:
                 pair, by_tension = pairs[outcome.index], self.sweep.by_tension
                 if self.keep_states and outcome.observables is not None:
                     self._keep(seed * len(self.pairs) + self.pairs.index(pair), outcome.observables)
-                of_way = {"steps": outcome.steps, "dissipated": outcome.dissipated}
-                done.append(map_row(pair, outcome.observables, **of_way, message=message, by_tension=by_tension))
+                how: dict[str, Any] = {"steps": outcome.steps, "dissipated": outcome.dissipated, "by_tension": by_tension}
+                done.append(map_row(pair, outcome.observables, message=message, **how))
             finished += len(pairs)
 
     # --- files ---
