@@ -14,7 +14,7 @@ from ..wires.overlaps import segment_distances
 AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
 
 
-class CentreLine:
+class Polyline:
     """The drawn curve of one wire over a repeat, which goes on one closing further."""
 
     def __init__(self, points: np.ndarray, closing: np.ndarray, cell: np.ndarray) -> None:
@@ -54,7 +54,7 @@ class Meeting:
 
 
 def find_gaps(
-    curves: Sequence[CentreLine], cell: np.ndarray, reach: float, window: float, contacts: Sequence[Meeting]
+    curves: Sequence[Polyline], cell: np.ndarray, reach: float, window: float, contacts: Sequence[Meeting]
 ) -> list[Meeting]:
     """Places where the distance of two curves is least, and below `reach` [m].
 
@@ -90,7 +90,7 @@ Key = tuple[int, int, int, int]  # two segments, and the periods from the first 
 class _Segments:
     """The straight pieces of all curves."""
 
-    def __init__(self, curves: Sequence[CentreLine], cell: np.ndarray) -> None:
+    def __init__(self, curves: Sequence[Polyline], cell: np.ndarray) -> None:
         counts = [len(curve.points) - 1 for curve in curves]
         self.curves, self.cell, self.start = curves, cell, np.concatenate([[0], np.cumsum(counts)])
         self.wire = np.repeat(np.arange(len(curves)), counts)

@@ -15,7 +15,7 @@ import numpy as np
 from ..measure.network import holm_resistance, surface
 from ..results.frame import Frame, WireLayout
 from ..scene import Wire
-from .curves import CentreLine, Meeting, find_gaps
+from .curves import Meeting, Polyline, find_gaps
 from .impedance import gap_capacitance, yarn_radius
 from .thin_wires import ThinWires
 
@@ -75,7 +75,7 @@ def repeat_of(layout: WireLayout, frame: Frame, wire: Wire, longest: float) -> R
     )
 
 
-def _curves(layout: WireLayout, frame: Frame, cell: np.ndarray) -> Iterator[CentreLine]:
+def _curves(layout: WireLayout, frame: Frame, cell: np.ndarray) -> Iterator[Polyline]:
     """The drawn curve of each wire."""
     between = np.asarray(frame.between, dtype=float)
     for start, end, rest in zip(layout.wire_start[:-1], layout.wire_start[1:], layout.wire_closing, strict=True):
@@ -83,10 +83,10 @@ def _curves(layout: WireLayout, frame: Frame, cell: np.ndarray) -> Iterator[Cent
         if between.size:
             points = np.concatenate([points, points + between[start:end]], axis=1)
         closing, points = np.array([*(frame.deformation @ rest), 0.0]), points.reshape(-1, 3)
-        yield CentreLine(np.concatenate([points, points[:1] + closing]), closing, cell)
+        yield Polyline(np.concatenate([points, points[:1] + closing]), closing, cell)
 
 
-def _nearest_image(curves: Sequence[CentreLine], places: Sequence[Meeting], cell: np.ndarray) -> np.ndarray:
+def _nearest_image(curves: Sequence[Polyline], places: Sequence[Meeting], cell: np.ndarray) -> np.ndarray:
     """(place, 2) periods by which the second wire, as drawn, is moved to lie beside the first."""
 
     def place(wire: int, share: float) -> np.ndarray:
@@ -108,7 +108,7 @@ class _Branches:
     turn: np.ndarray  # (place, 2, 2) periods from each of these, as drawn, to the place
 
 
-def _divided(curves: Sequence[CentreLine], places: Sequence[Meeting], longest: float, least: float) -> _Branches:
+def _divided(curves: Sequence[Polyline], places: Sequence[Meeting], longest: float, least: float) -> _Branches:
     """Divide wires at places; those within `least` [m] of a wire share a node."""
     node, branch, shift, length, count = [], [], [], [], 0
     wire, share = (np.array([getattr(one, name) for one in places]).reshape(-1, 2) for name in ("wire", "share"))
