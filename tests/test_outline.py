@@ -161,8 +161,6 @@ def test_a_bad_file_of_corners_is_one_clear_line(tmp_path: Path, content: str | 
         ({"load": {"pull": [{"at": [1.7e-3, 0], "by": [1, 0], "width": 1e-3}]}}, "load.pull[0].by"),
         ({"load": {"temperature_gradient": [1e6, 0]}}, "load.temperature_gradient"),
         ({"panel": {"outline": "polygon", "corners": [[0, 0], [1, 1], [2, 2]]}}, "panel.corners"),
-        ({"contact": {"friction": 0.1}, "load": {"tension_weft": 0.1}, "model": {"kind": "planar"}}, "load.tension_weft"),
-        ({"wire": {"plastic": True}, "path": [{"tension_warp": 0.1}], "model": {"kind": "planar"}}, "path[0].tension_warp"),
         ({"load": {"pull": [{"at": [0, 0, 0], "by": [0, 0]}]}}, "load.pull[0].at"),
         ({"load": {"temperature_gradient": [1, 1]}, "model": {"boundary": "periodic"}}, "load.temperature_gradient"),
         ({"load": {"temperature_gradient": [1, 1]}, "solver": {"drive": "ramp"}}, "load.temperature_gradient"),

@@ -65,6 +65,8 @@ class Worlds(ABC):
 
     def _begin_loads(self, loads: dict[int, LoadPoint]) -> None:
         rows, given = np.array(list(loads)), np.full(2, np.nan)
+        if any(load.tension is not None for load in loads.values()):
+            self.count_stress()
         self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
         self.prepare(rows)
 
@@ -77,6 +79,10 @@ class Worlds(ABC):
         return np.asarray(self.steering.is_loading[rows]) | self.strains.is_fast(rows)
 
     # --- steps
+
+    @abstractmethod
+    def count_stress(self) -> None:
+        """Have steps add up their nominal stress from now on, for strains that tensions drive."""
 
     @abstractmethod
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:

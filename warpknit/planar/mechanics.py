@@ -55,8 +55,7 @@ class PlanarWorlds(Worlds):
         `threads`: see `WorldStepper`.
         """
         model = models[0]
-        counts_stress = any(one.scene.is_relaxed_to_tension for one in models)
-        self.stepper = WorldStepper(model, len(models), state, threads=threads, counts_stress=counts_stress)
+        self.stepper = WorldStepper(model, len(models), state, threads=threads)
         self.state = self.stepper.state
         self.diagnostics, self.residual = Diagnostics(self.stepper), Residual(model)
         self.slowest_mode, self.multipliers = SlowestMode(self.stepper), Multipliers(self.diagnostics)
@@ -67,6 +66,10 @@ class PlanarWorlds(Worlds):
 
     def prepare(self, rows: np.ndarray) -> None:
         """Nothing: the masses are for loads of any kind."""
+
+    def count_stress(self) -> None:
+        for stepper in self.stepper.steppers:
+            stepper.count_stress()
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
         self.stepper.step(rows, last_step)

@@ -45,28 +45,22 @@ class Stepper:
     """Takes steps of a model's state."""
 
     def __init__(
-        self,
-        model: Model,
-        state: State,
-        *,
-        by_pair: bool | None = None,
-        threads: int | None = None,
-        world: int = 0,
-        counts_stress: bool = False,
+        self, model: Model, state: State, *, by_pair: bool | None = None, threads: int | None = None, world: int = 0
     ) -> None:
         """`by_pair`: contact with a thread a pair (GPU), else a thread a batch of pairs (CPU). Default: by the device.
 
         `threads` of a step on the CPU; default: by cores and mesh size, and where a step is short, by what is faster.
-        `world`: which one of many the state is. `counts_stress`: whether tensions drive strains, by the stress of the step.
+        `world`: which one of many the state is.
         """
-        self.model, self.state, self.world, self.counts_stress = model, state, world, counts_stress
+        self.model, self.state, self.world = model, state, world
+        self.counts_stress = False  # for strains that tensions drive
         self.by_pair = model.device != "cpu" if by_pair is None else by_pair
         # hook contact constraints are not split between threads
         alone = model.device != "cpu" or not model.treatment.is_free
         self.threads = 1 if alone else threads or thread_count(model.panel.node_count // NODES_A_THREAD)
         self.team = Team(self.threads, model.device)
         short = threads is None and self.threads > 1 and model.panel.node_count < LONG_STEP_NODES and model.strip is None
-        self._alone = Stepper(model, state, threads=1, world=world, counts_stress=counts_stress) if short else None
+        self._alone = Stepper(model, state, threads=1, world=world) if short else None
         self._faster: Stepper = self
         self._pace = Pace()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
@@ -76,6 +70,16 @@ class Stepper:
     def _launches(self) -> list[list[list[wp.Launch]]]:
         """[part][parity] launches of a step."""
         return [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
+
+    def count_stress(self) -> None:
+        """Have steps add up the nominal stress of the pairs from now on; that of the wires they have."""
+        if self.counts_stress:
+            return
+        self.counts_stress = True
+        self.__dict__.pop("_launches", None)
+        self._graphs.clear()
+        if self._alone is not None:
+            self._alone.count_stress()
 
     def step(self, count: int) -> None:
         """Take `count` steps; a frozen state (kernels/control.py) does not change."""

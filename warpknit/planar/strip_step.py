@@ -9,7 +9,7 @@ of partial sums differs.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -44,11 +44,19 @@ class StripStepper(Stepper):
         self._shared_blocks = -(-shared // BODY_BLOCK)
         self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
         super().__init__(model, state, **how)
-        self._parts = [
-            {name: [self._commands(work) for work in self._work(name, parity)] for name in ("contact", "motion", "control")}
-            for parity in (0, 1)
-        ]
         self._part_graphs: dict[tuple[int, tuple[str, ...]], list[wp.Graph]] = {}
+
+    @cached_property
+    def _parts(self) -> list[dict[str, list[list[wp.Launch]]]]:
+        """[parity] launches of each thread in the parts of a step, by name."""
+        names = ("contact", "motion", "control")
+        return [{name: [self._commands(work) for work in self._work(name, parity)] for name in names} for parity in (0, 1)]
+
+    def count_stress(self) -> None:
+        if not self.counts_stress:
+            super().count_stress()
+            self.__dict__.pop("_parts", None)
+            self._part_graphs.clear()
 
     def _make_border(self, model: Model, strip: Strip) -> None:
         """Buffers for the shared pairs, neighbour after neighbour."""

@@ -7,7 +7,7 @@ whose steps threads share. The order of summation is the same.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
@@ -47,9 +47,8 @@ class WorldStepper:
         *,
         by_pair: bool | None = None,
         threads: int | None = None,
-        counts_stress: bool = False,
     ) -> None:
-        """`state`: of a single world; default: as knitted. `by_pair`, `counts_stress`: see `Stepper`.
+        """`state`: of a single world; default: as knitted. `by_pair`: see `Stepper`.
 
         `threads` share the worlds, or the step of a single one; default: WARPKNIT_THREADS, or one a core.
         """
@@ -63,8 +62,9 @@ class WorldStepper:
         is_small = steps_by_world(model) and not by_pair
         a_step = 1 if is_small and count > 1 else threads
         kind = Stepper if model.strip is None else StripStepper
-        how: dict[str, Any] = {"by_pair": by_pair, "threads": a_step, "counts_stress": counts_stress}
-        self.steppers = [kind(model, state, world=world, **how) for world, state in enumerate(self.states)]
+        self.steppers = [
+            kind(model, state, by_pair=by_pair, threads=a_step, world=world) for world, state in enumerate(self.states)
+        ]
         self.is_by_world = is_small and self.steppers[0].threads == 1
         sharing = min(threads, len(CORES), count) if threads else thread_count(count)
         self._team = Team(sharing if self.is_by_world else 1, model.device)

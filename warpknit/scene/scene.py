@@ -186,11 +186,6 @@ class Scene:
         return "" if name is None else tight_knits(name, self.model.kind)
 
     @property
-    def is_relaxed_to_tension(self) -> bool:
-        """Whether strains are unknowns of the relaxation."""
-        return self.solver.drive == "relax" and any(any(stage.by_tension) for stage in self.stages)
-
-    @property
     def depends_on_path(self) -> bool:
         """Whether the state depends on the load history."""
         return self.contact.friction > 0.0 or self.wire.plastic

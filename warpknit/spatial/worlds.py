@@ -61,10 +61,6 @@ class SpatialWorlds(Worlds):
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
         self.residual = Residual(model, self.relaxation, self.multipliers)
-        if any(one.scene.is_relaxed_to_tension for one in models):
-            StepStress(
-                self.stepper, self.contact, held_nodes(model, self.stepper), np.concatenate([model.wires.held_lever] * worlds)
-            )
         rods = mesh.rods
         rigidity = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum())
         super().__init__(models, self.stepper.steering, rigidity)
@@ -90,6 +86,11 @@ class SpatialWorlds(Worlds):
         thickness = 2.0 * float(self.model.rods.wire_radius.min())
         self.deepest[rows] = self.contact.pop_max_penetration(rows) / thickness
         return self.deepest[rows]
+
+    def count_stress(self) -> None:
+        if self.stepper.step_stress is None:
+            levers = np.concatenate([self.model.wires.held_lever] * self.stepper.worlds)
+            StepStress(self.stepper, self.contact, held_nodes(self.model, self.stepper), levers)
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
         with self.stepper.only(rows):
