@@ -103,7 +103,7 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     assert (cut / "map.csv").read_bytes() == (whole / "map.csv").read_bytes()
 
 
-@pytest.mark.parametrize(("setting", "said"), [("contact.body_mass=0.3", "contact.body_mass"), ("solver.drive=ramp", "solver.drive")])
+@pytest.mark.parametrize(("setting", "said"), [("contact.body_mass=0.3", "body_mass"), ("solver.drive=ramp", "solver.drive")])
 def test_what_a_map_in_space_cannot_do_is_refused(tmp_path, setting, said):
     done = make_map(tmp_path / "m", "--set", setting)
     assert done.exit_code == 2 and said in done.stderr and len(done.stderr.splitlines()) == 1

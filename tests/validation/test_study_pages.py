@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from clasps import ClaspRow
 from experiment import Row as Predicted
+from friction import Row as Rubbing
 from knot_braid import braid
 from knots import FrictionRow
 from knots import Row as Knot
@@ -215,3 +216,13 @@ def test_knots_with_friction_are_in_the_results() -> None:
             own = [r for r in rows if (r.turns, r.friction) == (int(turns), friction) and is_rounded(e, r.e)]
             found = [[[r.force_radius, r.long_knot / r.e**4, r.theory / r.e**4, r.friction_share]] for r in own]
             assert has_row([cell], found), (turns, e, cell)
+
+
+def test_answers_with_friction() -> None:
+    rows = {(row.knit, row.friction, row.load): row for row in read_rows(RESULTS / "friction.csv", Rubbing)}
+    for knit, friction, tension, strain, active, stress in table("friction.md", "knit | friction"):
+        strained, pulled = (rows[knit, float(friction), load] for load in ("strain", "tension"))
+        check(tension, strained.tension_weft_N_per_m, strained.tension_warp_N_per_m)
+        check(strain, 100.0 * pulled.strain_weft, 100.0 * pulled.strain_warp)
+        check(active, pulled.active_percent)
+        check(stress, 1e-6 * pulled.stress_max_Pa)

@@ -1,6 +1,6 @@
 """How the answers of four knits depend on the friction of their wires.
 
-    python tools/studies/friction.py [DIR]      25 min on two cores; --quick 3
+    python tools/studies/friction.py [DIR]      an hour; --quick 3 min
 
 One repeat of each knit as `warpknit new` has it (30 um molybdenum, 26 wales and 30 courses an inch; the open double atlas 15 and
 25), standard preset; means over 16 meshes whose loops scatter by 2 %, side by side. They are strained by 6 % both ways (the
