@@ -155,7 +155,7 @@ def find_contact_forces(
     touch_normal_force: wp.array(dtype=wp.float64),
     touch_friction: wp.array(dtype=wp.vec3d),
     touch_normal: wp.array(dtype=wp.vec3d),
-    # in and out: [J] work of the slip beyond the Coulomb limit, of the accepted equilibrium, in real time added up
+    # in and out: [J] work of the slip beyond the Coulomb limit, of an accepted equilibrium or in real time, from zero
     touch_slip_work: wp.array(dtype=wp.float64),
     # out: whether a touch pushes at all; [m] largest overlap
     touch_loaded: wp.array(dtype=wp.int32),
@@ -311,11 +311,8 @@ def find_contact_forces(
                 limit = steer[FRICTION] * own * normal_force / weight
                 size = wp.length(friction_force)
                 if size > limit:
-                    work = limit * (one - limit / size) * wp.length(slip)
-                    if is_accepting:
-                        touch_slip_work[k] = work
-                    elif is_running and not is_increment:
-                        touch_slip_work[k] = touch_slip_work[k] + work
+                    if is_accepting or (is_running and not is_increment):
+                        touch_slip_work[k] = touch_slip_work[k] + limit * (one - limit / size) * wp.length(slip)
                     friction_force = friction_force * (limit / size)
                     slip = slip * (limit / size)
                 couple_p = wp.cross(lever_p, friction_force)
