@@ -221,8 +221,11 @@ def test_knots_with_friction_are_in_the_results() -> None:
 def test_answers_with_friction() -> None:
     rows = {(row.knit, row.friction, row.load): row for row in read_rows(RESULTS / "friction.csv", Rubbing)}
     for knit, friction, tension, strain, active, stress in table("friction.md", "knit | friction"):
-        strained, pulled = (rows[knit, float(friction), load] for load in ("strain", "tension"))
+        strained, pulled = (rows.get((knit, float(friction), load)) for load in ("strain", "tension"))
+        assert strained is not None and (pulled is None) == (strain == "-")
         check(tension, strained.tension_weft_N_per_m, strained.tension_warp_N_per_m)
+        if pulled is None:
+            continue
         check(strain, 100.0 * pulled.strain_weft, 100.0 * pulled.strain_warp)
         check(active, pulled.active_percent)
         check(stress, 1e-6 * pulled.stress_max_Pa)
