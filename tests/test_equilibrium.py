@@ -18,6 +18,7 @@ class OneMesh:
         scene = SimpleNamespace(solver=SimpleNamespace(residual_tolerance=0.01), model=SimpleNamespace(nodes_per_loop=16))
         self.model, self.ratio = SimpleNamespace(scene=scene), ratio
         self.members = [SimpleNamespace(drift=Drift(1), can_overlap=False, check_steps=50)]
+        self.strains = SimpleNamespace(is_endless=lambda rows: np.zeros(len(rows), dtype=bool), found=lambda _rows: None)
 
     def advance(self, _rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         return np.array([steps]), np.array([False])
@@ -27,9 +28,6 @@ class OneMesh:
 
     def check(self, _rows: np.ndarray, _checks: np.ndarray, _loading: np.ndarray) -> Check:
         return Check(np.array([0.01 * self.ratio]), np.array([self.ratio]))
-
-    def renew(self, rows: np.ndarray, checks: np.ndarray) -> None:
-        pass
 
     def settled_stress(self, _rows: np.ndarray) -> np.ndarray:
         return np.ones((1, 2, 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -30,9 +30,6 @@ from .sites import Sites
 from .strip import RodStrip
 from .transfer import MembraneGrid, Prolongation
 
-if TYPE_CHECKING:
-    from .worlds import SpatialWorlds
-
 # steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond
 LOAD_STEPS, LOAD_STRAINS = 200, (0.001, 0.03)
 EDGE_CHECKS = 4  # convergence checks between steps of the free stations
@@ -54,7 +51,8 @@ class SpatialMechanics:
     path_increment = FOLLOWED_INCREMENT
     path_ratios = (1.0, 1.0)  # tight knits snap on the way
 
-    def __init__(self, group: SpatialWorlds, model: SpatialModel, world: int) -> None:
+    def __init__(self, group: Any, model: SpatialModel, world: int) -> None:
+        """group: the `SpatialWorlds` (worlds.py) of which this is one."""
         self.group, self.model, self.world, self.rows = group, model, world, np.array([world])
         scene = model.scene
         self.notes: list[str] = []
