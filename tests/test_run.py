@@ -97,7 +97,7 @@ def test_interrupt_and_resume_give_the_same_bits(tmp_path: Path, drive: str, mon
     def interrupt_once(self: object, progress: object) -> None:
         nonlocal checks
         checks += 1
-        if checks in (7, 31):
+        if checks in (7, 21):
             self.interrupts.request()
         original(self, progress)
 
