@@ -243,11 +243,11 @@ def test_a_contact_that_opens_forgets_where_it_stuck() -> None:
     assert path.dissipated == 0.0
 
 
-def test_friction_needs_a_relaxation_and_is_on_the_books() -> None:
+def test_friction_in_the_plane_needs_a_relaxation_and_is_on_the_books() -> None:
     from warpknit.errors import SceneError
 
     with pytest.raises(SceneError, match="contact.friction"):
-        make_scene({"contact": {"friction": 0.2}, "solver": {"drive": "ramp"}})
+        make_scene({"contact": {"friction": 0.2}, "solver": {"drive": "ramp"}, "model": {"kind": "planar"}})
     assert make_scene({"contact": {"friction": 0.2}}).depends_on_path
     assert not make_scene({}).depends_on_path
 

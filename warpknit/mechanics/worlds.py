@@ -65,8 +65,6 @@ class Worlds(ABC):
 
     def _begin_loads(self, loads: dict[int, LoadPoint]) -> None:
         rows, given = np.array(list(loads)), np.full(2, np.nan)
-        if any(load.tension is not None for load in loads.values()):
-            self.count_stress()
         self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
         self.prepare(rows)
 
@@ -98,6 +96,8 @@ class Worlds(ABC):
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""
+        if self.strains.driven(rows).any():
+            self.count_stress()
         begin = now = self.steering.step
         diverged, active = np.zeros(len(begin), dtype=bool), rows
         while len(active):
