@@ -221,7 +221,7 @@ def count_stress_of_pairs(
     pair_force: wp.array(dtype=Any),
     pair_nodal_x: wp.array(dtype=Any),
     pair_nodal_y: wp.array(dtype=Any),
-    # in and out
+    # out
     body_partial: wp.array2d(dtype=wp.float64),
 ):
     """A thread a row, in a step of a mesh with directions given by tension."""
