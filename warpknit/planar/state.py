@@ -20,6 +20,7 @@ from ..kernels import contact_by_batch as b
 from ..kernels.bend import BOW, SLOPE_SHARE
 from ..kernels.contact_friction import LOOSE
 from ..kernels.control import CONTROL_COUNT, PARTIAL_COUNT
+from ..mechanics.driven_strain import COUNTS
 from ..mechanics.numerics import FIRST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE
 from .model import Model, body_blocks, contact_batches
 
@@ -220,6 +221,7 @@ def initial_worlds(model: Model, count: int) -> State:
         force_factor=model.time_step,
         velocity_factor=1.0,
         speed_limit=SPEED_SHARE * spacing,
+        stress_unit=model.axial_stiffness * float(model.global_model.panel.wire_length.sum()) / COUNTS,
         step_limit=max(spacing, STEP_LIMIT * model.scene.knit.course_spacing),
     )
     return state
