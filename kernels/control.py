@@ -226,22 +226,25 @@ def set_factors(control: wp.array(dtype=wp.float64)):
 
 
 @wp.func
-def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64), begin: int, end: int, step: int):
-    """Add rows in their order; of the two largest squares take the larger."""
+def add_rows(sums: partial_sums, partial: wp.array2d(dtype=wp.float64), begin: int, end: int, step: int, with_stress: bool):
+    """Add rows in their order; of the two largest squares take the larger. with_stress: also what moves driven strains."""
     for b in range(begin, end, step):
         sums[KINETIC_PART] += partial[b, KINETIC_PART]
         sums[SPEED_PART] = wp.max(sums[SPEED_PART], partial[b, SPEED_PART])
         sums[STRONGEST_PART] = wp.max(sums[STRONGEST_PART], partial[b, STRONGEST_PART])
-        for k in range(int(FORCE_PART), PARTIAL_COUNT):
-            sums[k] += partial[b, k]
+        sums[FORCE_PART] += partial[b, FORCE_PART]
+    if with_stress:
+        for b in range(begin, end, step):
+            for k in range(int(STRESS_PART), PARTIAL_COUNT):
+                sums[k] += partial[b, k]
     return sums
 
 
 @wp.func
-def all_rows(wire_partial: wp.array2d(dtype=wp.float64), body_partial: wp.array2d(dtype=wp.float64)):
+def all_rows(wire_partial: wp.array2d(dtype=wp.float64), body_partial: wp.array2d(dtype=wp.float64), with_stress: bool):
     """The sums of the rows of wires, then of bodies."""
-    sums = add_rows(partial_sums(), wire_partial, 0, wire_partial.shape[0], 1)
-    return add_rows(sums, body_partial, 0, body_partial.shape[0], 1)
+    sums = add_rows(partial_sums(), wire_partial, 0, wire_partial.shape[0], 1, with_stress)
+    return add_rows(sums, body_partial, 0, body_partial.shape[0], 1, with_stress)
 
 
 @wp.func
@@ -259,7 +262,7 @@ def sum_partials(
     row: wp.array2d(dtype=wp.float64),
 ):
     """The partial sums of a strip as one row."""
-    set_row(row, 0, all_rows(wire_partial, body_partial))
+    set_row(row, 0, all_rows(wire_partial, body_partial, True))
 
 
 @wp.func
@@ -303,7 +306,7 @@ def update_control(
     """One thread, after each step."""
     if control[STATUS] != STATUS_RUNNING:
         return
-    renew_control(all_rows(wire_partial, body_partial), control)
+    renew_control(all_rows(wire_partial, body_partial, is_driven(control)), control)
 
 
 @wp.kernel
@@ -320,7 +323,7 @@ def update_controls(
     """One thread a world, whose rows of partial sums stand side by side, after each step."""
     world = first_world + wp.tid()
     if control[world, STATUS] == STATUS_RUNNING:
-        sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1)
+        sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1, False)
         for row in range(world * stress_rows, (world + 1) * stress_rows):
             for k in range(4):
                 sums[STRESS_PART + k] += wp.float64(stress_count[row, k])

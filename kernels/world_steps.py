@@ -224,5 +224,5 @@ def step_worlds(
             move = held_move(control[w], wp.vec2d(held_lever_x[h], held_lever_y[h]))
             node_ux[w, then, held_node[h]] = count_of(move[0], unit)
             node_uy[w, then, held_node[h]] = count_of(move[1], unit)
-        renew_control(all_rows(wire_partial[w], body_partial[w]), control[w])
+        renew_control(all_rows(wire_partial[w], body_partial[w], is_driven(control[w])), control[w])
         parity[w] = then
