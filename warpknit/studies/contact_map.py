@@ -68,17 +68,8 @@ def columns_of(part: str, by_tension: bool = False) -> list[str]:
     names, targets = [line.name for line in measures_of(part)], TARGETS if by_tension else ()
     if part == "map":
         return ["strain_weft", "strain_warp", *names, "stop_reason", *targets]
-    return [
-        "strain_weft",
-        "strain_warp",
-        "active_percent_deviation",
-        *names,
-        "dissipated_J",
-        "seeds",
-        "steps",
-        "message",
-        *targets,
-    ]
+    own = ("active_percent_deviation", *names, "dissipated_J", "seeds", "steps", "message", *targets)
+    return ["strain_weft", "strain_warp", *own]
 
 
 def map_row(
