@@ -14,7 +14,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from warpknit.measure import table
 from warpknit.reflection.table import LossRow
 from warpknit.results import row
-from warpknit.runner import answers, summary
+from warpknit.runner import answers, summary, variants
 
 PAGE = Path(__file__).parent / "reference" / "summary.md"
 FIELD = re.compile(r"^    (\w+): .*?  # (.*)$")
@@ -22,7 +22,7 @@ KEY = re.compile(r'^ {8,12}"?(\w+)"?[=:] ?.*?,  # (.*)$')
 TABLE = re.compile(r'^ {8}(?:values\[)?"?(\w+)"?(?:\]? = \{|=Values\()$')
 GROUPS = ("", "scene", "model", "solver", "quality", "mesh", "contacts", "wire", "hook")
 MAPS = {"map": "map.csv", "details": "map_details.csv"}
-TOP = ("version", "device", "stop_reason", "message", "warnings", "jumps", "answers", "stages")
+TOP = ("version", "device", "stop_reason", "message", "warnings", "variants", "jumps", "answers", "stages")
 OF_CLASS = {
     "active": "share of the active pairs of a class",
     "force": "contact force that half of the pairs of a class reach",
@@ -105,9 +105,9 @@ def summary_table() -> str:
     return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in summary_rows()])
 
 
-def answers_table() -> str:
-    """The section `answers`."""
-    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in answers_rows()])
+def answers_table(kind: type = answers.Answers) -> str:
+    """The section `answers`, or one of another kind."""
+    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in answers_rows(kind)])
 
 
 def history_table() -> str:
@@ -140,6 +140,18 @@ The section `answers` of `summary.json`. [How contacts close](../scenes.md#answe
 
 {answers_table}
 
+## variants
+
+The section `variants` of `summary.json`, of a run with `variants.count` above 1. Beside its keys stands each figure, such as
+`tension_weft_N_per_m` or `active_percent`, with
+
+{spread_table}
+
+{means_table}
+
+In `history.csv` the columns `p10_...` and `p90_...` are the same percentiles of each record.
+`variants.csv` has the rows of each mesh.
+
 ## history.csv and map.csv
 
 The columns of `history.csv`, one row for each recorded state, and those of the tables of a map. `x` marks a column.
@@ -163,6 +175,8 @@ def page() -> str:
     return TEXT.format(
         summary_table=summary_table(),
         answers_table=answers_table(),
+        means_table=answers_table(variants.Means),
+        spread_table=answers_table(variants.Spread),
         history_table=history_table(),
         reflection_table=_table(("name", "meaning"), [(f"`{name}`", words) for name, words in commented(LossRow, FIELD).items()]),
     )

@@ -1,4 +1,4 @@
-"""Rows of a contact map: files, means over seeds, the optimum."""
+"""Rows of a contact map: files, means over meshes, the optimum."""
 
 import math
 from dataclasses import replace
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from warpknit.studies.contact_map import (
+    SPREAD,
     MapRow,
     drift_text,
     find_optimum,
@@ -42,10 +43,10 @@ def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady"
         strain_weft=weft,
         strain_warp=warp,
         stop_reason=reason,
-        active_percent_deviation=None,
-        seeds=int(steady),
+        variants=int(steady),
         steps=5 if steady else 7,
         message="" if steady else "too fast",
+        **dict.fromkeys(f"std_{name}" for name in SPREAD),
         **(measures if steady else dict.fromkeys(measures)),
     )
 
@@ -62,14 +63,14 @@ def test_rows_come_back_to_the_bit_and_blanks_as_none(tmp_path):
     )
 
 
-def test_the_mean_is_over_seeds_at_rest_and_stress_is_the_largest():
+def test_the_mean_is_over_meshes_at_rest_and_stress_is_the_largest():
     """Shares 20 and 40: mean 30, standard deviation sqrt(200)."""
     (mean,) = mean_map([[row(0, 0, 20.0, 1e8)], [row(0, 0, 40.0, 3e8)], [row(0, 0, reason="diverged")]])
     assert mean.active_percent == 30.0
     assert mean.stress_max_Pa == 3e8
-    assert mean.stop_reason == "2 of 3 seeds steady"
-    assert mean.active_percent_deviation == pytest.approx(math.sqrt(200.0))
-    assert (mean.seeds, mean.steps, mean.message) == (2, 17, "too fast")
+    assert mean.stop_reason == "2 of 3 meshes steady"
+    assert mean.std_active_percent == pytest.approx(math.sqrt(200.0))
+    assert (mean.variants, mean.steps, mean.message) == (2, 17, "too fast")
 
 
 def test_a_grid_is_warp_by_weft_and_unknown_where_there_is_no_row():
@@ -143,7 +144,7 @@ def test_a_drift_beside_a_pair_that_did_not_converge_is_at_least_that_far():
         [row(0.1, 0.1, active=0.0)],  # nothing touches
         [row(0.1, 0.1, tension=(0.1, -0.1))],  # not tensile
         [row(0.1, 0.1, reason="diverged")],
-        mean_map([[row(0.1, 0.1)], [row(0.1, 0.1, reason="diverged")]]),  # not at rest for all seeds
+        mean_map([[row(0.1, 0.1)], [row(0.1, 0.1, reason="diverged")]]),  # not at rest for all meshes
     ],
 )
 def test_there_may_be_no_optimum(rows):

@@ -161,7 +161,7 @@ def test_the_table_of_a_map_has_the_jumps_in_one_line():
     jumps = find_jumps(model(), cells(0.5))
     result = MapSummary(
         scene=Values(), stop_reason="finished", warnings=list(jump_warning(jumps)), path="", loads="strains",
-        cells=Values(steady=36, wanted=36), seeds=1, model=Values(kind="planar", kind_reason="", nodes=1),
+        cells=Values(steady=36, wanted=36), variants=1, model=Values(kind="planar", kind_reason="", nodes=1),
         solver=Values(cell_steps=1, cell_steps_per_s=1.0, wall_s=1.0),
         wire=Values(yield_stress_Pa=1.0, yield_stress_assumed=False), optimum=None, jumps=jumps,
     )  # fmt: skip

@@ -28,7 +28,7 @@ VARIED = [
     },
     {"solver": {"drive": "ramp", "mass_scaling": 1e4, "loading_time": "10 ms", "damping": "100 /s", "max_steps": 10}},
     {
-        "sweep": {"strain_weft": [0, 0.02], "strain_warp": [0.0], "seeds": 3},
+        "sweep": {"strain_weft": [0, 0.02], "strain_warp": [0.0]},
         "knit": {"scatter": 0.1},
         "contact": {"stiffness": "10 N/m", "threshold": "1 uN"},
     },

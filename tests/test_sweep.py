@@ -107,8 +107,8 @@ def test_cells_that_do_not_come_to_rest_are_blank(tmp_path):
 def test_seeds_scatter_and_the_map_is_their_mean(tmp_path):
     """Two meshes of scattered loops: their maps differ, and map.csv holds the mean."""
     out = tmp_path / "m"
-    assert make_map(out, "--set", "knit.scatter=0.08", "--set", "sweep.seeds=2").exit_code == 0
-    first, second = (rows(out / "seeds" / f"map_{seed:02d}.csv")[-1] for seed in (0, 1))
+    assert make_map(out, "--set", "variants.scatter=0.08", "--set", "variants.count=2").exit_code == 0
+    first, second = (rows(out / "variants" / f"map_{seed:02d}.csv")[-1] for seed in (0, 1))
     mean = rows(out / "map.csv")[-1]
     tensions = [float(r["tension_weft_N_per_m"]) for r in (first, second, mean)]
     assert tensions[0] != tensions[1]

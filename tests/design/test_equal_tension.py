@@ -114,7 +114,7 @@ def test_a_card_in_another_equilibrium_than_the_path_is_told(stress, strain, sam
 def test_two_equilibria_of_a_page_at_one_tension_are_told() -> None:
     """A map has 11.6 / 9.5 % and 50 % at 4 N/m, the path 6.2 / 10.0 % and 66.7 %: both, with the place that shows it."""
     target = dict.fromkeys(("target_tension_weft_N_per_m", "target_tension_warp_N_per_m"), 4.0)
-    cell = MapRow(strain_weft=0.116, strain_warp=0.095, active_percent=50.0, stress_max_Pa=6e8, stop_reason="steady", seeds=1)
+    cell = MapRow(strain_weft=0.116, strain_warp=0.095, active_percent=50.0, stress_max_Pa=6e8, stop_reason="steady", variants=1)
     vars(cell).update(target)
     row = Row(strain_weft=0.062, strain_warp=0.1, active_percent=200.0 / 3.0, stress_max_Pa=5.9e8)
     mine, theirs = "strain 6.2 % / 10.0 %, 66.7 % active, 590 MPa", "strain 11.6 % / 9.5 %, 50.0 % active, 600 MPa in the map"
@@ -124,5 +124,5 @@ def test_two_equilibria_of_a_page_at_one_tension_are_told() -> None:
     assert branches_at(4.0, row, [cell], card) == f"{begin}{mine} on the card and under equal tensions; {theirs}"
     assert branches_at(4.0, None, [cell], card) == f"{begin}{mine} on the card; {theirs}"
     assert branches_at(4.0, Row(**vars(cell)), [cell]) == "" and branches_at(3.0, row, [cell]) == ""
-    of_several = MapRow(**{**vars(cell), "seeds": 3})
+    of_several = MapRow(**{**vars(cell), "variants": 3})
     assert branches_at(4.0, row, [of_several]) == "", "a mean over meshes is no equilibrium"

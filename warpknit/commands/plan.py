@@ -119,8 +119,8 @@ class Plan(Overview):
     @property
     def _sweep_text(self) -> str:
         assert self.scene.sweep is not None and self.map_s is not None
-        sweep, seeds = self.scene.sweep, self.scene.sweep.seeds
-        what = f"{len(sweep.pairs):,} pairs of {sweep.quantity}{f' of {seeds} meshes' if seeds > 1 else ''}"
+        sweep, meshes = self.scene.sweep, self.scene.variants.count
+        what = f"{len(sweep.pairs):,} pairs of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
         return (
             f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
         )
@@ -149,7 +149,7 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
     run = measure_run(sample_model(farthest)[0], overview.nodes, farthest)
     levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
-    return scene.sweep.seeds * levels / scene.output.levels * run.seconds
+    return scene.variants.count * levels / scene.output.levels * run.seconds
 
 
 def overview_of(scene: Scene, device: str | None = None) -> Overview:

@@ -265,7 +265,7 @@ def _card(
     if tension is not None:
         branch = branches_at(tension, row, cells, card)
     else:
-        branch = "" if cell is None or cell.seeds > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
+        branch = "" if cell is None or cell.variants > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
     told = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
     return replace(card, jumps=told, branch=branch), mesh, text, rows
 

@@ -214,10 +214,10 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
         [(point.name, point.strain, point.active, point.stress) for point in found.service],
         ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
     )
-    if scene.sweep is not None and scene.sweep.seeds > 1:
+    if scene.variants.count > 1:
         page.text(
-            "The map is the mean over meshes with scattered loops; the service tensions and all results below are for the first"
-            " of them."
+            "The map is the mean over meshes with scattered loops; the service tensions and all results below are for one"
+            " of even loops."
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))

@@ -128,7 +128,7 @@ def two_equilibria(load: str, one: Row | MapRow, of_one: str, other: Row | MapRo
 def map_cell(cells: Sequence[MapRow], tension: float | None) -> MapRow | None:
     """The converged state of a map at one `tension` [N/m] in weft and warp; None without one, or of several meshes."""
     found = (one for one in cells if one.by_tension and one.load == (tension, tension))
-    return next((one for one in found if one.stop_reason == STEADY and one.seeds == 1), None)
+    return next((one for one in found if one.stop_reason == STEADY and one.variants == 1), None)
 
 
 def branches_at(tension: float, row: Row | None, cells: Sequence[MapRow], card: MaterialCard | None = None) -> str:

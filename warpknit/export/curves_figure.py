@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
@@ -38,6 +40,7 @@ JUMP = "jump to another equilibrium"
 JUMP_STYLE: LineLook = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
 WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a stage than of the next one, that may lie on it; of so many before the last
 LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
+MESHES, BAND = "mean and eight in ten of the meshes", 0.15  # of its opacity
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
     ((0, (5, 1.5)), "s"),
@@ -127,6 +130,12 @@ def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: 
         axes.plot(abscissa[point - 1 : point + 1], values[point - 1 : point + 1], color=look["color"], **JUMP_STYLE)
 
 
+def band_handles(figure: Figure) -> list[Patch]:
+    """The bands of several meshes, for a legend, where the figure has some."""
+    is_drawn = any(one.get_gid() == MESHES for axes in figure.axes for one in axes.collections)
+    return [Patch(label=MESHES, color=GREY, alpha=BAND, linewidth=0.0)] if is_drawn else []
+
+
 def jump_handles(figure: Figure) -> list[Line2D]:
     """The dots over a jump, for a legend, where the figure has some."""
     is_drawn = any(line.get_gid() == JUMP for axes in figure.axes for line in axes.lines)
@@ -137,13 +146,13 @@ def jump_handles(figure: Figure) -> list[Line2D]:
 def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
     """Legend of the dashes and marks of the stages, where there are several or a title; and of the dots over a jump."""
     title = title or ("stage" if len(names) > 1 else "")
-    handles = []
+    handles: list[Artist] = []
     for number, name in enumerate(names if title else ()):
         style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
         face = GREY if number % 2 == 0 else "white"
         look: LineLook = {"color": GREY, "linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
         handles.append(Line2D([], [], label=name, **look))
-    handles += jump_handles(figure)
+    handles += [*jump_handles(figure), *band_handles(figure)]
     if handles:
         widest = max(len(str(handle.get_label())) for handle in handles)
         columns = int(np.clip(LEGEND_WIDTH * figure.get_figwidth() // (widest + HANDLE_WIDTH), 1, 6))
@@ -179,18 +188,23 @@ def curves_figure(
     def column(name: str) -> NDArray[Any]:
         return columns.get(name, np.full(count, np.nan))
 
+    scales = {"active_percent": 1.0, "strain_weft": 100.0, "strain_warp": 100.0}  # of columns, in the units that are drawn
+
     def scaled(unit: str, curves: Sequence[tuple[str, str, str]]) -> tuple[str, tuple[tuple[str, str, NDArray[Any]], ...]]:
         """Unit with its prefix, and the curves (label, colour, column) in it."""
         scale, prefixed = scale_of(unit, *(column(name) for _, _, name in curves))
+        scales.update((name, scale) for _, _, name in curves)
         return prefixed, tuple((label, colour, scale * column(name)) for label, colour, name in curves)
 
     every = stage_slices(columns["stage"].tolist())
     stages = [stage for stage in every if not _heats_alone(columns, stage[1])] or every
     abscissa, abscissa_label = _abscissa(columns, stages, count)
-    unit, tensions = scaled("N/m", [(side, colour, f"tension_{side}_N_per_m") for side, colour in SIDE_COLOURS])
+    sides = [(side, colour, f"tension_{side}_N_per_m") for side, colour in SIDE_COLOURS]
+    unit, tensions = scaled("N/m", sides)
     across = f"boundary tension [{unit}]", tensions
     if _is_by_tension(columns, stages):
-        across = "strain [%]", tuple((side, colour, 100.0 * column(f"strain_{side}")) for side, colour in SIDE_COLOURS)
+        sides = [(side, colour, f"strain_{side}") for side, colour in SIDE_COLOURS]
+        across = "strain [%]", tuple((side, colour, 100.0 * column(name)) for side, colour, name in sides)
     stress_unit, stress = scaled("Pa", stress_columns(columns))
     forces = [("where wires hook", GREEN, "contact_force_max_N"), ("elsewhere", AMBER, "elsewhere_force_max_N")]
     if not np.nan_to_num(column("elsewhere_force_max_N")).any():
@@ -216,6 +230,12 @@ def curves_figure(
     ]
     figure = figure_of(10.5, 10.4)
     panels = figure.subplots(3, 2, sharex=True).ravel()
+    banded = ([("", GREEN, "active_percent")], sides, stress_columns(columns), forces)
+    for axes, names in zip(panels, banded, strict=False):
+        for _, colour, name in names:
+            if f"p10_{name}" in columns:
+                ends = [scales[name] * column(f"{end}_{name}") for end in ("p10", "p90")]
+                _draw_band(axes, abscissa, stages, colour, ends)
     for axes, (label, curves), smallest in zip(panels, panel_curves, least, strict=True):
         draw_curves(axes, abscissa, stages, curves, jumped, least=smallest, beneath=touches and axes is panels[0])
         axes.set_ylabel(label)
@@ -240,6 +260,18 @@ def curves_figure(
         axes.set_xlabel(abscissa_label)
     stage_legend(figure, _stage_names(columns, stages), title)
     return save_figure(figure, path)
+
+
+def _draw_band(
+    axes: Axes,
+    abscissa: NDArray[Any],
+    stages: Sequence[tuple[str, slice]],
+    colour: str,
+    ends: Sequence[NDArray[Any]],
+) -> None:
+    """Draw the range of eight in ten of the meshes that a curve is the mean of, between its `ends`."""
+    for _, rows in stages:
+        axes.fill_between(abscissa[rows], ends[0][rows], ends[1][rows], color=colour, alpha=BAND, linewidth=0.0, gid=MESHES)
 
 
 def _draw_count(

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from .centreline import Thread
 from .crossings import Crossings
@@ -50,7 +51,7 @@ def deepest_point(outlines: Sequence[NDArray[np.float64]]) -> NDArray[np.float64
     thin = [outline[:: max(1, len(outline) // 160)] for outline in outlines]
     low, high = thin[0].min(axis=0), thin[0].max(axis=0)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
-    edge = np.concatenate(thin)
+    edge = cKDTree(np.concatenate(thin))
     best, best_depth = None, 0.0
     for _ in range(6):
         ticks = np.linspace(-1.0, 1.0, GRID)
@@ -58,7 +59,7 @@ def deepest_point(outlines: Sequence[NDArray[np.float64]]) -> NDArray[np.float64
         inside = np.all([is_inside(grid, outline) for outline in thin], axis=0)
         if np.any(inside):
             grid = grid[inside]
-            depth = np.sqrt(np.min(np.sum((grid[:, None] - edge) ** 2, axis=2), axis=1))
+            depth = edge.query(grid)[0]
             k = int(np.argmax(depth))
             if depth[k] > best_depth:
                 best, best_depth = grid[k], float(depth[k])

@@ -175,7 +175,7 @@ CLASS_NAMES = "ABCDEFGHIJKL"  # the last one also takes further classes
 SAME_SHAPE = 0.02  # of the wale spacing: centre lines are sampled, so that equal lenses differ a little
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=1024)
 def clasp_classes(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> NDArray[np.intp]:
     """[clasp] number of the class of each clasp of `knit_cloth`, from the tightest lens on. `knit` has `scatter` and `even`."""
     cloth = same_cloth(knit, diameter, merge_lenses, tiles)

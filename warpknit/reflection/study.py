@@ -93,9 +93,9 @@ def states_of(directory: Path) -> list[LoadedMesh]:
 
 
 def _cells(directory: Path) -> list[MapRow]:
-    """Rows of a map in the order of its states: those of one seed after the other."""
-    seeds = sorted((directory / "seeds").glob("map_*.csv"))
-    tables = [(path, path.with_name(path.name.replace("map", "details"))) for path in seeds]
+    """Rows of a map in the order of its states: those of one mesh after the other."""
+    meshes = sorted((directory / "variants").glob("map_*.csv"))
+    tables = [(path, path.with_name(path.name.replace("map", "details"))) for path in meshes]
     return [row for paths in tables or [(directory / "map.csv", directory / "map_details.csv")] for row in read_map(*paths)]
 
 

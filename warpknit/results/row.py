@@ -197,11 +197,16 @@ def _number(text: str) -> float | None:
     return float(text) if text else None
 
 
+def _count(text: str) -> float:
+    """A whole number, or the mean of such."""
+    return float(text) if "." in text or "e" in text else int(text)
+
+
 # of a column that is no number; an empty cell of numbers is None
-KINDS: dict[str, Callable[[str], Any]] = {"int": int, "str": str, "bool": "True".__eq__}
+KINDS: dict[str, Callable[[str], Any]] = {"int": _count, "str": str, "bool": "True".__eq__}
 COLUMNS: dict[str, Callable[[str], Any]] = {
     name: KINDS.get(kind.partition(" ")[0], _number) for name, kind in Row.__annotations__.items()
-} | {"stop_reason": str, "message": str, "seeds": int, "contacts": str, "record": int}
+} | {"stop_reason": str, "message": str, "variants": int, "contacts": str, "record": int}
 
 
 def columns_of(rows: Iterable[Mapping[str, object]]) -> Columns:

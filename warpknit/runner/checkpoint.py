@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..base.files import write_arrays
+from ..compute.kept import under
 from ..compute.ranks import Ranks
 from ..errors import RunDirectoryError
 from ..results.row import Row, Values
@@ -23,15 +25,25 @@ FILE = Path("checkpoint") / "checkpoint.npz"
 UNUSABLE = (OSError, ValueError, AttributeError, KeyError, TypeError, zipfile.BadZipFile)
 
 
-def write_checkpoint(directory: Path, simulation: Simulation, scene_hash: str, wall: float, rows: Sequence[Row] = ()) -> None:
-    """Save state, solver variables, progress and the rows of the records so far; `wall` [s] is the wall time so far."""
+def write_checkpoint(
+    directory: Path, simulation: Simulation, scene_hash: str, wall: float, recorded: Mapping[str, Any] | None = None
+) -> None:
+    """Save state, solver variables and progress of each world; `wall` [s] is the wall time so far.
+
+    recorded: the `rows` of the records so far, and more that is plain.
+    """
     ranks = simulation.model.ranks
     turn = ranks.from_first(lambda: 1 - _valid_turn(directory))
     header = {
-        "scene": scene_hash, "wall_s": wall, "progress": simulation.progress.as_dict(), "ranks": ranks.count, "turn": turn,
-        "rows": [vars(row) for row in rows],
+        "scene": scene_hash, "wall_s": wall, "ranks": ranks.count, "turn": turn,
+        "progress": [drive.progress.as_dict() for drive in simulation.drives],
+        **(recorded or {"rows": []}),
     }  # fmt: skip
-    kept = simulation.drive.state_dict(copied=False)
+    kept = {
+        f"{world}/{name}": value
+        for world, drive in enumerate(simulation.drives)
+        for name, value in drive.state_dict(copied=False).items()
+    }
     (directory / FILE).parent.mkdir(parents=True, exist_ok=True)
     if not ranks.is_first:
         _write(_strip_file(directory, turn, ranks.rank), header, kept)
@@ -72,8 +84,8 @@ class Checkpoint:
         path = directory / FILE
         try:
             header = _header(path)
-            count, scene = header.ranks, header.scene
-            self.progress = Progress.from_dict(header.progress)
+            count, scene, self.header = header.ranks, header.scene, header
+            self.progress = [Progress.from_dict(one) for one in header.progress]
             self.rows = [Row(**row) for row in header.rows]
             if count == ranks.count and not ranks.is_first:
                 path = _strip_file(directory, header.turn, ranks.rank)
@@ -95,6 +107,7 @@ class Checkpoint:
     def restore(self, simulation: Simulation) -> None:
         """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
         try:
-            simulation.drive.load_state_dict(self._arrays)
+            for world, drive in enumerate(simulation.drives):
+                drive.load_state_dict(under(f"{world}/", self._arrays))
         except (AttributeError, KeyError, ValueError) as error:
             raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}); start over with --force") from error

@@ -94,6 +94,7 @@ def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray
 
 
 def write_history(path: Path, rows: Sequence[Row]) -> None:
-    """Write all rows, atomically: the measures of the first one that are columns, then the probes."""
+    """Write all rows, atomically: measures of the first one that are columns, ranges of several meshes (variants.py), probes."""
     columns = [line.name for line in table.MEASURES if line.history and line.name in rows[0]]
+    columns += [name for name in vars(rows[0]) if name.startswith(("p10_", "p90_")) and name[4:] in columns]
     write_rows(path, [row.changed(**row.probes) for row in rows], [*columns, *rows[0].probes])

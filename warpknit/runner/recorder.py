@@ -29,7 +29,8 @@ from .probes import Probes
 from .progress_display import Display
 from .run_directory import CommandResult
 from .summary import Estimate, PanelValues, Summary, cord_summary, report_panel, run_summary
-from .watch import Watch
+from .variants import Means
+from .watch import LoopResult, Watch
 
 if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
@@ -40,11 +41,13 @@ RESERVED_DISK = 64 * 2**10  # [bytes] reserved for summary.json in case the disk
 ErrorEstimator = Callable[[Record], Estimate]
 
 
-def open_frames(scene: Scene, layout: WireLayout, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
-    """Writer of the recorded states of a run."""
+def open_frames(scene: Scene, layout: WireLayout | None, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
+    """Writer of the recorded states of a run; one that writes nothing without a layout."""
     from .. import __version__
-    from ..export.writer_process import StageOptions, frame_writer
+    from ..export.writer_process import FrameWriter, StageOptions, frame_writer
 
+    if layout is None:
+        return FrameWriter()
     stage = StageOptions(
         scene_name=scene.name,
         scene_hash=scene.hash,
@@ -91,6 +94,7 @@ class Recorder:
         self.probes = probes or Probes()
         self.rows: list[Row] = []
         self.panels: dict[int, Mapping[str, Columns]] = {}  # tables of the panel at the ends of stages, by record
+        self.variants: Means | None = None  # how single meshes lie about the mean, where there are several
         self._last: Record | None = None
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
@@ -110,12 +114,16 @@ class Recorder:
         self._reserve = out / ".reserve"
         self._reserve.write_bytes(bytes(RESERVED_DISK))
         with self.watch.interrupts.handled():  # an interrupt that is raised while USD is imported is lost
-            self.frames = open_frames(self.scene, self.model.layout(), out, resume=checkpoint is not None, hold=hold)
+            self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
+
+    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
+        """Writer of the recorded states."""
+        return open_frames(self.scene, self.model.layout(), self.out, resume=resume, hold=hold)
 
     def run(self) -> CommandResult[Summary | None]:
         with self.frames:
             try:
-                loop = self.watch.run(self._write_record)
+                loop = self._loop()
                 self.frames.flush()
             except (MemoryError, OSError, OutOfResources):
                 self._reserve.unlink(missing_ok=True)
@@ -140,6 +148,10 @@ class Recorder:
 
     # --- records ---
 
+    def _loop(self) -> LoopResult:
+        """Run and record the simulation."""
+        return self.watch.run(self._write_record)
+
     def _write_record(self, record: Record) -> None:
         """Write the state, the USD frame, the maps and last the row of a record, which counts from then on."""
         self._reserve_memory()
@@ -155,10 +167,10 @@ class Recorder:
         if self.error_estimator is not None:
             self._last = record  # else its fields are not kept while the next one is solved
 
-    def _recorded(self) -> list[Row]:
+    def _recorded(self) -> dict[str, object]:
         """The rows so far, for a checkpoint, whose frames are on the disk then."""
         self.frames.flush()
-        return self.rows
+        return {"rows": [vars(row) for row in self.rows]}
 
     def _write_panel(self, record: Record) -> PanelValues | None:
         """Write the maps of a panel at the end of a stage; return its part of the summary."""
@@ -178,6 +190,11 @@ class Recorder:
                 f"memory ran out: a record needs {needed / 2**20:,.0f} MiB, {available / 2**20:,.0f} MiB are available"
             )
 
+    @property
+    def steps(self) -> int:
+        """Time steps so far."""
+        return self.simulation.progress.steps
+
     def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> Summary:
         summary = run_summary(
             self.model,
@@ -185,10 +202,11 @@ class Recorder:
             stop_reason=reason,
             wall=self.watch.wall,
             compile_time=self.compile_time,
-            steps=self.simulation.progress.steps,
+            steps=self.steps,
             message=message,
             notes=self.simulation.notes,
             estimate=estimate,
+            variants=self.variants,
         )
         write_json(self.out / "summary.json", summary.json())
         return summary

@@ -37,6 +37,7 @@ from .run_directory import (
     refuse_other_scene,
 )
 from .summary import Summary
+from .variants_recorder import Variants, VariantsRecorder
 from .watch import Watch
 
 _log = logging.getLogger(__name__)
@@ -77,11 +78,19 @@ def run_scene(
         checkpoint = Checkpoint(out, scene.hash, ranks)
     elif resume:
         _log.warning("warning: --resume: %s has no checkpoint to continue: a new run begins", out)
-    model = build_model(scene, name, ranks)
+    several = Variants(scene, name, checkpoint) if scene.variants.count > 1 else None
+    model = build_model(scene, name, ranks) if several is None else several.simulation.model
     if ranks.count > 1 and ranks.is_first and model.global_model.node_count < LEAST_SHARED:
         _log.warning("warning: a mesh of %s nodes runs slower on %d ranks than without mpirun",
                      f"{model.global_model.node_count:,}", ranks.count)  # fmt: skip
-    simulation, compile_time = _compiled_simulation(model, checkpoint)
+    with compile_times() as times:
+        simulation = _simulation(model, checkpoint) if several is None else several.simulation
+        simulation.compile()
+        if checkpoint is not None:
+            checkpoint.restore(simulation)
+    compile_time = sum(times)
+    if times:
+        _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(compile_time))
     with contextlib.ExitStack() as stack:
         hold = ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
         if device is None:
@@ -92,6 +101,8 @@ def run_scene(
             loop = Watch(simulation, out).run(lambda _record: None)
             return CommandResult(loop.exit_code, None, loop.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
+        if several is not None:
+            return VariantsRecorder(several, *where, probes=own).run()
         return Recorder(simulation, *where, error_estimator, own).run()
 
 
@@ -125,13 +136,5 @@ def _locked(out: Path, patience: float) -> Iterator[int | None]:
         yield hold
 
 
-def _compiled_simulation(model: Model, checkpoint: Checkpoint | None) -> tuple[Simulation, float]:
-    """The simulation, from the checkpoint on, and the time [s] of compiling its kernels; 0 if they were compiled before."""
-    with compile_times() as times:
-        simulation = Simulation(model, progress=checkpoint.progress if checkpoint else None)
-        simulation.compile()
-        if checkpoint is not None:
-            checkpoint.restore(simulation)
-    if times:
-        _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(sum(times)))
-    return simulation, sum(times)
+def _simulation(model: Model, checkpoint: Checkpoint | None) -> Simulation:
+    return Simulation(model, progress=checkpoint.progress[0] if checkpoint else None)

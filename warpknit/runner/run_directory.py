@@ -19,7 +19,7 @@ Tree: TypeAlias = Mapping[str, Any]  # of a JSON file
 Result = TypeVar("Result")
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
-        "map.csv", "map.json", "map_details.csv", "seeds", "reflection.csv", "reflection.npz",
+        "variants", "variants.csv", "map.csv", "map.json", "map_details.csv", "reflection.csv", "reflection.npz",
         "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "answers.json", "fit.json", "material_card.csv", "material_card.json", "tension_strain.csv",
         "report_states.npz",

@@ -23,6 +23,7 @@ from .answers import Answers, answers_of
 from .branches import jumps_of
 from .history import ends_of
 from .run_directory import Tree
+from .variants import OF_ONE_PATH, Means, variant_warnings
 from .warnings_of import warnings_of
 
 TABLES = ("probes", "panel")  # of a row
@@ -59,6 +60,7 @@ class Summary:
     estimate: Estimate = field(default_factory=Estimate)
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records between which the mesh jumps to another
     # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
+    variants: Means | None = None  # with `variants.count` above 1: how single meshes lie about the means
     answers: Answers | None = None  # what a designer asks, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 
@@ -84,6 +86,7 @@ class Summary:
             "model": plain(self.model.changed(warnings=self.model_warnings)),
             "solver": plain(self.solver),
             **last,
+            **({} if self.variants is None else {"variants": plain(self.variants)}),
             "jumps": self.jumps,
             "answers": plain(self.answers),
             "stages": stages,
@@ -102,6 +105,7 @@ class Summary:
             other_warnings=tuple(ResultWarning("", text) for text in tree["warnings"] if text not in of_model),
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
+            variants=Means(**vars(valued(tree["variants"]))) if "variants" in tree else None,
             answers=tree["answers"] and valued(tree["answers"]),
         )
 
@@ -133,11 +137,16 @@ def run_summary(
     message: str = "",
     notes: Sequence[str] = (),
     estimate: Estimate | None = None,
+    variants: Means | None = None,
 ) -> Summary:
     """The result of a run from its rows. `notes` come from the drive."""
     estimate, scene, panel, jumps = estimate or Estimate(), model.scene, model.panel, jumps_of(model, rows)
     stages = tuple(ends_of(rows))
-    noted = [ResultWarning("W20", note) for note in notes]
+    warnings = [*(ResultWarning("W20", note) for note in notes), *warnings_of(model, rows)]
+    if variants is not None:
+        jumps = []
+        warnings = [warning for warning in warnings if warning.code not in OF_ONE_PATH]
+        warnings += variant_warnings(variants, scene.variants.standard_error)
     return Summary(
         scene=Values(
             name=scene.name,  # name of the scene
@@ -147,7 +156,7 @@ def run_summary(
         stop_reason=stop_reason,
         message=message,
         model_warnings=tuple(model.warnings(stages)),
-        other_warnings=(*noted, *warnings_of(model, rows), *([estimate.warning] if estimate.warning else [])),
+        other_warnings=(*warnings, *([estimate.warning] if estimate.warning else [])),
         model=Values(
             kind=scene.model.kind,  # planar or spatial
             kind_reason=scene.kind_reason,  # why: chosen in the scene, the default, or what exists only in the planar model
@@ -185,6 +194,7 @@ def run_summary(
         stages=stages,
         estimate=estimate,
         jumps=[(before.index, after.index) for before, after in jumps],
+        variants=variants,
         answers=answers_of(model, rows, jumps),
     )
 

@@ -13,6 +13,7 @@ from ..results.row import Row, Values
 from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_rows, unreached_text
 from .strength import assumed_note
 from .summary import Summary
+from .variants import Means
 from .warnings_of import CARRIED, fragment_share
 
 SIDES = ("weft", "warp")
@@ -35,13 +36,15 @@ def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
             yield from _earlier_stage(stage)
     if diverged and answers is not None:
         yield Finding("load not reached", unreached_text(answers))
+    if result.variants is not None:
+        yield from _variants_findings(result.variants)
     here, between = PLACES.get(model.source, PLACES["wires"])
     if end.is_hook:
         yield from _hook_findings(end)
     elif "strain_weft" in end:
         yield from _mesh_findings(result, here, between)
     if "stress_max_Pa" in end:
-        yield from _stress_findings(end, end.is_hook or model.boundary == "gripped")
+        yield from _stress_findings(end, end.is_hook or model.boundary == "gripped", result.variants)
     if answers is not None:
         ends_at_top = diverged and end.tension_warp_N_per_m == answers.largest_tension.tension_warp_N_per_m
         yield from (Finding(*row) for row in answer_rows(answers, end.yield_stress_Pa, gave_up=ends_at_top))
@@ -55,17 +58,47 @@ def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
     yield Finding("results in", str(directory))
 
 
+def _variants_findings(variants: Means) -> Iterator[Finding]:
+    """How many meshes the figures are means of, how well these are known, and whether they are of one kind."""
+    error = "" if variants.standard_error is None else f", standard error {short_percent(variants.standard_error)}"
+    yield Finding("meshes", f"{variants.count}", where=f" with scattered loops{error}; in brackets: the range of eight in ten")
+    if branch := variants.branch:
+        name = branch.figure.removesuffix("_N_per_m").removesuffix("_Pa").replace("_", " ")
+        unit = "Pa" if branch.figure.endswith("Pa") else "N/m"
+        strain = branch.figure.startswith("strain")
+        here, others = (percent(one, 2) if strain else engineering(one, unit) for one in (branch.mean, branch.others))
+        text = (
+            f"{branch.count} of {variants.count} meshes: {name} {here}, not {others}; {engineering(branch.stress_max_Pa, 'Pa')}"
+        )
+        yield Finding("  on another branch", text)
+
+
+def _spread(variants: Means | None, *names: str, factor: float = 1.0) -> str:
+    """The range of figures of the meshes, in brackets; empty where it is nothing."""
+    found = [variants[name] for name in names if variants is not None and name in variants]
+    if not any(one.p90 > one.p10 for one in found):
+        return ""
+    return f" ({' / '.join(f'{factor * one.p10:.3g} to {factor * one.p90:.3g}' for one in found)})"
+
+
 def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding]:
     """Strain, contacts and tension of a mesh; here, between: where its contacts are that are counted in pairs, and the others."""
     end, panel = result.end, result.end.get("panel") or {}
-    yield Finding("strain, weft / warp", " / ".join(percent(strain, 2) for strain in (end.strain_weft, end.strain_warp)))
+    variants = result.variants
+    strains, tensions = (
+        tuple(f"{what}_{side}{unit}" for side in SIDES) for what, unit in (("strain", ""), ("tension", "_N_per_m"))
+    )
+    strain = " / ".join(percent(end[name], 2) for name in strains)
+    yield Finding("strain, weft / warp", strain, where=_spread(variants, *strains, factor=100.0))
     others = end.get("elsewhere")
-    more = f"; {others} more contact{'s' * (others != 1)} {between}" if others else ""
-    count = f"{end.active} of {end.pairs} pairs" + (f" {here}" if others else "")
-    yield Finding("active contacts", f"{end.active_percent:.3g} %", where=f" ({count}{more})")
+    more = f"; {others:.7g} more contact{'s' * (others != 1)} {between}" if others else ""
+    count = f"{end.active:.7g} of {end.pairs} pairs" + (f" {here}" if others else "")
+    spread = _spread(variants, "active_percent")
+    yield Finding("active contacts", f"{end.active_percent:.3g} %", where=f"{spread} ({count}{more})".replace(") (", "; "))
     zero = 0.0 if result.answers is None else result.answers.tension_tolerance_N_per_m
     least = max(LEAST_SHARE * max(map(abs, end.tension)), zero)
-    yield Finding("tension, weft / warp", tuple(part if abs(part) > least else 0.0 for part in end.tension), "N/m")
+    shown = tuple(part if abs(part) > least else 0.0 for part in end.tension)
+    yield Finding("tension, weft / warp", shown, "N/m", where=_spread(variants, *tensions))
     if max(fragment_share(end, side) for side in SIDES) > CARRIED:
         parts = tuple(end[f"fragment_tension_{side}_N_per_m"] for side in SIDES)
         yield Finding("  of pieces at the grips", parts, "N/m")
@@ -76,12 +109,13 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
     yield Finding("largest contact force", end.force_max_N, "N", where=more if force else "")
 
 
-def _stress_findings(end: Row, has_grips: bool) -> Iterator[Finding]:
+def _stress_findings(end: Row, has_grips: bool, variants: Means | None) -> Iterator[Finding]:
     """Largest stress, and what of the wire has yielded."""
     stress, limit = end.stress_max_Pa, end.yield_stress_Pa
     note = assumed_note("wire.yield_stress", end.yield_stress_assumed)
     shown = stress * (stress > LEAST_STRESS * limit)
-    yield Finding("largest stress", shown, "Pa", where=f", {percent(stress / limit, 0)} of the elastic limit", sure=note)
+    spread = _spread(variants, "stress_max_Pa", factor=1e-6).replace(")", " MPa)")
+    yield Finding("largest stress", shown, "Pa", where=f"{spread}, {percent(stress / limit, 0)} of the elastic limit", sure=note)
     if has_grips and is_at_grips(end.stress_interior_max_Pa, shown):
         yield Finding("  away from the grips", end.stress_interior_max_Pa, "Pa")
     if end.stress_max_so_far_Pa > 1.01 * shown:

@@ -6,13 +6,12 @@ With several ranks every rank has its own watch, and all take the same decisions
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import Diverged
 from ..measure.table import Record
-from ..results.row import Row
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
@@ -41,10 +40,9 @@ class Watch:
         *,
         wall_before: float = 0.0,
         show: Callable[[Progress], None] = lambda _progress: None,
-        recorded: Callable[[], list[Row]] = list,
+        recorded: Callable[[], Mapping[str, object]] = dict,
     ) -> None:
-        """recorded: the rows so far, for a checkpoint."""
-        self.simulation = simulation
+        """recorded: the rows so far, and what else a checkpoint is to hold."""
         self.out = out
         self._scene = simulation.model.scene
         self._ranks = simulation.model.ranks
@@ -53,20 +51,28 @@ class Watch:
         self._begin = self._saved = self._shown = time.perf_counter()
         self._interval = self._scene.output.checkpoint_interval
         self.interrupts = Interrupts()
-        simulation.watch = self._check
+        self._follow(simulation)
 
     @property
     def wall(self) -> float:
         """[s] wall time of the run so far."""
         return self._wall_before + time.perf_counter() - self._begin
 
-    def run(self, keep: Callable[[Record], None]) -> LoopResult:
-        """Run to the end; `keep` receives every record."""
+    def _follow(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        simulation.watch = self._check
+
+    def run(self, keep: Callable[[Record], None], then: Callable[[], Simulation | None] = lambda: None) -> LoopResult:
+        """Run to the end; `keep` receives every record. then: the simulation that follows one that has ended, or None."""
         with self.interrupts.handled():
             try:
-                for record in self.simulation.run():
-                    keep(record)
-                    del record  # its fields are as large as the state
+                following: Simulation | None = self.simulation
+                while following is not None:
+                    self._follow(following)
+                    for record in following.run():
+                        keep(record)
+                        del record  # its fields are as large as the state
+                    following = then()
             except Interrupted:
                 self._checkpoint()
                 return LoopResult("interrupted", 130, "interrupted")

@@ -217,6 +217,7 @@ TRAITS = {
     "even loops": Trait("uniform loops", "knit.scatter", _is("knit.scatter", 0.0)),
     "scatter": _key("scattered loops", "knit.scatter", 0.05, 0.0, needs=("knit",)),
     "seed": _key("seed", "knit.seed", 3, 0, needs=("knit",)),
+    "variants": _key("variants", "variants.count", 2, 1, needs=("knit",)),
     # the edge
     "panel": Trait("an outline, net, or surface", "panel", _panel, {"panel": {"active_threshold": 50}}),
     "outline": Trait(
@@ -252,9 +253,6 @@ TRAITS = {
     "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
     "sweep by tension": Trait(
         "a sweep by tension", "sweep.tension_weft", _given("sweep.tension_weft"), {"sweep": TENSION_SWEEP}, ("sweep",)
-    ),
-    "seeds": Trait(
-        "several seeds", "sweep.seeds", _given("sweep.seeds", 1), {"sweep": {**SWEEP, "seeds": 2}}, ("sweep", "scatter")
     ),
     "reflection": Trait("a reflected wave", "reflection", _given("reflection"), {"reflection": {"frequencies": ["10 GHz"]}}),
     # commands, and options besides the scene
@@ -315,7 +313,9 @@ RULES = (
     Rule("reflection", ("gripped",), "write model.boundary = 'periodic'", "the wave meets an endless mesh"),
     Rule("file repeats", ("gripped",), "write [1, 1], or model.boundary = 'periodic'", "wires held at their ends do not repeat"),
     Rule("crossing distance", ("planar",), LEAVE_OUT, "both wires lie in one plane"),
-    Rule("seeds", ("even loops",), "write 1, or knit.scatter", "all seeds give the same mesh"),
+    Rule("scatter", ("variants",), "write it as variants.scatter", "loops scatter from mesh to mesh"),
+    Rule("seed", ("variants",), "write it as variants.seed", "each mesh has one of its own"),
+    Rule("variants", ("ramp",), "write 1", "meshes side by side are relaxed"),
     # contact
     Rule("treatment", ("spatial",), LEAVE_OUT, OWN_CONTACT),
     Rule("treatment", ("knit",), "write 'free-body'", "the other treatments apply to a single contact, in a [hook]"),
@@ -373,6 +373,9 @@ RULES = (
     Rule("cuda", ("map",), "write --device cpu", "small meshes fit the caches of a CPU"),
     Rule("ranks", ("trade",), ONE_RANK, "its meshes are small"),
     Rule("ranks", ("map",), ONE_RANK, "its meshes are small"),
+    Rule("ranks", ("variants",), ONE_RANK, "its meshes are small"),
+    Rule("variants", ("trade",), "write 1", "errors are those of one mesh"),
+    Rule("variants", ("error",), "write 1", "errors are estimated for one mesh"),
 )
 
 

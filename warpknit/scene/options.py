@@ -323,9 +323,6 @@ class Sweep(Table):
         "Instead of both strains: weft tensions, combined with each warp tension.", None
     )
     tension_warp: Annotated[tuple[values.Tension, ...], Field(min_length=1)] | None = key("Warp tensions.", None)
-    seeds: values.Seeds = key(
-        "With `knit.scatter`: number of meshes, with seeds from `knit.seed` on, over which the map is averaged.", 1
-    )
 
     @model_validator(mode="before")
     @classmethod
@@ -369,6 +366,23 @@ class Sweep(Table):
             load, strain_weft=strains[0], strain_warp=strains[1], tension_weft=tensions[0], tension_warp=tensions[1],
             name=f"weft {pair[0]:g}, warp {pair[1]:g}",
         )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variants(Table):
+    """[variants]: meshes that are alike but for what scatters; results are means over them, with their range."""
+
+    count: values.VariantCount = key(
+        "Meshes side by side, of which results are the mean. 1: a single mesh, with `knit.scatter`.", 1
+    )
+    standard_error: values.Fraction = key(
+        "Largest standard error, of tension (or strain, where tension drives), active contacts and largest stress. Up to four"
+        " times `count` meshes run to reach it; half of them are enough where they are at 0.4 of it. 0: exactly `count`.",
+        0.05,
+    )
+    scatter: values.Scatter = key("Takes the place of `knit.scatter`: relative standard deviation of the loop proportions.", 0.02)
+    friction: values.Fraction = key("Standard deviation of the logarithm of `contact.friction` between the meshes.", 0.0)
+    seed: values.Seed = key("Of the first mesh; the others have the ones after it.", 0)
 
 
 @dataclass(frozen=True, kw_only=True)

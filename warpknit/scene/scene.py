@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, fields, is_dataclass
+from dataclasses import InitVar, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from warpknit.base.text import exact
 from warpknit.errors import SceneError
 from warpknit.scene.keys import Table, given_values, key, keys_of
 from warpknit.scene.knit import Hook, Knit, KnitTable
-from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep
+from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep, Variants
 from warpknit.scene.panel_options import PanelOptions, PanelTable
 from warpknit.scene.presets import PRESETS, preset_like, tight_knits
 from warpknit.scene.units import si_text
@@ -45,6 +47,7 @@ class SceneFile(Table):
     contact: Contact = key("How wires touch.", Contact())
     solver: Solver = key("How the state is found.", Solver())
     output: Output = key("What is written.", Output())
+    variants: Variants = key("How many meshes the answer is the mean of.", Variants())
     sweep: Sweep | None = key("What `warpknit map` runs.", None)
     reflection: Reflection | None = key("What wave the mesh reflects.", None)
 
@@ -119,6 +122,7 @@ class Scene:
     contact: Contact
     solver: Solver
     output: Output
+    variants: Variants
     sweep: Sweep | None
     reflection: Reflection | None = None
     kind_reason: str = field(default=GIVEN, compare=False)  # of `model.kind`, see capabilities.py
@@ -158,6 +162,14 @@ class Scene:
             raise SceneError(f"{self.path}: a scene put together from parts cannot be changed; use load_scene(scene, overrides)")
         scene: Scene = remake(overrides, preset, command=command, ranks=ranks)
         return scene
+
+    def variant(self, number: int) -> Scene:
+        """One of its [variants]: a scene of a single mesh, with loops and friction of its own."""
+        variants, seed = self.variants, self.variants.seed + number
+        draw = random.Random(seed).gauss(0.0, variants.friction)
+        knit = replace(self.knit, scatter=variants.scatter, seed=seed)
+        contact = replace(self.contact, friction=self.contact.friction * math.exp(draw))
+        return replace(self, knit=knit, contact=contact, variants=replace(variants, count=1))
 
     @property
     def has_moving_edge(self) -> bool:
@@ -214,7 +226,7 @@ def resolved_toml(scene: Scene) -> str:
         table["load"], *path = [{name: stage[name] for name in kept} for stage in (table["load"], *path)]
     if path:
         table["path"] = path
-    for name in ("contact", "solver", "output"):
+    for name in ("contact", "solver", "output", "variants"):
         table[name] = _written(getattr(scene, name), name, left_out)
     for name in ("sweep", "reflection"):
         if getattr(scene, name) is not None:

@@ -336,6 +336,7 @@ def make_scene(
         contact=_contact(source, file, wire),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
+        variants=file.variants,
         sweep=file.sweep,
         reflection=file.reflection,
         kind_reason=kind_reason,

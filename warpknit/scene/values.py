@@ -345,7 +345,7 @@ Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=
 Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e12))]
 Flag = Annotated[bool, BeforeValidator(Switch())]
 Ends = Annotated[int, BeforeValidator(Integer(1, 1000))]
-Seeds = Annotated[int, BeforeValidator(Integer(1, 1000))]
+VariantCount = Annotated[int, BeforeValidator(Integer(1, 1000))]
 Shift = Annotated[int, BeforeValidator(Integer(-1000, 1000))]
 Seed = Annotated[int, BeforeValidator(Integer(0, 2**32 - 1))]
 Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**9)))]

@@ -160,6 +160,14 @@ class Relaxation(Drive):
                 yield step
             step = next(records, None)
 
+    def all_records(self) -> Generator[Record | Unsolved, None, None]:
+        """The records of all stages from `progress` on, as `records`."""
+        while self.progress.stage_index < len(self.scene.stages):
+            stage = self.scene.stages[self.progress.stage_index]
+            self.begin_stage(stage)
+            yield from self.records(stage)
+            self.end_stage()
+
     def records(self, stage: Stage) -> Generator[Record | Unsolved, None, None]:
         """Records of a stage; UNSOLVED wherever the mesh is to be brought to equilibrium first, see `levels`."""
         levels = self.refined_levels(stage) if self._is_refined else self.levels(stage)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from ..errors import Diverged
 from ..mechanics.protocols import Model
 from .equilibrium import Equilibrium
 from .model import worlds_of
+from .progress import Progress
 from .relax import Relaxation, Unsolved
 
 # what a world goes through: what it finds, and UNSOLVED wherever it is to be brought to equilibrium; `Diverged` is thrown in
@@ -20,22 +21,27 @@ Findings = Generator[Any, None, None]
 class SideBySide:
     """Worlds of one topology, each with a relaxation (`members`)."""
 
-    def __init__(self, models: Sequence[Model], findings_of: Callable[[Relaxation], Findings]) -> None:
-        """models: of each world; findings_of: what a relaxation goes through."""
+    def __init__(
+        self, models: Sequence[Model], findings_of: Callable[[Relaxation], Findings], progress: Sequence[Progress] = ()
+    ) -> None:
+        """models: of each world; findings_of: what a relaxation goes through; progress: of each, where they go on."""
         self.group = worlds_of(models)
         self.members: list[Relaxation] = []
         self.equilibrium = Equilibrium(self.group, self.members)
         for row, mechanics in enumerate(self.group.members):
-            self.members.append(Relaxation(mechanics, equilibrium=self.equilibrium, row=row))
+            begun = progress[row] if progress else None
+            self.members.append(Relaxation(mechanics, begun, equilibrium=self.equilibrium, row=row))
+        self.resumed = bool(progress)
         self._findings = [findings_of(member) for member in self.members]
 
-    def run(self, watch: Callable[[], None] = lambda: None) -> Iterator[tuple[int, Any]]:
+    def run(self, watch: Callable[[], None] = lambda: None, without: Collection[int] = ()) -> Iterator[tuple[int, Any]]:
         """The number of a world, and what it finds, or the `Diverged` by which it ends; in the order in which they come.
 
-        watch: called at every convergence check; may raise to stop.
+        watch: called at every convergence check; may raise to stop. without: worlds that have ended before.
         """
-        rows = np.arange(len(self.members))
-        self.group.search(rows)
+        rows = np.setdiff1d(np.arange(len(self.members)), list(without))
+        if not self.resumed:
+            self.group.search(rows)
         due: dict[int, Diverged | None] = dict.fromkeys(rows.tolist())  # worlds that go on, after an error or none
         active: list[int] = []
         while due or active:
@@ -45,10 +51,10 @@ class SideBySide:
             yield from found
             if not active:
                 return
+            watch()
             check = self.equilibrium.advance(np.array(sorted(active)))
             due = {row: check.failed.get(row) for row in [*check.failed, *check.converged]}
             active = [row for row in active if row not in due]
-            watch()
 
     def _goes_on(self, row: int, error: Diverged | None, found: list[tuple[int, Any]]) -> bool:
         """Go to the next equilibrium of a world, or end; adds to what is `found` on the way."""

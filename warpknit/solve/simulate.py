@@ -23,7 +23,7 @@ from .multilevel import MultilevelRelaxation
 from .progress import Progress
 from .ramp import Ramp
 from .relax import Relaxation
-from .side_by_side import Findings, SideBySide
+from .side_by_side import SideBySide
 
 __all__ = ["Progress", "Record", "Simulation"]
 
@@ -42,16 +42,17 @@ class Simulation:
     on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
     `help(record.observables)`. `warpknit.measure` derives measures from them.
 
-    worlds: scenes that run side by side in place of that of the model: other loads or temperatures, in space also loops scattered
-    by another seed, or another friction. Records come as worlds find them, with the number of their world; one that fails is left
-    out, with its error in `failures`. Small meshes take a fraction of the time of single runs.
+    worlds: scenes, or their models, that run side by side in place of that of the model: other loads or temperatures, in space
+    also loops scattered by another seed, or another friction. Records come as worlds find them, with the number of their world;
+    one that fails is left out, with its error in `failures`. Small meshes take a fraction of the time of single runs.
 
         scenes = [scene.changed([f"load.strain_weft={strain}"]) for strain in (0.02, 0.04, 0.06)]
         last = {record.world: record for record in Simulation(build_model(scene), worlds=scenes).run()}
 
     Worlds that differ in loads have the bits of single runs, those of other seeds agree with them within the tolerance.
 
-    progress: of a checkpoint, to go on from. watch: called after every convergence check with the progress; may raise to stop.
+    progress: of a checkpoint, to go on from; of worlds one each. watch: called after every convergence check with the progress;
+    may raise to stop.
     """
 
     def __init__(
@@ -59,9 +60,9 @@ class Simulation:
         model: Model,
         state: Any = None,
         *,
-        progress: Progress | None = None,
+        progress: Progress | Sequence[Progress] | None = None,
         watch: Callable[[Progress], None] | None = None,
-        worlds: Sequence[Scene] = (),
+        worlds: Sequence[Scene | Model] = (),
     ) -> None:
         if not hasattr(model, "scene"):
             raise InputError(f"Simulation: {model!r} is not a model; give one, such as build_model(scene)")
@@ -69,8 +70,9 @@ class Simulation:
         self.worlds: SideBySide | None = None
         self.failures: dict[int, Diverged] = {}  # by world
         if worlds:
-            self._begin_worlds(worlds, watch)
+            self._begin_worlds(worlds, progress if isinstance(progress, Sequence) else (), watch)
             return
+        assert not isinstance(progress, Sequence)
         self.state = initial_state(model) if state is None else state
         self.resumed = progress is not None
         self.progress = progress or Progress()
@@ -98,6 +100,11 @@ class Simulation:
     def mechanics(self) -> Any:
         """The mechanics that step the state."""
         return self.drive.mechanics
+
+    @property
+    def drives(self) -> Sequence[Drive]:
+        """That of the mesh, or of each world."""
+        return [self.drive] if self.worlds is None else self.worlds.members
 
     @property
     def notes(self) -> list[str]:
@@ -177,15 +184,18 @@ class Simulation:
 
     # --- worlds
 
-    def _begin_worlds(self, scenes: Sequence[Scene], watch: Callable[[Progress], None] | None) -> None:
+    def _begin_worlds(
+        self, worlds: Sequence[Scene | Model], progress: Sequence[Progress], watch: Callable[[Progress], None] | None
+    ) -> None:
+        scenes = [one if isinstance(one, Scene) else one.scene for one in worlds]
         if any(scene.solver.drive != "relax" for scene in scenes):
             raise InputError("Simulation: worlds are relaxed; write solver.drive = 'relax'")
-        models = [self._world_model(number, scene) for number, scene in enumerate(scenes)]
+        models = [self._world_model(number, one) if isinstance(one, Scene) else one for number, one in enumerate(worlds)]
         if len({model.node_count for model in models}) > 1:
             raise InputError("Simulation: worlds have different numbers of nodes; give scenes of the same knit and repeats")
-        self.worlds = SideBySide(models, self._records_of)
+        self.worlds = SideBySide(models, lambda member: member.all_records(), progress)
         self.drive = self.worlds.members[0]
-        self.state, self.progress, self.resumed, self.solving = self.drive.state, self.drive.progress, False, ""
+        self.state, self.progress, self.resumed, self.solving = self.drive.state, self.drive.progress, bool(progress), ""
         self.watch = watch or (lambda _progress: None)
 
     def _world_model(self, number: int, scene: Scene) -> Model:
@@ -200,16 +210,8 @@ class Simulation:
                 raise InputError(f"Simulation: world {number} has another [{name}] than the model; give other loads or seeds")
         return replace(model, scene=scene) if scene.knit == own.knit else build_model(scene, model.device)
 
-    @staticmethod
-    def _records_of(member: Relaxation) -> Findings:
-        """The records of all stages of a world."""
-        for stage in member.scene.stages:
-            member.begin_stage(stage)
-            yield from member.records(stage)
-            member.end_stage()
-
     def _run_worlds(self, worlds: SideBySide) -> Iterator[Record]:
-        for world, found in worlds.run(lambda: self.watch(self.progress)):
+        for world, found in worlds.run(lambda: self.watch(self.progress), self.failures):
             if isinstance(found, Diverged):
                 self.failures[world] = found
             else:

@@ -29,6 +29,7 @@ SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active con
 
 TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
 STRAINS = tuple(f"strain_{side}" for side in SIDES)
+SPREAD = (*STRAINS, *(f"tension_{side}_N_per_m" for side in SIDES), "active_percent", "stress_max_Pa")
 Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
 
 
@@ -43,8 +44,8 @@ class MapRow(Row):
 
     stop_reason: str
     message: str  # why the load did not converge
-    seeds: int  # number of converged meshes in the row
-    active_percent_deviation: float | None  # standard deviation over the seeds
+    variants: int  # number of converged meshes in the row
+    std_active_percent: float | None  # standard deviation over the meshes; of tensions, strains and stress too
 
     @property
     def by_tension(self) -> bool:
@@ -68,7 +69,7 @@ def columns_of(part: str, by_tension: bool = False) -> list[str]:
     names, targets = [line.name for line in measures_of(part)], TARGETS if by_tension else ()
     if part == "map":
         return ["strain_weft", "strain_warp", *names, "stop_reason", *targets]
-    own = ("active_percent_deviation", *names, "dissipated_J", "seeds", "steps", "message", *targets)
+    own = (*(f"std_{name}" for name in SPREAD), *names, "dissipated_J", "variants", "steps", "message", *targets)
     return ["strain_weft", "strain_warp", *own]
 
 
@@ -92,8 +93,8 @@ def map_row(
     return MapRow(
         **dict(zip(STRAINS, strains, strict=True)),
         stop_reason="diverged" if observables is None else STEADY,
-        active_percent_deviation=None,
-        seeds=0 if observables is None else 1,
+        **dict.fromkeys(f"std_{name}" for name in SPREAD),
+        variants=0 if observables is None else 1,
         steps=steps,
         message=message,
         dissipated_J=None if observables is None else dissipated,
@@ -118,7 +119,7 @@ def read_map(path: Path, details: Path) -> list[MapRow]:
 
 
 def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
-    """Mean of maps over the converged seeds; of stresses the largest. Loads without any row are left out."""
+    """Mean of maps over the converged meshes; of stresses the largest. Loads without any row are left out."""
     by_load: dict[Pair, list[MapRow]] = {}
     for rows in maps:
         for row in rows:
@@ -128,20 +129,23 @@ def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
 
 def _mean(rows: Sequence[MapRow]) -> MapRow:
     steady = [row for row in rows if row.stop_reason == STEADY]
-    reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} seeds steady" if steady else "diverged"
+    reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} meshes steady" if steady else "diverged"
 
     def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
         values = [row.get(name) for row in steady]
         return float(how(values)) if values and None not in values else None
 
-    measures = {line.name: over(line.name, line.over_seeds) for line in measures_of("map") + measures_of("details")}
+    def deviation(values: list[float]) -> float:
+        return float(np.std(values, ddof=1))
+
+    measures = {line.name: over(line.name, line.over_variants) for line in measures_of("map") + measures_of("details")}
     targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
     strains = {name: over(name, np.mean) if targets else rows[0].load[k] for k, name in enumerate(STRAINS)}
     return MapRow(
         **strains,
         stop_reason=reason,
-        active_percent_deviation=over("active_percent", lambda values: np.std(values, ddof=1)) if len(steady) > 1 else None,
-        seeds=len(steady),
+        **{f"std_{name}": over(name, deviation) if len(steady) > 1 else None for name in SPREAD},
+        variants=len(steady),
         steps=sum(row.steps for row in rows),
         message=next((row.message for row in rows if row.message), ""),
         dissipated_J=over("dissipated_J", np.mean),

@@ -1,7 +1,7 @@
 """`warpknit map`: the sweep of a scene into a directory, with interrupt and resume.
 
-DIR holds map.csv, map_details.csv, map.json, scene.toml (resolved) and figures/*.png; where loops scatter over several seeds
-also the map of each seed, seeds/map_##.csv and seeds/details_##.csv. Every file is written aside and renamed.
+DIR holds map.csv, map_details.csv, map.json, scene.toml (resolved) and figures/*.png; with [variants] also the map of each mesh,
+variants/map_##.csv and variants/details_##.csv. Every file is written aside and renamed.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
+from ..solve.variant_models import VariantModels
 from .batch import Batch, mesh_of, side_by_side
 from .contact_map import (
     STEADY,
@@ -68,7 +69,10 @@ BY_TENSION = (
     ("strain_warp_map", "strain_warp", "warp strain", "%"),
 )
 PERCENT = 100.0  # of a fraction, as some columns are
-SEED_FIGURES = (("contact_spread_map", "active_percent_deviation", "standard deviation of active contacts", "percentage points"),)
+SPREAD_FIGURES = (  # of several meshes
+    ("contact_spread_map", "std_active_percent", "standard deviation of active contacts", "percentage points"),
+    ("stress_spread_map", "std_stress_max_Pa", "standard deviation of the largest wire stress", "Pa"),
+)
 
 
 def run_map(
@@ -84,7 +88,7 @@ def run_map(
 ) -> CommandResult[MapSummary]:
     """Run the sweep of `scene` into the directory `out`, for a command that messages name.
 
-    keep_states: write the equilibria too, as those of a run; a seed after the other, its pairs line by line.
+    keep_states: write the equilibria too, as those of a run; a mesh after the other, its pairs line by line.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
@@ -94,12 +98,18 @@ def run_map(
         return CommandResult(0, MapSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
-    # errors of the model are raised before anything is removed
-    seeds = [replace(scene, knit=replace(scene.knit, seed=scene.knit.seed + number)) for number in range(sweep.seeds)]
-    meshes = [mesh_of(one) for one in seeds]
+    meshes = _meshes(scene)  # errors of the model are raised before anything is removed
     _refuse_beyond_memory(meshes[0], sweep)
     open_directory(out, resolved, keep=keep)
-    return _Mapper(meshes, sweep, out, progress or Display(), keep_states).run()
+    return _Mapper(scene, meshes, out, progress or Display(), keep_states).run()
+
+
+def _meshes(scene: Scene) -> list[Any]:
+    """The model of each of the [variants], or of the single mesh."""
+    if scene.variants.count == 1:
+        return [mesh_of(scene)]
+    models = VariantModels(scene)
+    return [models.model(number) for number in models.take(scene.variants.count)]
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -121,15 +131,16 @@ def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
 
 
 class _Mapper:
-    """Runs the batches of a map, one a seed, and writes the rows."""
+    """Runs the batches of a map, one a mesh, and writes the rows."""
 
-    def __init__(self, meshes: Sequence[Any], sweep: Sweep, out: Path, display: Display, keep_states: bool) -> None:
-        """`meshes`: of each seed."""
+    def __init__(self, scene: Scene, meshes: Sequence[Any], out: Path, display: Display, keep_states: bool) -> None:
+        """`meshes`: of each variant."""
+        assert scene.sweep is not None
         self.keep_states = keep_states
-        self.meshes, self.scene, self.sweep, self.out, self.display = meshes, meshes[0].scene, sweep, out, display
+        self.meshes, self.scene, self.sweep, self.out, self.display = meshes, scene, scene.sweep, out, display
         self.nodes = meshes[0].node_count
-        self.pairs = sweep.pairs
-        self.maps = [self._read(seed) for seed in range(sweep.seeds)]
+        self.pairs = scene.sweep.pairs
+        self.maps = [self._read(number) for number in range(len(meshes))]
         self.steps = 0
         self._interrupts = Interrupts()
         self._begin = self._saved = time.perf_counter()
@@ -138,8 +149,8 @@ class _Mapper:
         reason, code, message = "finished", 0, ""
         with self._interrupts.handled():
             try:
-                for seed, done in enumerate(self.maps):
-                    self._run_seed(seed, done)
+                for number, done in enumerate(self.maps):
+                    self._run_mesh(number, done)
                 self._interrupts.check()
             except Interrupted:
                 reason, code, message = "interrupted", 130, f"interrupted; finished cells are kept in {self.out}"
@@ -179,11 +190,11 @@ class _Mapper:
         levels = levels_of_pairs(self.pairs, self.scene.output.levels)
         return {pair: count for pair, count in zip(self.pairs, levels, strict=True) if pair not in finished}
 
-    def _run_seed(self, seed: int, done: list[MapRow]) -> None:
+    def _run_mesh(self, mesh: int, done: list[MapRow]) -> None:
         """Solve the missing cells of one mesh; append rows to `done`."""
         missing = list(self._missing(done).items())
         if missing:
-            self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=seed + 1, of=len(self.maps))
+            self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=mesh + 1, of=len(self.maps))
         together, finished = side_by_side(max(1, len(missing)), self.nodes), 0
         for begin in range(0, len(missing), together):
             pairs, levels = zip(*missing[begin : begin + together], strict=True)
@@ -199,11 +210,11 @@ class _Mapper:
                 if time.perf_counter() - self._saved > SAVE_INTERVAL:
                     self._save()
 
-            for outcome in Batch(self.meshes[seed], stages, levels, watch=watch).run():
+            for outcome in Batch(self.meshes[mesh], stages, levels, watch=watch).run():
                 message = "" if outcome.error is None else str(outcome.error)
                 pair, by_tension = pairs[outcome.index], self.sweep.by_tension
                 if self.keep_states and outcome.observables is not None:
-                    self._keep(seed * len(self.pairs) + self.pairs.index(pair), outcome.observables)
+                    self._keep(mesh * len(self.pairs) + self.pairs.index(pair), outcome.observables)
                 how: dict[str, Any] = {"steps": outcome.steps, "dissipated": outcome.dissipated, "by_tension": by_tension}
                 done.append(map_row(pair, outcome.observables, message=message, **how))
             finished += len(pairs)
@@ -218,14 +229,14 @@ class _Mapper:
         frame = measure.frame(state, index=number, stage=load.name, load_factor=1.0, temperature=load.temperature)
         frame.save(state_file(self.out, number))
 
-    def _paths(self, seed: int) -> tuple[Path, Path]:
-        if self.sweep.seeds == 1:
+    def _paths(self, mesh: int) -> tuple[Path, Path]:
+        if len(self.meshes) == 1:
             return self.out / "map.csv", self.out / "map_details.csv"
-        return self.out / "seeds" / f"map_{seed:02d}.csv", self.out / "seeds" / f"details_{seed:02d}.csv"
+        return self.out / "variants" / f"map_{mesh:02d}.csv", self.out / "variants" / f"details_{mesh:02d}.csv"
 
-    def _read(self, seed: int) -> list[MapRow]:
+    def _read(self, mesh: int) -> list[MapRow]:
         wanted = set(self.pairs)
-        return [row for row in read_map(*self._paths(seed)) if row.load in wanted]
+        return [row for row in read_map(*self._paths(mesh)) if row.load in wanted]
 
     def _save(self) -> None:
         order = {pair: place for place, pair in enumerate(self.pairs)}
@@ -233,17 +244,17 @@ class _Mapper:
         def sorted_rows(rows: Iterable[MapRow]) -> list[MapRow]:
             return sorted(rows, key=lambda row: order[row.load])
 
-        if self.sweep.seeds > 1:
-            for seed, rows in enumerate(self.maps):
+        if len(self.meshes) > 1:
+            for mesh, rows in enumerate(self.maps):
                 if rows:
-                    write_map(sorted_rows(rows), *self._paths(seed))
+                    write_map(sorted_rows(rows), *self._paths(mesh))
         write_map(sorted_rows(self.rows), self.out / "map.csv", self.out / "map_details.csv")
         self._saved = time.perf_counter()
 
     def _summary(self, reason: str) -> MapSummary:
         wall = time.perf_counter() - self._begin
         rows, wire, scene, by_tension = self.rows, self.scene.wire, self.scene, self.sweep.by_tension
-        jumps = find_jumps(self.meshes[0], rows)
+        jumps = find_jumps(self.meshes[0], rows) if len(self.meshes) == 1 else []  # of means there are none
         optimum = find_optimum(rows, wire.yield_stress, jumps)
         warnings = [*self.model_warnings, *sweep_cautions(scene, self.meshes[0].cloth)]
         warnings += [*unconverged_warning(rows, by_tension), *jump_warning(jumps, by_tension)]
@@ -259,7 +270,7 @@ class _Mapper:
             f" {scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             loads=self.sweep.quantity,
             cells=Values(wanted=len(self.pairs), done=len(rows), steady=sum(row.stop_reason == STEADY for row in rows)),
-            seeds=self.sweep.seeds,
+            variants=len(self.meshes),
             model=Values(
                 kind=scene.model.kind,
                 kind_reason=scene.kind_reason,
@@ -296,16 +307,16 @@ class _Mapper:
             jumps=summary.jumps,
             optimum_note=optimum_note(load, summary.jumps),
         )
-        wire, seeds, warnings = (
+        wire, count, warnings = (
             self.scene.wire,
-            self.sweep.seeds,
+            len(self.meshes),
             [str(one) for one in self.model_warnings + self._missing_warning],
         )
-        scatter = f", mean of {seeds} seeds, loops scattered by {percent(self.scene.knit.scatter, 0)}" if seeds > 1 else ""
+        scatter = f", mean of {count} meshes, loops scattered by {percent(self.scene.variants.scatter, 0)}" if count > 1 else ""
         ends = f"{wire.ends} x " if wire.ends > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
         found = BY_TENSION if self.sweep.by_tension else BY_STRAIN
-        for name, values, label, unit in FIGURES + found + (SEED_FIGURES if seeds > 1 else ()):
+        for name, values, label, unit in FIGURES + found + (SPREAD_FIGURES if count > 1 else ()):
             map_figure(
                 self.out / "figures" / f"{name}.png", weft, warp, column(values, PERCENT if unit == "%" else 1.0),
                 title=mesh, label=label, unit=unit, marks=marks, warnings=warnings,

@@ -1,0 +1,238 @@
+"""Runs the meshes of [variants] side by side, and writes their mean as the records of a run, with the states of the median one.
+
+Beside them DIR has variants.csv: the rows of each mesh. While it runs, variants/## holds the states of each.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import Diverged, ModelError
+from ..measure import table, tension_scale
+from ..measure.table import Record
+from ..mesh.layout import smaller_scene
+from ..results.frame import Frame, state_file
+from ..results.row import Row, write_rows
+from ..scene import Scene
+from ..solve.simulate import Progress, Simulation
+from ..solve.variant_models import VariantModels
+from .branches import with_work
+from .checkpoint import Checkpoint
+from .history import row_of, with_sums, write_history
+from .recorder import Recorder, frame_of, open_frames
+from .variants import Means, Watched, branch_of, mean_row, spreads, wanted, watched
+from .watch import LoopResult
+
+if TYPE_CHECKING:
+    from ..export.writer_process import FrameWriter
+
+MOST_NODES = 500_000  # of all meshes side by side
+
+
+class Variants:
+    """The meshes of a scene's [variants], in groups side by side."""
+
+    def __init__(self, scene: Scene, device: str, checkpoint: Checkpoint | None = None) -> None:
+        """checkpoint: to go on from. Raises `ModelError`, `KnitError` where no mesh can be made."""
+        if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
+            repeats = list(scene.knit.repeats)
+            raise ModelError(f"knit.repeats: {repeats} are too many for variants; write about ten a side, or variants.count = 1")
+        self.scene, self.models = scene, VariantModels(scene, device)
+        self.failed: dict[int, str] = {}
+        self.begun: list[int] = []  # their numbers
+        self.group: list[int] = []  # those that run now
+        self.finished_steps = 0
+        if checkpoint is None:
+            self.simulation = self._next(wanted(scene.variants.count, scene.variants.standard_error, 0, 0.0))
+            return
+        kept = checkpoint.header.variants
+        self.failed, refused = ({int(number): text for number, text in kept[name].items()} for name in ("failed", "refused"))
+        self.models.refused, self.models.next = refused, kept["next"]
+        self.begun, self.finished_steps = list(kept["begun"]), kept["finished_steps"]
+        self.simulation = self._simulation(list(kept["group"]), checkpoint.progress)
+        ended = {world: self.failed[number] for world, number in enumerate(self.group) if number in self.failed}
+        self.simulation.failures = {world: Diverged(text) for world, text in ended.items()}
+
+    def kept(self) -> dict[str, object]:
+        """What `__init__` goes on from."""
+        names = ("failed", "begun", "group", "finished_steps")
+        kept = {name: getattr(self, name) for name in names}
+        return {**kept, "refused": self.models.refused, "next": self.models.next}
+
+    def _simulation(self, numbers: list[int], progress: list[Progress] | None = None) -> Simulation:
+        self.group = numbers
+        models = [self.models.model(number) for number in numbers]
+        return Simulation(self.of_scene(models[0]), worlds=models, progress=progress)
+
+    def of_scene(self, model: Any) -> Any:
+        """The model of a mesh as that of the whole scene."""
+        return replace(model, scene=self.scene)
+
+    def _next(self, more: int) -> Simulation:
+        numbers = self.models.take(more, self._fits)
+        self.begun += numbers
+        return self._simulation(numbers)
+
+    def follow(self, more: int) -> Simulation:
+        """The next simulation, of so many more meshes or less."""
+        self.note_failures()
+        self.finished_steps += self._group_steps
+        self.simulation = self._next(more)
+        return self.simulation
+
+    def note_failures(self) -> None:
+        """Keep the errors of the meshes that run."""
+        self.failed |= {self.group[world]: str(error) for world, error in self.simulation.failures.items()}
+
+    @staticmethod
+    def _fits(models: list[Any], model: Any) -> bool:
+        """Whether a mesh can run beside others."""
+        alike = model.node_count == models[0].node_count and model.scene.model.of_kind.own_loops
+        return alike and (len(models) + 1) * model.node_count <= MOST_NODES
+
+    @property
+    def _group_steps(self) -> int:
+        return sum(drive.progress.steps for drive in self.simulation.drives)
+
+    @property
+    def steps(self) -> int:
+        """Time steps of all meshes so far."""
+        return self.finished_steps + self._group_steps
+
+    @property
+    def share(self) -> float:
+        """Of the meshes begun, what is done."""
+        levels, stages = self.scene.output.levels, len(self.scene.stages)
+
+        def done(progress: Progress) -> float:
+            level = max(0, progress.level - (progress.stage_index == 0))
+            return min(1.0, (progress.stage_index + (level + progress.level_share) / levels) / stages)
+
+        now = [1.0 if world in self.simulation.failures else done(drive.progress)
+               for world, drive in enumerate(self.simulation.drives)]  # fmt: skip
+        return (len(self.begun) - len(self.group) + sum(now)) / len(self.begun)
+
+
+class VariantsRecorder(Recorder):
+    """Writes the records of several meshes as those of one."""
+
+    def __init__(self, variants: Variants, *args: Any, **options: Any) -> None:
+        self.meshes = variants
+        self.members: dict[int, list[Row]] = {}  # rows of each mesh
+        super().__init__(variants.simulation, *args, **options)
+
+    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
+        self._hold = hold
+        return open_frames(self.scene, None, self.out, resume=resume, hold=hold)  # until the median mesh is known
+
+    def _loop(self) -> LoopResult:
+        loop = self.watch.run(self._write_record, self._following)
+        self.meshes.note_failures()
+        whole = self._whole_members()
+        if not whole:
+            failed = [*self.meshes.failed.values(), *self.meshes.models.refused.values()]
+            return loop if loop.exit_code else LoopResult("diverged", 3, f"none of {len(self.meshes.begun)} meshes: {failed[0]}")
+        self._write_mean(whole, complete=loop.exit_code == 0)
+        return loop
+
+    # --- records
+
+    def _write_record(self, record: Record) -> None:
+        self._reserve_memory()
+        number = self.meshes.group[record.world]
+        model = self.meshes.models.model(number)
+        row = row_of(record).changed(variant=number, probes=self.probes.values(record))
+        frame_of(record).save(state_file(self._member_directory(number), record.index))
+        rows = with_work([*self.members.get(number, []), row], model)
+        rows[-1] = with_sums(rows, model).changed(panel=None)
+        self.members[number] = rows
+
+    def _member_directory(self, number: int) -> Path:
+        return self.out / "variants" / f"{number:03d}"
+
+    def _recorded(self) -> dict[str, object]:
+        self.meshes.note_failures()
+        rows = [vars(row) for rows in self.members.values() for row in rows]
+        return {"rows": rows, "variants": self.meshes.kept()}
+
+    def _take_up(self, rows: list[Row]) -> None:
+        super()._take_up([])
+        for row in rows:
+            self.members.setdefault(row.variant, []).append(row)
+
+    def _whole_members(self) -> dict[int, list[Row]]:
+        """The rows of each mesh that has come to the end of its load."""
+        return {
+            number: rows
+            for number, rows in sorted(self.members.items())
+            if rows[-1].load_factor == 1.0 and rows[-1].stage == self.scene.stages[-1].name and number not in self.meshes.failed
+        }
+
+    def _watched(self, whole: dict[int, list[Row]]) -> Watched:
+        return watched(self.scene, [rows[-1] for rows in whole.values()], 1e-3 * tension_scale(self.model))
+
+    def _following(self) -> Simulation | None:
+        """More meshes, where the means are not known well enough."""
+        self.meshes.note_failures()
+        whole, variants = self._whole_members(), self.scene.variants
+        found = len(self.meshes.begun)
+        error = self._watched(whole).standard_error if whole else float("inf")
+        more = wanted(variants.count, variants.standard_error, found, error) - found
+        return self.meshes.follow(more) if more > 0 else None
+
+    # --- the mean
+
+    def _write_mean(self, whole: dict[int, list[Row]], *, complete: bool) -> None:
+        """Write the mean of the rows, the rows of each mesh, and the states of the median one."""
+        seen = self._watched(whole)
+        numbers, members = list(whole), list(whole.values())
+        self.model = self.meshes.of_scene(self.meshes.models.model(numbers[seen.median]))
+        self.rows = [mean_row(rows, seen.median) for rows in zip(*members, strict=True)]
+        columns = [line.name for line in table.MEASURES if line.history and line.name in self.rows[0]]
+        every = [row for rows in members for row in rows]
+        names = ["variant", *columns, *self.rows[0].probes]
+        write_rows(self.out / "variants.csv", [row.changed(**row.probes) for row in every], names)
+        self.model.layout().save(self.out / "layout.npz")
+        median = numbers[seen.median]
+        with open_frames(self.scene, self.model.layout(), self.out, resume=False, hold=self._hold) as frames:
+            for frame in self._frames_of(median, len(self.rows)):
+                frames.add_frame(frame)
+            frames.close(complete=complete)
+        write_history(self.out / "history.csv", self.rows)
+        self.variants = self._means(seen, whole, median)
+        if complete:
+            shutil.rmtree(self.out / "variants", ignore_errors=True)
+
+    def _frames_of(self, number: int, count: int) -> Iterator[Frame]:
+        return (Frame.load(state_file(self._member_directory(number), index)) for index in range(count))
+
+    def _means(self, seen: Watched, whole: dict[int, list[Row]], median: int) -> Means:
+        failed, refused = self.meshes.failed, self.meshes.models.refused
+        return Means(
+            count=len(whole),
+            failed=len(failed),
+            refused=len(refused),
+            why=next(iter([*failed.values(), *refused.values()]), ""),
+            standard_error=seen.standard_error if len(whole) > 1 else None,
+            median=median,
+            branch=branch_of(seen),
+            **spreads([rows[-1] for rows in whole.values()]),
+        )
+
+    # --- while it runs
+
+    @property
+    def steps(self) -> int:
+        return self.meshes.steps
+
+    def _show(self, progress: Progress) -> None:
+        count = len(self.meshes.begun)
+        if self._stage_shown != count:
+            self._stage_shown = count
+            self.display.stage(f"{count} meshes", number=1, of=1)
+        share, rate = self.meshes.share, self.steps * self.model.node_count / max(self.watch.wall, 1e-9)
+        self.display.update(done=share, load_factor=share, node_steps_per_s=rate)

@@ -1,0 +1,53 @@
+"""The meshes of a scene's [variants], built one after the other; those of the next seeds replace loops that do not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import ModelError
+from ..knit.lapping import KnitError
+from ..mesh.layout import contact_classes
+from ..scene import Scene
+from .model import build_model
+
+TRIES = 4  # seeds to a mesh, before a scene has none
+
+
+class VariantModels:
+    """Models by number: that of a mesh is added to the seed."""
+
+    def __init__(self, scene: Scene, device: str = "cpu") -> None:
+        self.scene, self.device = scene, device
+        self.next = 0  # number of the mesh that is tried next
+        self.refused: dict[int, str] = {}  # why, by number
+        self._models: dict[int, Any] = {}
+
+    def model(self, number: int) -> Any:
+        """The model of a mesh. Raises `ModelError`, `KnitError`."""
+        if number not in self._models:
+            self._models[number] = model = build_model(self.scene.variant(number), self.device)
+            contact_classes(model.scene)  # while its cloth is at hand
+        return self._models[number]
+
+    def take(self, count: int, fits: Callable[[list[Any], Any], bool] = lambda _models, _model: True) -> list[int]:
+        """Numbers of the next meshes, `count` of them or as many as `fits` beside those before.
+
+        Raises what the last one raises where no mesh fits.
+        """
+        taken: list[int] = []
+        end = self.next + TRIES * count
+        while len(taken) < count and self.next < end:
+            try:
+                model = self.model(self.next)
+            except (KnitError, ModelError) as error:
+                self.refused[self.next] = str(error)
+                self.next += 1
+                if self.next == end and not taken:
+                    raise
+                continue
+            if taken and not fits([self.model(number) for number in taken], model):
+                break
+            taken.append(self.next)
+            self.next += 1
+        return taken
