@@ -215,7 +215,7 @@ HOOK = ("model.nodes_per_loop=16", "hook.overlap='60 um'", "solver.residual_tole
 
 
 @pytest.mark.parametrize(
-    ("path", "every"), [((), 13), (("contact.friction=0.3", "wire.plastic=true", "wire.yield_stress='50 MPa'"), 61)]
+    ("path", "every"), [((), 13), (("contact.friction=0.3", "wire.plastic=true", "wire.yield_stress='50 MPa'"), 41)]
 )
 def test_interrupt_and_resume_give_the_same_bits(
     tmp_path: Path, path: tuple[str, ...], every: int, monkeypatch: pytest.MonkeyPatch

@@ -17,6 +17,9 @@ from ..mechanics.worlds import Worlds
 from .convergence import TENSION_FLOOR, Convergence
 
 
+ON_THE_WAY = 3.0  # residual over its tolerance to which a mesh with a history converges between two levels
+
+
 @dataclass(frozen=True)
 class CheckOutcome:
     """Meshes that converged or failed at a convergence check."""
@@ -73,6 +76,7 @@ class Equilibrium:
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
+        asked[self.group.strains.at_limit(rows).any(axis=1)] = ON_THE_WAY
         ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading

@@ -28,7 +28,7 @@ from ..mesh.rim import LoadPoint
 from ..mesh.tight_loops import is_tight
 from ..scene import Stage
 from .drive import Drive
-from .equilibrium import Equilibrium
+from .equilibrium import ON_THE_WAY, Equilibrium
 from .progress import Progress
 from .stage_load import history_steps
 
@@ -283,7 +283,8 @@ class Relaxation(Drive):
             if driven.any() and there > 0.0:
                 wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
             try:
-                yield from self.reach(self.target(stage, there), wanted)
+                is_on_the_way = wanted is None and progress.part + 1 < parts
+                yield from self.reach(self.target(stage, there), wanted, ON_THE_WAY if is_on_the_way else 1.0)
             except Diverged as error:
                 self._cut(error)
                 continue
