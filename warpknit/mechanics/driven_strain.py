@@ -89,6 +89,12 @@ class DrivenStrain:
         """Note that worlds are in equilibrium."""
         self.largest[rows] = np.maximum(self.largest[rows], self.tension[rows] / self._clamp_share)
 
+    def forget(self, rows: np.ndarray) -> None:
+        """Have the strains of worlds without a history change by as much again until the next equilibrium."""
+        driven = rows[self.driven(rows).any(axis=1)]
+        if len(driven):
+            self._steering.set(driven, strain_origin=self._strain(driven), at_limit=0.0)
+
     # --- tensions
 
     def _strain(self, rows: np.ndarray) -> np.ndarray:

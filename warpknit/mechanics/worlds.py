@@ -40,6 +40,7 @@ class Worlds(ABC):
             tolerance=self.model.scene.solver.residual_tolerance,
             strain_range=PATH_STRAIN if self.model.scene.depends_on_path else np.inf,
         )
+        self.touches = np.ones(len(models), dtype=bool)  # at the last check: elastic wires that do not have no history
         self._waiting: dict[int, LoadPoint] | None = None  # worlds whose loads begin together
 
     # --- loads

@@ -16,8 +16,8 @@ from ..measure import tension_scale
 from ..mechanics.worlds import Worlds
 from .convergence import TENSION_FLOOR, Convergence
 
-
 ON_THE_WAY = 3.0  # residual over its tolerance to which a mesh with a history converges between two levels
+ANY = 1e30  # the same where no wires touch: nothing there has a history
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ class Equilibrium:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
         asked[self.group.strains.at_limit(rows).any(axis=1)] = ON_THE_WAY
+        asked[(asked > 1.0) & ~self.group.touches[rows]] = ANY
         ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading

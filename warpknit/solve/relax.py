@@ -283,7 +283,7 @@ class Relaxation(Drive):
             if driven.any() and there > 0.0:
                 wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
             try:
-                is_on_the_way = wanted is None and progress.part + 1 < parts
+                is_on_the_way = self.scene.depends_on_path and wanted is None and progress.part + 1 < parts
                 yield from self.reach(self.target(stage, there), wanted, ON_THE_WAY if is_on_the_way else 1.0)
             except Diverged as error:
                 self._cut(error)

@@ -117,6 +117,8 @@ class SpatialWorlds(Worlds):
         relaxation.renew_damping(rows, boundary=self.strains.motion(rows))
         stability.hold_damping()
         state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
+        self.touches[rows] = (contacts.pushing > 0) | self.model.scene.wire.plastic
+        self.strains.forget(rows[~self.touches[rows]])
         measured = ~loading | np.array([member.edge is not None for member in members])
         ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
         missing = self.strains.ratio(rows)
