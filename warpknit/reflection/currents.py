@@ -51,12 +51,12 @@ class MeshCurrents:
 
     def __init__(self, wires: ThinWires) -> None:
         self.wires = wires
-        start, branch, contact = wires.node[wires.branch_node[:, 0]], wires.branches, wires.contacts
-        self.branch_count, self.contact_count = len(branch), len(contact)
+        start, (first, second), contact = wires.node[wires.branch_node[:, 0]], wires.halves, wires.contacts
+        self.branch_count, self.contact_count = len(first), len(contact)
         # first halves of the branches, second halves where their branch is drawn, contacts
-        middle = [start + 0.25 * branch, start + 0.75 * branch, wires.node[wires.contact_node[:, 0]] + 0.5 * contact]
-        vector = np.concatenate([0.5 * branch, 0.5 * branch, contact])
-        self.kernel = PieceKernel(wires.cell, wires.radius, np.concatenate(middle), vector)
+        vector = np.concatenate([first, second, contact])
+        begin = np.concatenate([start, start + first, wires.node[wires.contact_node[:, 0]]])
+        self.kernel = PieceKernel(wires.cell, wires.radius, begin + 0.5 * vector, vector)
         tangent = vector / np.maximum(self.kernel.length, SHORTEST)[:, None]
         self.alignment = tangent @ tangent.T
         self.half_node = wires.branch_node.T.ravel()
@@ -153,8 +153,7 @@ class MeshCurrents:
         place = np.concatenate([halves, 2 * b + np.arange(c)]), np.concatenate([halves % b, b + np.arange(c)])
         fall = 0.5 * self.kernel.length * np.where(np.arange(pieces) < b, -1.0, 1.0)
         current = sparse.csr_array((np.ones(pieces), place), (pieces, b + c)) - sparse.diags_array(fall) @ charge
-        half = 0.5 * wires.arcs
-        length = sparse.diags_array(np.concatenate([half, half, np.zeros(c)]))
+        length = sparse.diags_array(self.kernel.length * (np.arange(pieces) < 2 * b))
         return _Spread(charge.tocsr(), current.tocsr(), (current.conj().T @ length @ current).toarray())
 
 
