@@ -24,9 +24,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sparse
 
 from .green import SHORTEST, PieceKernel
@@ -34,8 +34,7 @@ from .thin_wires import ThinWires
 from .waves import DOWN, LIGHT, UP, Z0, Angles, Scattering, mode_decay, polarisations
 
 
-@dataclass(frozen=True, eq=False)
-class StoredEnergy:
+class StoredEnergy(NamedTuple):
     """Matrices (current, current) of the energy that the near field stores."""
 
     inductance: np.ndarray  # [m] L / mu0
@@ -91,7 +90,7 @@ class MeshCurrents:
         down = polarisations(k, transverse, DOWN, angles.phi)
         incoming = np.array([*transverse, -np.sqrt(k**2 - transverse @ transverse)])
         voltage = current.conj().T @ (self._moment(incoming).conj() @ down.T)
-        in_branches = scipy.linalg.solve(impedance[:b, :b], np.concatenate([impedance[:b, b:], voltage[:b]], axis=1))
+        in_branches = np.linalg.solve(impedance[:b, :b], np.concatenate([impedance[:b, b:], voltage[:b]], axis=1))
         drawn, driven = in_branches[:, :-2], in_branches[:, -2:]
         between = impedance[b:, b:] - impedance[b:, :b] @ drawn
         across = voltage[b:] - impedance[b:, :b] @ driven
@@ -100,7 +99,7 @@ class MeshCurrents:
             conducts = np.flatnonzero(admittance)
             matrix = between[np.ix_(conducts, conducts)] + np.diag(1.0 / admittance[conducts])
             flow = np.zeros((len(admittance), 2), dtype=complex)
-            flow[conducts] = scipy.linalg.solve(matrix, across[conducts]) if len(conducts) else 0.0
+            flow[conducts] = np.linalg.solve(matrix, across[conducts])
             found.append(_waves(leaving, np.concatenate([driven - drawn @ flow, flow])))
         return found
 
