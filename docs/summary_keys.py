@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from warpknit.measure import table
-from warpknit.reflection.table import LossRow
+from warpknit.reflection.table import LeastTension, LossRow
 from warpknit.results import row
 from warpknit.runner import answers, summary
 
@@ -107,7 +107,8 @@ def summary_table() -> str:
 
 def answers_table() -> str:
     """The section `answers`."""
-    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in answers_rows()])
+    rows = [*answers_rows(), *answers_rows(LeastTension, "reflection[].")]
+    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in rows])
 
 
 def history_table() -> str:
@@ -137,6 +138,7 @@ The values at the top level are those of the last stage; `stages` has the groups
 
 The section `answers` of `summary.json`. [How contacts close](../scenes.md#answers). A state has `strain_weft`, `strain_warp`,
 `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
+`reflection` is of scenes with `[reflection]`, and also in `map.json`.
 
 {answers_table}
 
