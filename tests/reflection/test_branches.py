@@ -1,6 +1,7 @@
 """From a recorded state to branches and contacts: nodes, gaps, yarns, and the network of resistors at low frequency."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,23 +20,8 @@ from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
 SPACING, DIAMETER = 0.635e-3, 30e-6
-TRICOT = """
-[wire]
-material = "molybdenum"
-diameter = "30 um"
-plating = {material = "gold", thickness = "0.2 um"}
-[knit]
-bars = [{chain = "1-0/1-2", threading = "|"}, {chain = "1-2/1-0", threading = "|"}]
-wales = "26 /inch"
-courses = "30 /inch"
-[model]
-kind = "spatial"
-boundary = "periodic"
-[load]
-strain_weft = 0.06
-strain_warp = 0.06
-"""
-WIRE = load_scene(TRICOT).wire
+SCENE = load_scene(Path(__file__).parents[2] / "scenes" / "ka_band.toml", {"load.strain_weft": 0.06, "load.strain_warp": 0.06})
+WIRE = SCENE.wire
 BARE = replace(WIRE, plating=None)
 
 
@@ -143,7 +129,7 @@ def test_the_radius_of_a_yarn_is_a_geometric_mean():
 @pytest.fixture(scope="module")
 def tricot():
     """Records of a tight tricot up to 6 % strain in both directions."""
-    simulation = Simulation(build_model(load_scene(TRICOT)))
+    simulation = Simulation(build_model(SCENE))
     return simulation.model.layout(), list(simulation.run())
 
 
@@ -159,23 +145,6 @@ def test_low_frequency_is_the_network_of_resistors(tricot):
     sheet = MeshCurrents(wires.wires).solve(1e6, Angles(), wire_impedance(WIRE, 1e6), contacts)[0].sheet_impedance
     warp, weft = (1.0 / np.diag(np.linalg.inv(sheet))).real
     assert (weft, warp) == pytest.approx(sheet_resistance(records[-1].observables), rel=1e-2)
-
-
-def test_contacts_decide_the_loss_of_a_tricot(tricot):
-    """Loss at 10 and 30 GHz, field along warp and weft, as knitted and at 1.3 / 3.5 N/m: values of an independent prototype."""
-    layout, records = tricot
-    expected = {
-        0: {OPEN: [(0.457, 2.66), (4.62, 0.05)]},
-        -1: {COMPUTED: [(0.010, 0.066), (0.038, 0.484)], OPEN: [(0.478, 2.66)]},
-    }
-    for number, states in expected.items():
-        repeat = repeat_of(layout, frame_of(records[number]), WIRE, 75e-6)
-        mesh = MeshCurrents(repeat.wires)
-        for state, values in states.items():
-            for frequency, value in zip((10e9, 30e9), values, strict=False):
-                contacts = repeat.contacts(WIRE, frequency, state)
-                found = mesh.solve(frequency, Angles(), wire_impedance(WIRE, frequency), [contacts])[0].loss
-                assert found == pytest.approx(value, rel=5e-2)
 
 
 def test_interpolated_frequencies(tricot):

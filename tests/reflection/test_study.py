@@ -72,6 +72,11 @@ def test_a_run_reflects(run):
     summary = json.loads((out / "summary.json").read_text())
     assert [entry["frequency_Hz"] for entry in summary["reflection"]] == [1e9, 3e9]
     assert all(entry["loss_closed_te_dB"] < entry["loss_open_tm_dB"] for entry in summary["reflection"])
+    for entry in summary["answers"]["reflection"]:
+        here = [row for row in rows if row.frequency_Hz == entry["frequency_Hz"] and row.contacts == "computed"]
+        least = least_tension(here, summary["wire"]["yield_stress_Pa"])
+        assert (entry["tension_weft_N_per_m"], entry["loss_dB"]) == (least and least.tension_weft_N_per_m, least and least.loss)
+    assert summary["answers"]["contacts"]
     with np.load(out / "reflection.npz") as file:
         assert file["reflection"].shape == file["transmission"].shape == (4, 2, 3, 2, 2)
         assert file["contacts"].tolist() == ["computed", "open", "closed"]
