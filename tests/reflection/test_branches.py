@@ -9,6 +9,7 @@ import pytest
 from reference.wire_grids import parallel_wires, stacked_grid
 from warpknit import measure
 from warpknit.measure.network import holm_resistance, sheet_resistance, surface
+from warpknit.reflection.checks import branch_length
 from warpknit.reflection.currents import MeshCurrents
 from warpknit.reflection.frequencies import scattering_at
 from warpknit.reflection.impedance import gap_capacitance, wire_impedance, yarn_radius
@@ -145,6 +146,31 @@ def test_low_frequency_is_the_network_of_resistors(tricot):
     sheet = MeshCurrents(wires.wires).solve(1e6, Angles(), wire_impedance(WIRE, 1e6), contacts)[0].sheet_impedance
     warp, weft = (1.0 / np.diag(np.linalg.inv(sheet))).real
     assert (weft, warp) == pytest.approx(sheet_resistance(records[-1].observables), rel=1e-2)
+
+
+def test_branches_of_the_default_length_have_converged(tricot):
+    """Half the length changes the loss by less than 0.2 %."""
+    layout, records = tricot
+    frame, longest = frame_of(records[-1]), branch_length(SCENE)
+    coarse, fine = (repeat_of(layout, frame, WIRE, length) for length in (longest, 0.5 * longest))
+    for frequency in (10e9, 30e9):
+        found, expected = (
+            MeshCurrents(repeat.wires).solve(
+                frequency, Angles(), wire_impedance(WIRE, frequency), [repeat.contacts(WIRE, frequency, COMPUTED)]
+            )[0].loss
+            for repeat in (coarse, fine)
+        )  # fmt: skip
+        assert found == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_tricot_keeps_energy_and_reciprocity(tricot):
+    """Without resistance; in the direction of incidence and back."""
+    layout, records = tricot
+    repeat = repeat_of(layout, frame_of(records[-1]), WIRE, 120e-6)
+    contacts = [repeat.contacts(WIRE, 30e9, CLOSED)]
+    there, back = (MeshCurrents(repeat.wires).solve(30e9, Angles(0.5, 0.3 + turn), 0.0, contacts)[0] for turn in (0.0, np.pi))
+    assert np.abs(there.absorbed).max() < 1e-9
+    assert np.abs(there.reflection) == pytest.approx(np.abs(back.reflection).T, abs=1e-8)
 
 
 def test_interpolated_frequencies(tricot):

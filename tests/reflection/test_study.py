@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,6 +121,12 @@ def test_a_map_reflects(scene):
 def test_what_is_refused(scene, key, wrong):
     assert wrong in refusal("run", scene, "--out", scene.parent / "refused", "--set", key)
     assert not (scene.parent / "refused").exists()
+
+
+def test_wires_of_a_file_are_refused():
+    """They may be unequal."""
+    path = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_cell.toml"
+    assert "wires of a file may differ in diameter" in refusal("plan", path, "--set", "reflection.frequencies=['10 GHz']")
 
 
 def test_a_plan_counts_branches(scene):
