@@ -20,7 +20,7 @@ from .impedance import gap_capacitance, yarn_radius
 from .thin_wires import ThinWires
 
 OPEN, COMPUTED, CLOSED = "open", "computed", "closed"  # contacts: none conducts, as computed, all and the gaps are perfect
-BRANCHES = 64  # of the wire of a loop by default (docs/studies/reflection.md)
+BRANCHES = 72  # of the wire of a loop by default (docs/studies/reflection.md)
 LEAST = 4.0  # radii of the default, at least
 WINDOW = 2.0  # diameters along both wires around a contact within which no gap is counted
 
