@@ -268,7 +268,7 @@ def _draw(directory: Path, scene: Scene, states: Sequence[LoadedMesh], result: R
     columns = {**columns_of(map(vars, result.rows)), "contacts": np.array([row.contacts for row in result.rows])}
     folder, title = directory / "figures", scene.name
     if states[0].load is None:
-        tension_figure(columns, folder / "reflection_tension.png", title)
+        tension_figure(columns, shown_frequencies(result.rows), folder / "reflection_tension.png", title)
         frequency_figure(columns, result.record, folder / "reflection_frequency.png", title)
         return
     weft, warp = (sorted({state.load[side] for state in states if state.load}) for side in (0, 1))
