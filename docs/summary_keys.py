@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from warpknit.measure import table
-from warpknit.reflection.table import LossRow
+from warpknit.reflection.table import LeastTension, LossRow
 from warpknit.results import row
 from warpknit.runner import answers, summary, variants
 
@@ -105,9 +105,14 @@ def summary_table() -> str:
     return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in summary_rows()])
 
 
-def answers_table(kind: type = answers.Answers) -> str:
-    """The section `answers`, or one of another kind."""
-    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in answers_rows(kind)])
+def answers_table() -> str:
+    """The section `answers`."""
+    return meanings_table([*answers_rows(), *answers_rows(LeastTension, "reflection[].")])
+
+
+def meanings_table(rows: Iterable[tuple[str, str]]) -> str:
+    """Keys and their meanings."""
+    return _table(("key", "meaning"), [(f"`{name}`", words) for name, words in rows])
 
 
 def history_table() -> str:
@@ -137,6 +142,7 @@ The values at the top level are those of the last stage; `stages` has the groups
 
 The section `answers` of `summary.json`. [How contacts close](../scenes.md#answers). A state has `strain_weft`, `strain_warp`,
 `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
+`reflection` is of scenes with `[reflection]`, and also in `map.json`.
 
 {answers_table}
 
@@ -175,8 +181,8 @@ def page() -> str:
     return TEXT.format(
         summary_table=summary_table(),
         answers_table=answers_table(),
-        means_table=answers_table(variants.Means),
-        spread_table=answers_table(variants.Spread),
+        means_table=meanings_table(answers_rows(variants.Means)),
+        spread_table=meanings_table(answers_rows(variants.Spread)),
         history_table=history_table(),
         reflection_table=_table(("name", "meaning"), [(f"`{name}`", words) for name, words in commented(LossRow, FIELD).items()]),
     )

@@ -292,7 +292,7 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
     from warpknit.runner.summary_table import print_table, summary_findings
 
     if result.summary and (result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.stages)):
-        print_table([*summary_findings(result.summary, directory), *read_findings(directory)])
+        print_table([*summary_findings(result.summary, directory), *read_findings(directory, loaded)])
     return FINISHED if result.exit_code == FINISHED else unfinished(result, asked)
 
 
@@ -311,7 +311,7 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
         result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
     if result.exit_code != FINISHED:
         return unfinished(result, asked)
-    return finished([*map_findings(result.summary), *read_findings(directory)], directory)
+    return finished([*map_findings(result.summary), *read_findings(directory, loaded)], directory)
 
 
 @main.command()

@@ -123,12 +123,13 @@ def report_command(
     try:
         page = write_report(
             fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress,
-            reflection=read_findings(out),
+            reflection=read_findings(out, fitted.scene),
         )  # fmt: skip
     except KeyboardInterrupt:
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
     took = Values(wall_s=time.perf_counter() - begin, stages_s=Values(**times, **page.times))
-    summary = replace(result.summary, report=took, reflection=(read_summary(out, "map.json") or {}).get("reflection"))
+    known_waves = read_summary(out, "map.json") or {}
+    summary = replace(result.summary, report=took, reflection=known_waves.get("reflection"), answers=known_waves.get("answers"))
     if not page.earlier_kept:
         write_fit(fitted, out)
         write_json(out / "map.json", summary.json())

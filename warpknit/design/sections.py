@@ -370,7 +370,7 @@ def reflection_section(page: Page, lines: Sequence[Finding], figures: Sequence[P
     page.text(
         "A plane wave on endless mesh of thin wires with skin effect, and at each contact Holm's constriction and the film of"
         " [reflection]. Open: no contact conducts. Closed: all contacts, and gaps below the radius, are perfect. Least tension:"
-        " the smallest one whose loss is that near to the smallest loss of the map. reflection.csv has all values."
+        " from it on, up to the elastic limit, the losses of the map are that near to each other. reflection.csv has all values."
     )
 
 

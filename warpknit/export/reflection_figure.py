@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from warpknit.base.text import engineering
 from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, WIDTHS, figure_of, plain, save_figure, scale_of
 from warpknit.results.row import Columns
 
@@ -17,25 +18,22 @@ COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 SIDES = (("te", "TE"), ("tm", "TM"))
 AT_NORMAL = {"TE": "field along warp (TE)", "TM": "field along weft (TM)"}
 LEAST_LOSS = 1e-4  # [dB] drawn
-MOST_CURVES = 3  # frequencies against tension: all, or the first, the middle and the last
 
 
-def tension_figure(rows: Columns, path: str | os.PathLike[str], title: str) -> Path:
-    """Draw the loss of every state under tension against the mean tension, a curve each for a few frequencies.
+def tension_figure(rows: Columns, frequencies: Sequence[float], path: str | os.PathLike[str], title: str) -> Path:
+    """Draw the loss of every state under tension against the mean tension, a curve for each frequency [Hz].
 
     rows: columns of reflection.csv. Behind each curve lies the range between all contacts open and all closed.
     """
     figure = figure_of(10.5, 4.6)
     figure.suptitle(title, fontsize="medium")
-    every = np.unique(rows["frequency_Hz"])
-    shown = every if len(every) <= MOST_CURVES else every[[0, len(every) // 2, -1]]
     tension = 0.5 * (rows["tension_weft_N_per_m"] + rows["tension_warp_N_per_m"])
     tight = np.minimum(rows["tension_weft_N_per_m"], rows["tension_warp_N_per_m"]) > 0.0
     scale, unit = scale_of("N/m", tension[tight])
     for axes, (side, name) in zip(figure.subplots(1, 2, sharey=True), SIDES, strict=True):
-        for frequency, colour in zip(shown, COLOURS, strict=False):
+        for frequency, colour in zip(frequencies, COLOURS, strict=False):
             here = tight & (rows["frequency_Hz"] == frequency)
-            _draw_loss(axes, scale * tension, rows, here, side, colour, _frequency_text(frequency))
+            _draw_loss(axes, scale * tension, rows, here, side, colour, engineering(frequency, "Hz", 4))
         axes.set_xlabel(f"tension, mean of weft and warp [{unit}]")
         _finish(axes, rows, name)
     return save_figure(figure, path)
@@ -80,16 +78,7 @@ def _finish(axes: Axes, rows: Columns, name: str) -> None:
     axes.set_ylabel("reflection loss [dB]")
     axes.set_title(AT_NORMAL[name] if is_normal else name, fontsize="medium")
     plain(axes)
-    if "open" in set(_texts(rows["contacts"])) and "computed" in set(_texts(rows["contacts"])):
+    if {"open", "computed"} <= set(rows["contacts"]):
         axes.plot([], [], color="#404040", linestyle=":", linewidth=1.0, label="all contacts open")
         axes.plot([], [], color="#404040", linestyle="--", linewidth=1.0, label="all contacts closed")
     axes.legend(frameon=False, fontsize="small")
-
-
-def _texts(values: NDArray[np.str_]) -> Sequence[str]:
-    return [str(value) for value in values]
-
-
-def _frequency_text(frequency: float) -> str:
-    scale, unit = scale_of("Hz", np.array([frequency]))
-    return f"{scale * frequency:.4g} {unit}"

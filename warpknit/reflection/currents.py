@@ -24,9 +24,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sparse
 
 from .green import SHORTEST, PieceKernel
@@ -34,8 +34,7 @@ from .thin_wires import ThinWires
 from .waves import DOWN, LIGHT, UP, Z0, Angles, Scattering, mode_decay, polarisations
 
 
-@dataclass(frozen=True, eq=False)
-class StoredEnergy:
+class StoredEnergy(NamedTuple):
     """Matrices (current, current) of the energy that the near field stores."""
 
     inductance: np.ndarray  # [m] L / mu0
@@ -51,12 +50,12 @@ class MeshCurrents:
 
     def __init__(self, wires: ThinWires) -> None:
         self.wires = wires
-        start, branch, contact = wires.node[wires.branch_node[:, 0]], wires.branches, wires.contacts
-        self.branch_count, self.contact_count = len(branch), len(contact)
+        start, (first, second), contact = wires.node[wires.branch_node[:, 0]], wires.halves, wires.contacts
+        self.branch_count, self.contact_count = len(first), len(contact)
         # first halves of the branches, second halves where their branch is drawn, contacts
-        middle = [start + 0.25 * branch, start + 0.75 * branch, wires.node[wires.contact_node[:, 0]] + 0.5 * contact]
-        vector = np.concatenate([0.5 * branch, 0.5 * branch, contact])
-        self.kernel = PieceKernel(wires.cell, wires.radius, np.concatenate(middle), vector)
+        vector = np.concatenate([first, second, contact])
+        begin = np.concatenate([start, start + first, wires.node[wires.contact_node[:, 0]]])
+        self.kernel = PieceKernel(wires.cell, wires.radius, begin + 0.5 * vector, vector)
         tangent = vector / np.maximum(self.kernel.length, SHORTEST)[:, None]
         self.alignment = tangent @ tangent.T
         self.half_node = wires.branch_node.T.ravel()
@@ -91,7 +90,7 @@ class MeshCurrents:
         down = polarisations(k, transverse, DOWN, angles.phi)
         incoming = np.array([*transverse, -np.sqrt(k**2 - transverse @ transverse)])
         voltage = current.conj().T @ (self._moment(incoming).conj() @ down.T)
-        in_branches = scipy.linalg.solve(impedance[:b, :b], np.concatenate([impedance[:b, b:], voltage[:b]], axis=1))
+        in_branches = np.linalg.solve(impedance[:b, :b], np.concatenate([impedance[:b, b:], voltage[:b]], axis=1))
         drawn, driven = in_branches[:, :-2], in_branches[:, -2:]
         between = impedance[b:, b:] - impedance[b:, :b] @ drawn
         across = voltage[b:] - impedance[b:, :b] @ driven
@@ -100,7 +99,7 @@ class MeshCurrents:
             conducts = np.flatnonzero(admittance)
             matrix = between[np.ix_(conducts, conducts)] + np.diag(1.0 / admittance[conducts])
             flow = np.zeros((len(admittance), 2), dtype=complex)
-            flow[conducts] = scipy.linalg.solve(matrix, across[conducts]) if len(conducts) else 0.0
+            flow[conducts] = np.linalg.solve(matrix, across[conducts])
             found.append(_waves(leaving, np.concatenate([driven - drawn @ flow, flow])))
         return found
 
@@ -153,8 +152,7 @@ class MeshCurrents:
         place = np.concatenate([halves, 2 * b + np.arange(c)]), np.concatenate([halves % b, b + np.arange(c)])
         fall = 0.5 * self.kernel.length * np.where(np.arange(pieces) < b, -1.0, 1.0)
         current = sparse.csr_array((np.ones(pieces), place), (pieces, b + c)) - sparse.diags_array(fall) @ charge
-        half = 0.5 * wires.arcs
-        length = sparse.diags_array(np.concatenate([half, half, np.zeros(c)]))
+        length = sparse.diags_array(self.kernel.length * (np.arange(pieces) < 2 * b))
         return _Spread(charge.tocsr(), current.tocsr(), (current.conj().T @ length @ current).toarray())
 
 

@@ -53,7 +53,7 @@ def stored_over(
     if 2 * INTERVALS + 1 >= len(wave_numbers):
         return exact
     points = _points(min(wave_numbers), max(wave_numbers), INTERVALS)
-    band = _Band(points, [exact(k) for k in points])
+    band = _Band(points, np.array([exact(k) for k in points]))
     while 2 * len(band.points) - 1 < len(wave_numbers):
         band, error = band.refined(exact, waves)
         if error < TOLERANCE:
@@ -66,21 +66,16 @@ class _Band:
     """Matrices at Chebyshev-Lobatto points [1/m], and between them."""
 
     points: Sequence[float]
-    known: Sequence[StoredEnergy]
+    known: np.ndarray  # (point, 2, current, current) inductance and potential
 
     def __call__(self, k: float) -> StoredEnergy:
         """Barycentric interpolation."""
         away = k - np.array(self.points)
         if (at := np.flatnonzero(np.abs(away) < SAME * self.points[-1])).size:
-            return self.known[at[0]]
+            return StoredEnergy(*self.known[at[0]])
         weight = (-1.0) ** np.arange(len(self.points)) / away
         weight[[0, -1]] *= 0.5
-        weight /= weight.sum()
-        pairs = list(zip(weight, self.known, strict=True))
-        return StoredEnergy(
-            inductance=np.asarray(sum(w * one.inductance for w, one in pairs)),
-            potential=np.asarray(sum(w * one.potential for w, one in pairs)),
-        )
+        return StoredEnergy(*np.tensordot(weight / weight.sum(), self.known, 1))
 
     def refined(
         self, exact: Callable[[float], StoredEnergy], waves: Callable[[float, StoredEnergy], list[Scattering]]
@@ -89,9 +84,7 @@ class _Band:
         points = _points(self.points[0], self.points[-1], 2 * len(self.points) - 2)
         new = [exact(k) for k in points[1::2]]
         error = max(_difference(waves(k, self(k)), waves(k, one)) for k, one in zip(points[1::2], new, strict=True))
-        known = [*self.known, *new]
-        known[::2], known[1::2] = self.known, new
-        return _Band(points, known), error
+        return _Band(points, np.insert(self.known, range(1, len(self.points)), new, axis=0)), error
 
 
 def _points(low: float, high: float, intervals: int) -> list[float]:

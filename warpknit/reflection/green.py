@@ -68,13 +68,14 @@ class PieceKernel:
         return np.concatenate([np.zeros((1, 2)), self.modes[kept]])
 
     def _image_sum(self, k: float, transverse: np.ndarray) -> np.ndarray:
-        """(piece, piece) the sum over images."""
+        """(piece, piece) the sum over images; a pair and its opposite are conjugate."""
         d, eta, count = self.distance, self.splitting, len(self.length)
         term = np.exp(-((eta * d) ** 2) + (k / (2.0 * eta)) ** 2) * wofz(1j * eta * d - k / (2.0 * eta)).real / d
         value = (term * self.weight + self.static) / (4.0 * np.pi)
         if transverse.any():
             value = value * np.exp(-1j * (self.image @ self.cell) @ transverse)
-        return np.asarray(sparse.coo_array((value, (self.first, self.second)), shape=(count, count)).toarray())
+        once = sparse.coo_array((value, (self.first, self.second)), shape=(count, count)).toarray()
+        return np.asarray(once + once.conj().T)
 
     def _transforms(self, kg: np.ndarray) -> np.ndarray:
         """(piece, mode) [m] integrals of exp(-j kg . r) along the pieces."""
@@ -83,7 +84,7 @@ class PieceKernel:
         return np.asarray(size * np.exp(-1j * phase))
 
     def _find_images(self) -> None:
-        """Pairs (first, second + image) within the range of the images, and the static correction of neighbours.
+        """Pairs (first, second + image) within the range of the images, each once, and the static correction of neighbours.
 
         The correction is the integral of 1/d less its value at the middles; the rest of the image term is smooth.
         """
@@ -98,17 +99,20 @@ class PieceKernel:
             away = inside + np.array([*(image @ self.cell), 0.0])
             square = sum((inside[:, None, axis] - away[None, :, axis]) ** 2 for axis in range(3))
             first, second = np.nonzero(square < reach**2)
-            found.append((first, second, home[first] - home[second] + image, square[first, second]))
+            shift = home[first] - home[second] + image
+            once = (first < second) | ((first == second) & (shift @ [2 * most[1] + 1, 1] >= 0))
+            found.append([part[once] for part in (first, second, shift, square[first, second])])
         self.first, self.second, self.image, square = (np.concatenate([part[n] for part in found]) for n in range(4))
         self.distance = np.sqrt(square + self.radius**2)
-        self.weight = self.length[self.first] * self.length[self.second]
+        is_itself = (self.first == self.second) & ~self.image.any(axis=1)
+        self.weight = np.where(is_itself, 0.5, 1.0) * self.length[self.first] * self.length[self.second]
         near = self.distance < BESIDE * (self.length[self.first] + self.length[self.second]) + 4.0 * self.radius
         first, second = self.first[near], self.second[near]
         other = self.middle[second].copy()
         other[:, :2] += self.image[near] @ self.cell
         exact = static_integral(self.middle[first], self.vector[first], other, self.vector[second], self.radius)
         self.static = np.zeros(len(self.first))
-        self.static[near] = exact - self.weight[near] / self.distance[near]
+        self.static[near] = np.where(is_itself[near], 0.5, 1.0) * exact - self.weight[near] / self.distance[near]
 
     def _place_heights(self) -> None:
         """Chebyshev points in h^2, and the Lagrange polynomials (piece, piece) of each."""

@@ -20,7 +20,7 @@ from .impedance import gap_capacitance, yarn_radius
 from .thin_wires import ThinWires
 
 OPEN, COMPUTED, CLOSED = "open", "computed", "closed"  # contacts: none conducts, as computed, all and the gaps are perfect
-BRANCHES = 64  # of the wire of a loop by default (docs/studies/reflection.md)
+BRANCHES = 72  # of the wire of a loop by default (docs/studies/reflection.md)
 LEAST = 4.0  # radii of the default, at least
 WINDOW = 2.0  # diameters along both wires around a contact within which no gap is counted
 
@@ -68,7 +68,7 @@ def repeat_of(layout: WireLayout, frame: Frame, wire: Wire, longest: float) -> R
     row = np.full(len(ends), -1)
     row[~joins_itself] = found.ravel()
     return Repeat(
-        wires=ThinWires(cell, radius, branches.node, branches.branch, branches.shift, rows[:, :2], rows[:, 2:], branches.arc),
+        wires=ThinWires(cell, radius, branches.node, branches.branch, branches.shift, rows[:, :2], rows[:, 2:], branches.middle),
         force=np.concatenate([frame.contact_force, np.zeros(len(places) - touching)]),
         gap=np.array([max(place.distance - thickness, 0.0) for place in places]),
         row=row,
@@ -103,14 +103,14 @@ class _Branches:
     node: np.ndarray  # (node, 3) [m]
     branch: np.ndarray  # (branch, 2) nodes
     shift: np.ndarray  # (branch, 2) periods from the first node to the second
-    arc: np.ndarray  # [branch] [m] of wire
+    middle: np.ndarray  # (branch, 3) [m] where its halves meet
     end: np.ndarray  # (place, 2) nodes at a place
     turn: np.ndarray  # (place, 2, 2) periods from each of these, as drawn, to the place
 
 
 def _divided(curves: Sequence[Polyline], places: Sequence[Meeting], longest: float, least: float) -> _Branches:
     """Divide wires at places; those within `least` [m] of a wire share a node."""
-    node, branch, shift, length, count = [], [], [], [], 0
+    node, branch, shift, middle, count = [], [], [], [], 0
     wire, share = (np.array([getattr(one, name) for one in places]).reshape(-1, 2) for name in ("wire", "share"))
     end, turn = np.zeros((len(places), 2), dtype=np.int64), np.zeros((len(places), 2, 2), dtype=np.int64)
     for number, curve in enumerate(curves):
@@ -124,14 +124,26 @@ def _divided(curves: Sequence[Polyline], places: Sequence[Meeting], longest: flo
                 end[tuple(where[member])], turn[tuple(where[member])] = drawn, turns * curve.lattice
         size = int(first[-1]) - count
         step = np.arange(size)
-        begin = np.concatenate(parts)
-        node.append(curve.at(begin))
-        length.append(np.diff(begin, append=begins[0] + curve.length))
+        corner = _polygon(curve, np.concatenate(parts))
+        node.append(corner[::2])
+        middle.append(corner[1::2])
         branch.append(count + np.stack([step, (step + 1) % size], axis=1))
         shift.append(np.where((step == size - 1)[:, None], curve.lattice, 0))
         count += size
-    nodes, branches, shifts, arcs = map(np.concatenate, (node, branch, shift, length))
-    return _Branches(nodes, branches, shifts, arcs, end, turn)
+    nodes, branches, shifts, middles = map(np.concatenate, (node, branch, shift, middle))
+    return _Branches(nodes, branches, shifts, middles, end, turn)
+
+
+def _polygon(curve: Polyline, begin: np.ndarray) -> np.ndarray:
+    """(corner, 3) [m] corners of straight pieces, two a branch, that are drawn at arcs `begin` [m].
+
+    A chord of the length h is h^2 / 12 R inside a curve of the radius R in the mean. Corners lie outside by as much, so the
+    inductance of loops converges with few branches.
+    """
+    half = 0.5 * np.diff(begin, append=begin[0] + curve.length)
+    arc, size = np.stack([begin, begin + half], axis=1).ravel(), np.repeat(half, 2)
+    size = 0.5 * (size + np.roll(size, 1))
+    return (14.0 * curve.at(arc) - curve.at(arc + size) - curve.at(arc - size)) / 12.0
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,19 @@ from .currents import MeshCurrents
 from .frequencies import scattering_at
 from .impedance import wire_impedance
 from .repeat import CLOSED, COMPUTED, OPEN, repeat_of
-from .table import COLUMNS, LoadedMesh, LossRow, least_tension, loss_row, reflection_findings, shown_frequencies, summary_of
+from .table import (
+    COLUMNS,
+    LoadedMesh,
+    LossRow,
+    given_rows,
+    least_tension,
+    least_tensions,
+    loss_row,
+    reflection_findings,
+    shown_frequencies,
+    shown_record,
+    summary_of,
+)
 from .waves import Angles, Scattering
 
 STARTED = 8  # states from which on other processes are worth their start
@@ -51,24 +63,24 @@ class Reflected:
     """The result of `reflect`."""
 
     rows: tuple[LossRow, ...]
+    limit: float  # [Pa] elastic limit of the wire
     is_map: bool
 
     @property
     def findings(self) -> list[Finding]:
         """The lines of the table of a command."""
-        return list(reflection_findings(self.rows, None if self.is_map else self.record))
+        return list(reflection_findings(self.rows, self.limit, self.is_map))
 
     @property
     def record(self) -> int:
         """The record of the summary: the last one; of a map that of the least tension at the highest frequency."""
-        highest = [row for row in self.rows if row.frequency_Hz == self.rows[-1].frequency_Hz]
-        best = least_tension(highest) if self.is_map else None
-        return int(self.rows[-1].record if best is None else best.record)
+        return shown_record(self.rows, self.rows[-1].frequency_Hz, self.limit, self.is_map)
 
-    @property
-    def summary(self) -> list[dict[str, float | None]]:
-        """The section of the summary, of that record."""
-        return summary_of([row for row in self.rows if row.record == self.record])
+    def added_to(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """A summary with the section `reflection`, of that record, and with the least tensions among the answers."""
+        least = {"reflection": least_tensions(self.rows, self.limit)}
+        losses = summary_of([row for row in self.rows if row.record == self.record])
+        return summary | {"reflection": losses, "answers": (summary.get("answers") or {}) | least}
 
 
 # --- the recorded states
@@ -128,7 +140,7 @@ def reflect(directory: Path, scene: Scene, progress: Display | None = None) -> R
         for frequency, waves in zip(options.frequencies, found[state.record], strict=True)
         for name, one in zip(names, waves, strict=True)
     ]
-    result = Reflected(tuple(rows), is_map=states[0].load is not None)
+    result = Reflected(tuple(rows), scene.wire.yield_stress, is_map=states[0].load is not None)
     _write(directory, scene, states, found, result)
     return result
 
@@ -219,11 +231,10 @@ def reflection_text(scene: Scene) -> str:
 # --- files
 
 
-def read_findings(directory: Path) -> list[Finding]:
+def read_findings(directory: Path, scene: Scene) -> list[Finding]:
     """Lines of the table for the reflection that a directory holds; none without one."""
-    path = directory / "reflection.csv"
-    is_map = (directory / "map.csv").exists()
-    return Reflected(tuple(read_rows(path, LossRow)), is_map).findings if path.exists() else []
+    path, is_map = directory / "reflection.csv", (directory / "map.csv").exists()
+    return Reflected(tuple(read_rows(path, LossRow)), scene.wire.yield_stress, is_map).findings if path.exists() else []
 
 
 def _write(
@@ -245,8 +256,7 @@ def _write(
     write_arrays(directory / "reflection.npz", about | amplitudes)
     for name in SUMMARIES:
         if (path := directory / name).exists():
-            summary = json.loads(path.read_text(encoding="utf-8"))
-            write_json(path, summary | {"reflection": result.summary})
+            write_json(path, result.added_to(json.loads(path.read_text(encoding="utf-8"))))
     if scene.output.figures:
         _draw(directory, scene, states, result)
 
@@ -258,19 +268,19 @@ def _draw(directory: Path, scene: Scene, states: Sequence[LoadedMesh], result: R
     columns = {**columns_of(map(vars, result.rows)), "contacts": np.array([row.contacts for row in result.rows])}
     folder, title = directory / "figures", scene.name
     if states[0].load is None:
-        tension_figure(columns, folder / "reflection_tension.png", title)
+        tension_figure(columns, shown_frequencies(result.rows), folder / "reflection_tension.png", title)
         frequency_figure(columns, result.record, folder / "reflection_frequency.png", title)
         return
     weft, warp = (sorted({state.load[side] for state in states if state.load}) for side in (0, 1))
-    by_tension, given = scene.sweep is not None and scene.sweep.by_tension, result.rows[0].contacts
+    by_tension = scene.sweep is not None and scene.sweep.by_tension
     stress = _grid({state.load: [state.stress] for state in states}, weft, warp)
     place = {state.record: state.load for state in states}
     for frequency in shown_frequencies(result.rows):
-        here = [row for row in result.rows if row.frequency_Hz == frequency and row.contacts == given]
+        here = given_rows(result.rows, frequency)
         losses: dict[Any, list[float]] = {}
         for row in here:
             losses.setdefault(place[row.record], []).append(row.loss)
-        best, at = least_tension(here), engineering(frequency, "Hz")
+        best, at = least_tension(here, result.limit), engineering(frequency, "Hz")
         places = () if best is None else ((f"least tension, {best.loss:.3g} dB", place[best.record], best.loss),)
         map_figure(
             folder / f"reflection_map_{at.replace(' ', '_')}.png", weft, warp, _grid(losses, weft, warp),

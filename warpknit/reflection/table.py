@@ -15,7 +15,8 @@ from .waves import Angles, Scattering
 
 ROOM = 290.0  # [K] temperature of the wires, for their noise
 SIDES = ("te", "tm")
-NEAR_BEST = 0.02  # [dB] above the least loss, up to which a smaller tension is as good
+NEAR_BEST = 0.02  # [dB] by which losses from the least tension on may differ
+SAME = 1e-3  # of a tension: a smaller difference is that of two searches for the same one
 SHOWN = 3  # frequencies in the table of a run
 
 
@@ -38,6 +39,7 @@ class LossRow(Values):
     strain_warp: float  # strain of the state in warp
     tension_weft_N_per_m: float  # force per current width in weft
     tension_warp_N_per_m: float  # force per current width in warp
+    stress_max_Pa: float  # largest wire stress
     frequency_Hz: float  # frequency of the wave
     theta: float  # [rad] angle of incidence, from the normal
     phi: float  # [rad] direction of the wave along the mesh, from weft towards warp
@@ -63,9 +65,19 @@ class LossRow(Values):
         return max(self.loss_te_dB, self.loss_tm_dB)
 
     @property
-    def mean_tension(self) -> float:
-        """[N/m] mean of weft and warp."""
-        return 0.5 * float(self.tension_weft_N_per_m + self.tension_warp_N_per_m)
+    def tension(self) -> tuple[float, float]:
+        """[N/m] in weft and warp."""
+        return self.tension_weft_N_per_m, self.tension_warp_N_per_m
+
+
+class LeastTension(Values):
+    """The least tension that reflects as well as all greater ones up to the elastic limit; null without one."""
+
+    frequency_Hz: float  # frequency of the wave
+    tension_weft_N_per_m: float | None  # the least tension, by the mean of weft and warp, from which on the losses of all records
+    # up to the elastic limit lie within 0.02 dB, of the worse polarisation; null without one
+    tension_warp_N_per_m: float | None  # the same in warp
+    loss_dB: float | None  # reflection loss at this tension, of the worse polarisation
 
 
 COLUMNS = tuple(LossRow.__annotations__)
@@ -87,6 +99,7 @@ def loss_row(state: LoadedMesh, frequency: float, angles: Angles, contacts: str,
         strain_warp=state.strain[1],
         tension_weft_N_per_m=state.tension[0],
         tension_warp_N_per_m=state.tension[1],
+        stress_max_Pa=state.stress,
         frequency_Hz=frequency,
         theta=angles.theta,
         phi=angles.phi,
@@ -103,7 +116,7 @@ def summary_of(rows: Sequence[LossRow]) -> list[dict[str, float | None]]:
     for frequency in sorted({row.frequency_Hz for row in rows}):
         of_state = {row.contacts: row for row in rows if row.frequency_Hz == frequency}
         given = of_state.get(COMPUTED) or next(iter(of_state.values()))
-        entry = {name: given[name] for name in COLUMNS[5:] if name != "contacts"}
+        entry = {name: given[name] for name in COLUMNS[COLUMNS.index("frequency_Hz") :] if name != "contacts"}
         for state in (OPEN, CLOSED):
             for side in SIDES:
                 other = of_state.get(state)
@@ -112,13 +125,40 @@ def summary_of(rows: Sequence[LossRow]) -> list[dict[str, float | None]]:
     return entries
 
 
-def least_tension(rows: Sequence[LossRow]) -> LossRow | None:
-    """The row of the least tension whose loss is within NEAR_BEST of the best, of rows at one frequency; None without tension."""
-    tight = [row for row in rows if min(row.tension_weft_N_per_m, row.tension_warp_N_per_m) > 0.0]
-    if not tight:
-        return None
-    best = min(row.loss for row in tight)
-    return min((row for row in tight if row.loss <= best + NEAR_BEST), key=lambda row: row.mean_tension)
+def least_tensions(rows: Sequence[LossRow], limit: float) -> list[LeastTension]:
+    """The entries `reflection` of the answers; limit: [Pa] elastic limit of the wire."""
+    entries = []
+    for frequency in sorted({row.frequency_Hz for row in rows}):
+        least = least_tension(given_rows(rows, frequency), limit)
+        weft, warp, loss = (None, None, None) if least is None else (*least.tension, least.loss)
+        entries.append(LeastTension(frequency_Hz=frequency, tension_weft_N_per_m=weft, tension_warp_N_per_m=warp, loss_dB=loss))
+    return entries
+
+
+def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
+    """The row of the least tension from which on the loss stays within NEAR_BEST, of rows at one frequency.
+
+    Counted are rows with tension and a stress up to the limit [Pa]. The losses of those whose tensions in weft and warp are
+    not smaller lie within NEAR_BEST of each other. One row alone shows nothing. None if there is no such tension.
+    """
+    tight = [row for row in rows if min(row.tension) > 0.0 and row.stress_max_Pa <= limit]
+    tension, loss = np.array([row.tension for row in tight]).reshape(-1, 2), np.array([row.loss for row in tight])
+    for k in np.argsort(tension.sum(axis=1)):
+        onwards = loss[(tension >= (1.0 - SAME) * tension[k]).all(axis=1)]
+        if len(onwards) > 1 and np.ptp(onwards) <= NEAR_BEST:
+            return tight[k]
+    return None
+
+
+def given_rows(rows: Sequence[LossRow], frequency: float) -> list[LossRow]:
+    """Rows at a frequency [Hz], in the first state of the contacts: as computed, or the one that was asked for."""
+    return [row for row in rows if row.frequency_Hz == frequency and row.contacts == rows[0].contacts]
+
+
+def shown_record(rows: Sequence[LossRow], frequency: float, limit: float, is_map: bool) -> int:
+    """The last record; of a map that of the least tension at a frequency [Hz], where there is one."""
+    least = least_tension(given_rows(rows, frequency), limit) if is_map else None
+    return int((least or rows[-1]).record)
 
 
 def shown_frequencies(rows: Sequence[LossRow]) -> list[float]:
@@ -127,21 +167,18 @@ def shown_frequencies(rows: Sequence[LossRow]) -> list[float]:
     return every if len(every) <= SHOWN else [every[0], every[len(every) // 2], every[-1]]
 
 
-def reflection_findings(rows: Sequence[LossRow], last: int | None) -> Iterator[Finding]:
-    """Lines of the table: the loss of a record and the least tension, for a few of the frequencies.
-
-    last: the record; None: the one of the least tension.
-    """
+def reflection_findings(rows: Sequence[LossRow], limit: float, is_map: bool) -> Iterator[Finding]:
+    """Lines of the table: the loss of a record and the least tension, for a few of the frequencies."""
     for frequency in shown_frequencies(rows):
-        here = [row for row in rows if row.frequency_Hz == frequency]
-        best = least_tension([row for row in here if row.contacts == here[0].contacts])
-        record = last if last is not None or best is None else best.record
-        if of_state := {row.contacts: row for row in here if row.record == record}:
-            yield _loss_finding(frequency, of_state)
-        if best is not None:
-            where = f", {best.loss:.3g} dB: within {NEAR_BEST:g} dB of the best"
-            tension = (float(best.tension_weft_N_per_m), float(best.tension_warp_N_per_m))
-            yield Finding("  least tension, weft / warp", tension, "N/m", where=where)
+        record = shown_record(rows, frequency, limit, is_map)
+        yield _loss_finding(
+            frequency, {row.contacts: row for row in rows if (row.record, row.frequency_Hz) == (record, frequency)}
+        )
+        if least := least_tension(given_rows(rows, frequency), limit):
+            where = f", {least.loss:.3g} dB; at greater ones within {NEAR_BEST:g} dB"
+            yield Finding("  least tension, weft / warp", least.tension, "N/m", where=where)
+        else:
+            yield Finding("  least tension", f"none from which on the loss stays within {NEAR_BEST:g} dB")
 
 
 def _loss_finding(frequency: float, of_state: dict[str, LossRow]) -> Finding:

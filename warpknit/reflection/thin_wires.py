@@ -1,4 +1,4 @@
-"""One repeat of thin wires: straight branches between nodes, and contacts between nodes."""
+"""One repeat of thin wires: branches between nodes, each of two straight halves, and contacts between nodes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ThinWires:
     branch_shift: np.ndarray  # (branch, 2)
     contact_node: np.ndarray = field(default_factory=_none)  # (contact, 2)
     contact_shift: np.ndarray = field(default_factory=_none)  # (contact, 2)
-    branch_arc: np.ndarray | None = None  # [branch] [m] of wire, whose resistance counts; None: of straight wires
+    branch_middle: np.ndarray | None = None  # (branch, 3) [m] where the halves meet, as drawn from the first end; None: straight
 
     @property
     def area(self) -> float:
@@ -35,14 +35,16 @@ class ThinWires:
         return self._span(self.branch_node, self.branch_shift)
 
     @property
+    def halves(self) -> tuple[np.ndarray, np.ndarray]:
+        """(branch, 3) [m] of the first halves and of the second ones."""
+        branch = self.branches
+        first = 0.5 * branch if self.branch_middle is None else self.branch_middle - self.node[self.branch_node[:, 0]]
+        return first, branch - first
+
+    @property
     def contacts(self) -> np.ndarray:
         """(contact, 3) [m] from axis to axis."""
         return self._span(self.contact_node, self.contact_shift)
-
-    @property
-    def arcs(self) -> np.ndarray:
-        """[branch] [m] of wire."""
-        return np.linalg.norm(self.branches, axis=1) if self.branch_arc is None else self.branch_arc
 
     def _span(self, ends: np.ndarray, shift: np.ndarray) -> np.ndarray:
         span = self.node[ends[:, 1]] - self.node[ends[:, 0]]

@@ -406,7 +406,7 @@ class Reflection(Table):
         "Resistance of a film on each contact, in series with its constriction ([how-to](how-to/corroding_contacts.md)).", 0.0
     )
     branch_length: values.Length | None = key(
-        "Longest straight piece of wire of the field solver, at least one wire diameter.",
+        "Longest branch of wire in the field solver, of two straight halves; at least one wire diameter.",
         None,
-        left_out="1/64 of the wire of a loop",
+        left_out="1/72 of the wire of a loop",
     )

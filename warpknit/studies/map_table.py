@@ -14,6 +14,7 @@ from ..runner.strength import assumed_note
 from ..runner.summary_table import TIMED, model_findings
 from .contact_map import Jump, Optimum, drift_text, optimum_note
 
+OF_SOME = ("report", "reflection", "answers")  # tables that not every map has
 LEAST_TOLD = 0.1  # [s] of a stage of a report: a map that was there takes less
 
 
@@ -36,10 +37,11 @@ class MapSummary:
     jumps: Sequence[Jump]
     report: Values | None = None  # times of a report
     reflection: Sequence[Values] | None = None  # of a map with [reflection], see there
+    answers: Values | None = None  # of a map with [reflection]: its least tensions
 
     def json(self) -> Tree:
         """All of map.json."""
-        return {name: value for name, value in plain(self).items() if name not in ("report", "reflection") or value is not None}
+        return {name: value for name, value in plain(self).items() if value is not None or name not in OF_SOME}
 
     @classmethod
     def of(cls, tree: Tree) -> MapSummary:
