@@ -76,7 +76,6 @@ class Equilibrium:
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
-        asked[self.group.strains.at_limit(rows).any(axis=1)] = ON_THE_WAY
         asked[(asked > 1.0) & ~self.group.touches[rows]] = ANY
         ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
