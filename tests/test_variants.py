@@ -155,6 +155,14 @@ def test_a_run_is_the_mean_of_its_meshes_with_the_states_of_the_median_one(tmp_p
     assert run.scene == scene and run.summary["scene"]["hash"] == scene.hash
 
 
+def test_meshes_of_several_repeats_have_a_layout_of_their_own(tmp_path):
+    scene = scene_of(2, "planar", knit={"repeats": [2, 1]}, load={"strain_weft": 0.0, "strain_warp": 0.01}, output={"frames": 1})
+    assert run_scene(scene, out=tmp_path, device="cpu").exit_code == 0
+    run = load_run(tmp_path)
+    assert len(run.layout.body_class) == run.summary["model"]["bodies"] == 24
+    assert np.bincount(run.layout.body_class).tolist() == [4, 4, 8, 8]
+
+
 def test_a_planar_run_is_the_mean_of_its_meshes_too(tmp_path):
     scene = scene_of(2, "planar")
     assert run_scene(scene, out=tmp_path, device="cpu").exit_code == 0

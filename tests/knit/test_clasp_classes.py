@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warpknit.knit.cloth import Cloth, clasp_classes, same_cloth
+from warpknit.knit.cloth import Cloth, same_cloth
 from warpknit.measure.stress_peak import part_of_loop
 from warpknit.scene.knit import Knit
 from warpknit.scene.scene_loader import make_scene
@@ -25,7 +25,7 @@ def cloth_of(knit: Knit) -> Cloth:
 
 def test_the_double_atlas_has_three_classes_of_four_clasps() -> None:
     """Its glide symmetry leaves three of the twelve clasps different; copies by it are half a repeat apart in warp."""
-    classes = clasp_classes(atlas(), DIAMETER)
+    classes = cloth_of(atlas()).classes
     assert np.bincount(classes).tolist() == [4, 4, 4]
     assert classes[:6].tolist() == classes[6:].tolist()
 
@@ -33,8 +33,8 @@ def test_the_double_atlas_has_three_classes_of_four_clasps() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_scattered_loops_keep_the_classes_of_equal_ones(seed: int) -> None:
     knit = replace(atlas(), scatter=0.1, seed=seed)
-    assert clasp_classes(knit, DIAMETER).tolist() == clasp_classes(knit.even, DIAMETER).tolist()
-    assert np.bincount(clasp_classes(knit, DIAMETER, True, (2, 2))).tolist() == [16, 16, 16]
+    assert cloth_of(knit).classes.tolist() == cloth_of(knit.even).classes.tolist()
+    assert np.bincount(same_cloth(knit, DIAMETER, True, (2, 2)).classes).tolist() == [16, 16, 16]
 
 
 def test_the_highest_point_of_a_loop_is_its_head_and_the_lowest_its_foot() -> None:

@@ -1,5 +1,7 @@
 """The plan view is drawn: a PNG of the expected size, whole or absent."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -39,7 +41,7 @@ def test_marks_of_contacts_are_whole_and_the_legend_is_under_the_picture(name, t
     kept = []
     monkeypatch.setattr(module, "save_figure", lambda figure, path: kept.append(figure))
     classes = np.arange(len(cloth(name).clasps)) % 2
-    knit_figure(cloth(name), FINE, tmp_path / "knit.png", classes=classes)
+    knit_figure(replace(cloth(name), classes=classes), FINE, tmp_path / "knit.png")
     [figure] = kept
     figure.draw_without_rendering()
     [axes], [legend] = figure.axes, figure.legends

@@ -12,7 +12,6 @@ from .. import __version__, measure
 from ..base.files import write_aside, write_table
 from ..base.text import celsius
 from ..measure.stress_peak import peak_position
-from ..mesh.layout import contact_classes
 from ..results.row import columns_of, write_json
 from ..runner.history import mean_tension
 from ..studies.contact_map import axes_of, grid, optimum_note
@@ -138,7 +137,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
         draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
     if (cloth := found.model.cloth) is not None:
-        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.thickness, path, classes=contact_classes(found.scene))
+        draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.thickness, path)
     if (mesh := found.tensioned) is not None:
         frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
         title = state_title(frame, measure.mesh_tension(mesh))

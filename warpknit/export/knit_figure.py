@@ -40,13 +40,10 @@ def knit_figure(
     path: str | os.PathLike[str],
     columns: int = 2,
     rows: int = 2,
-    *,
-    classes: NDArray[np.intp] | None = None,
 ) -> Path:
     """Draw `columns` x `rows` repeats of a cloth to a PNG file.
 
-    thickness: of the yarn [m]. classes: [clasp] number of its class of contact; default: one for all. Lines are never thinner
-    than legible, so a thin wire looks thicker than it is.
+    thickness: of the yarn [m]. Lines are never thinner than legible, so a thin wire looks thicker than it is.
     """
     size = np.array([columns, rows]) * cloth.size * MM
     low, high, period = np.zeros(2), size, MM * np.diag(cloth.size)
@@ -62,7 +59,7 @@ def knit_figure(
         handles.append(Line2D([], [], color=_colour(bar), linewidth=1.8, label=f"guide bar {bar + 1}{where}"))
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
-    classes = np.zeros(len(bodies), dtype=np.intp) if classes is None else classes
+    classes = cloth.classes if len(cloth.classes) else np.zeros(len(bodies), dtype=np.intp)
     mark: LineLook = {"color": BODY_COLOUR, "linestyle": "none", "markersize": MARK_SIZE, "markeredgewidth": 0.0}
     styles: list[LineLook] = []
     for number in np.unique(classes).tolist():

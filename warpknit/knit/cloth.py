@@ -11,7 +11,7 @@ class of the nearest clasp, in place and shape, of the knit without scatter.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -48,6 +48,7 @@ class Cloth:
     crossings: Crossings
     clasps: tuple[Clasp, ...]
     rhombus: Rhombus | None
+    classes: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))  # [clasp] from `same_cloth`
 
     @property
     def stitch_length(self) -> float:
@@ -87,8 +88,12 @@ class Cloth:
 
 @lru_cache(maxsize=8)
 def same_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
-    """`knit_cloth` of a knit that can be hashed, made once; its arrays must not be changed."""
-    return knit_cloth(knit, diameter, merge_lenses, tiles)
+    """`knit_cloth` of a knit that can be hashed, made once, with the class of each clasp; its arrays must not be changed.
+
+    Classes are numbered from the tightest lens on. knit: has `even`, too, where it has `scatter`.
+    """
+    cloth = knit_cloth(knit, diameter, merge_lenses, tiles)
+    return replace(cloth, classes=_classes(cloth, knit, diameter, merge_lenses))
 
 
 def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
@@ -175,10 +180,8 @@ CLASS_NAMES = "ABCDEFGHIJKL"  # the last one also takes further classes
 SAME_SHAPE = 0.02  # of the wale spacing: centre lines are sampled, so that equal lenses differ a little
 
 
-@lru_cache(maxsize=1024)
-def clasp_classes(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> NDArray[np.intp]:
-    """[clasp] number of the class of each clasp of `knit_cloth`, from the tightest lens on. `knit` has `scatter` and `even`."""
-    cloth = same_cloth(knit, diameter, merge_lenses, tiles)
+def _classes(cloth: Cloth, knit: Any, diameter: float, merge_lenses: bool) -> NDArray[np.intp]:
+    """[clasp] classes of clasps; of scattered loops those of the clasps of equal loops that are nearest and most alike."""
     if not knit.scatter:
         return _classes_by_shape(_shapes(cloth.clasps), SAME_SHAPE * knit.wale_spacing)
     even = same_cloth(knit.even, diameter, merge_lenses)
@@ -186,7 +189,7 @@ def clasp_classes(knit: Any, diameter: float, merge_lenses: bool = True, tiles: 
     apart -= np.round(apart / even.size) * even.size
     unlike = _shapes(cloth.clasps)[:, None] - _shapes(even.clasps)
     distance = np.linalg.norm(apart, axis=2) + np.linalg.norm(unlike, axis=2)
-    return np.asarray(clasp_classes(knit.even, diameter, merge_lenses)[np.argmin(distance, axis=1)])
+    return np.asarray(even.classes[np.argmin(distance, axis=1)])
 
 
 def _shapes(clasps: Sequence[Clasp]) -> NDArray[np.float64]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..knit.cloth import CLASS_NAMES
-from ..mesh.layout import contact_classes
 from . import pair_active
 from .observables import MeshModel, Observables
 
@@ -27,7 +26,7 @@ def class_of_pair(model: MeshModel) -> np.ndarray:
     """[pair] number of its class; one class for all where nothing is knitted."""
     if model.cloth is None:
         return np.zeros(model.pair_count, dtype=np.int64)
-    return np.repeat(contact_classes(model.scene)[model.panel.body_clasp], 2)
+    return np.repeat(model.cloth.classes[model.panel.body_clasp], 2)
 
 
 def classes_of(model: MeshModel) -> list[ContactClass]:
@@ -54,7 +53,7 @@ def _pairs(r: Observables, name: str) -> np.ndarray | None:
     if r.model.scene.hook is not None:
         return None
     number, model = CLASS_NAMES.index(name), r.model
-    if number > (0 if model.cloth is None else contact_classes(model.scene).max(initial=0)):
+    if number > (0 if model.cloth is None else model.cloth.classes.max(initial=0)):
         return None
     pairs = np.flatnonzero(class_of_pair(model) == number)
     return pairs if len(pairs) else None

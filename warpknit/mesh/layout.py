@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.text import exact
 from ..compute.memory import refuse_beyond_memory
-from ..knit.cloth import Cloth, clasp_classes, same_cloth
+from ..knit.cloth import Cloth, same_cloth
 from ..scene import PanelOptions, Scene, Stage
 from ..wires.read import rest_wires
 from .panel import Panel, build_panel, table_lead
@@ -54,12 +54,6 @@ def knit_scene(scene: Scene, device: str = "cpu") -> Cloth:
 def refuse_large_mesh(scene: Scene, cloth: Cloth, device: str) -> None:
     """Refuse (`MemoryNeeded`) a mesh of the cloth that cannot fit on the device."""
     refuse_beyond_memory(_size_of(scene), scene, estimated_nodes(scene, cloth), device)
-
-
-def contact_classes(scene: Scene) -> np.ndarray:
-    """[clasp] number of the class of contact of each clasp of `knit_scene`."""
-    knit = scene.knit if scene.knit.scatter else scene.knit.even
-    return clasp_classes(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
 
 
 def _tiles(scene: Scene) -> tuple[int, int]:

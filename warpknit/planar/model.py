@@ -25,7 +25,7 @@ from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..mesh.hook_mesh import Treatment, choose_treatment, hook_panel, hook_table
-from ..mesh.layout import contact_classes, knit_scene, lay_out
+from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
@@ -181,7 +181,7 @@ class Model:
             rhombus_bodies=p.rhombus_bodies,
             repeats=np.array(self.scene.knit.repeats if self.cloth is not None else (0, 0)),
             curve_parts=curve_parts(p.node_count, self.scene.model.nodes_per_loop),
-            body_class=np.zeros(0, dtype=np.int64) if self.cloth is None else contact_classes(self.scene)[p.body_clasp],
+            body_class=np.zeros(0, dtype=np.int64) if self.cloth is None else self.cloth.classes[p.body_clasp],
         )
 
     @property

@@ -17,7 +17,6 @@ from ..compute.memory import available_memory
 from ..errors import OutOfResources, RunDirectoryError
 from ..measure import MeshModel
 from ..measure.table import Record
-from ..mesh.layout import contact_classes
 from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Columns, Row, write_json
 from ..scene import Scene, resolved_toml
@@ -263,5 +262,4 @@ class Recorder:
         if scene.output.figures and self.model.cloth is not None:
             from ..export.knit_figure import knit_figure
 
-            classes = contact_classes(self.scene)
-            knit_figure(self.model.cloth, self.scene.wire.thickness, self.out / "figures" / "knit.png", classes=classes)
+            knit_figure(self.model.cloth, self.scene.wire.thickness, self.out / "figures" / "knit.png")

@@ -7,7 +7,6 @@ from typing import Any
 
 from ..errors import ModelError
 from ..knit.lapping import KnitError
-from ..mesh.layout import contact_classes
 from ..scene import Scene
 from .model import build_model
 
@@ -26,8 +25,7 @@ class VariantModels:
     def model(self, number: int) -> Any:
         """The model of a mesh. Raises `ModelError`, `KnitError`."""
         if number not in self._models:
-            self._models[number] = model = build_model(self.scene.variant(number), self.device)
-            contact_classes(model.scene)  # while its cloth is at hand
+            self._models[number] = build_model(self.scene.variant(number), self.device)
         return self._models[number]
 
     def take(self, count: int, fits: Callable[[list[Any], Any], bool] = lambda _models, _model: True) -> list[int]:

@@ -14,7 +14,7 @@ from ..compute.precision import Precision, precision_of
 from ..compute.ranks import One, Ranks
 from ..knit.cloth import Cloth
 from ..mesh.hook_mesh import hook_panel, hook_table
-from ..mesh.layout import contact_classes, knit_scene, lay_out
+from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import panel_of
@@ -155,7 +155,7 @@ class SpatialModel:
             repeats=np.array(self.scene.knit.repeats if wires is None else wires.repeats),
             wire_closing=self.rods.wire_period[:, :2],
             curve_parts=curve_parts(rods.node_count, self.scene.model.nodes_per_loop),
-            body_class=np.zeros(0, dtype=np.int64) if self.cloth is None else contact_classes(self.scene)[p.body_clasp],
+            body_class=np.zeros(0, dtype=np.int64) if self.cloth is None else self.cloth.classes[p.body_clasp],
         )
 
 
