@@ -28,6 +28,8 @@ def knit_scene(name: str, **tables: dict[str, object]) -> Scene:
         "wire": {"material": "molybdenum", "diameter": "30 um"},
         "knit": {"bars": bars, "wales": f"{knit.wales} /inch", "courses": f"{knit.courses} /inch"},
         "model": {"boundary": "periodic"},
+        "contact": {"friction": 0.0},
+        "variants": {"count": 1},
         "load": {"strain_weft": 0.01 * knit.strain, "strain_warp": 0.01 * knit.strain},
         "output": {"usd": False, "figures": False},
     }
@@ -70,6 +72,8 @@ def straight_wire(tmp_path: Path, **tables: dict[str, object]) -> Scene:
         "wires": {"file": tmp_path / "wires.csv", "node_spacing": "0.1 mm"},
         "wire": {"diameter": "0.1 mm"},
         "load": {"strain_weft": 1e-3},
+        "contact": {"friction": 0.0},
+        "variants": {"count": 1},
     }
     return load_scene({**scene, **{key: scene.get(key, {}) | table for key, table in tables.items()}})
 

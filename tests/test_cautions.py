@@ -108,6 +108,8 @@ TRICOT = {
     "wire": {"material": "molybdenum", "diameter": "17 um", "ends": 4},
     "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
     "model": {"boundary": "periodic", "kind": "spatial"},
+    "contact": {"friction": 0.0},
+    "variants": {"count": 1},
     "load": {"tension_weft": "2 N/m", "tension_warp": "2 N/m"},
 }
 

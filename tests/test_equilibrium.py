@@ -18,7 +18,11 @@ class OneMesh:
         scene = SimpleNamespace(solver=SimpleNamespace(residual_tolerance=0.01), model=SimpleNamespace(nodes_per_loop=16))
         self.model, self.ratio = SimpleNamespace(scene=scene), ratio
         self.members = [SimpleNamespace(drift=Drift(1), can_overlap=False, check_steps=50)]
-        self.strains = SimpleNamespace(is_endless=lambda rows: np.zeros(len(rows), dtype=bool), found=lambda _rows: None)
+        self.strains = SimpleNamespace(
+            is_endless=lambda rows: np.zeros(len(rows), dtype=bool),
+            at_limit=lambda rows: np.zeros((len(rows), 2), dtype=bool),
+            found=lambda _rows: None,
+        )
         self.touches = np.array([True])
 
     def advance(self, _rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:

@@ -42,7 +42,11 @@ def test_a_load_that_lags_ends_at_its_target(lag: float):
 
 
 def test_deep_overlaps_slow_the_load_in_space(monkeypatch: pytest.MonkeyPatch):
-    simulation = Simulation(build_model(make_scene({"model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 16}})))
+    simulation = Simulation(
+        build_model(
+            make_scene({"model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 16}, "contact": {"friction": 0.0}})
+        )
+    )
     mechanics = simulation.mechanics
     thickness = 2.0 * float(mechanics.model.rods.wire_radius.min())
     load = LoadPoint(np.diag([1.02, 1.02]), mechanics.model.scene.wire.reference_temperature)

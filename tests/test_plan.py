@@ -173,7 +173,8 @@ def test_text_says_what_the_numbers_say():
 
 TRICOT_CELL = {
     "wire": {"diameter": "30 um"}, "knit": {"bars": TRICOT, "wales": "26 /inch", "courses": "30 /inch"},
-    "model": {"kind": "spatial", "boundary": "periodic"}, "solver": {"preset": "draft"},
+    "model": {"kind": "spatial", "boundary": "periodic"}, "contact": {"friction": 0.0}, "variants": {"count": 1},
+    "solver": {"preset": "draft"},
 }  # fmt: skip
 BY_TENSION = {"load.tension_weft": "1 N/m", "load.tension_warp": "1 N/m", "output.frames": 5}
 WIRES = ROOT / "scenes" / "wires" / "plain_knit_spatial.toml"

@@ -48,6 +48,8 @@ def scene(knit: str, repeats: list[int], boundary: str, strain: float = 0.04, **
         "wire": {"material": "tungsten", "diameter": 15e-6},
         "knit": {"bars": KNITS[knit], "wales": "26 /inch", "courses": "40 /inch", "repeats": repeats},
         "model": {"kind": "spatial", "boundary": boundary},
+        "contact": {"friction": 0.0},
+        "variants": {"count": 1},
         "load": {"strain_weft": strain, "strain_warp": strain},
         "solver": {"preset": "draft"},
         "output": {"frames": 1},

@@ -139,6 +139,7 @@ def test_contacts_elsewhere_of_a_tight_knit_have_places(tmp_path: Path, monkeypa
     the place is half a thickness from the drawn curves of both, but for the height of an arc above the pieces of a curve."""
     knit = {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"}
     table = {"wire": {"material": "molybdenum", "diameter": 30e-6}, "knit": knit, "solver": {"preset": "draft"}}
+    table |= {"contact": {"friction": 0.0}, "variants": {"count": 1}}
     table |= {"model": {"kind": "spatial", "boundary": "periodic"}, "load": {"strain_weft": 0.06, "strain_warp": 0.06}}
     scene = load_scene(table | {"output": {"frames": 6, "figures": False, "usd": False}})
     run = load_run(assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=23))
@@ -241,6 +242,8 @@ def test_contacts_store_no_negative_energy() -> None:
         "wire": {"material": "molybdenum", "diameter": "30 um"},
         "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"},
         "model": {"kind": "spatial", "boundary": "periodic"},
+        "contact": {"friction": 0.0},
+        "variants": {"count": 1},
         "load": {"strain_weft": 0.045, "strain_warp": 0.045},
         "solver": {"preset": "draft"},
         "output": {"frames": 9},

@@ -24,6 +24,7 @@ def scene_of(count: int = 3, kind: str = "spatial", **tables: dict) -> Scene:
         "wire": {"material": "molybdenum", "diameter": "30 um"},
         "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
         "model": {"kind": kind, "boundary": "periodic"},
+        "contact": {"friction": 0.0},
         "load": {"strain_weft": 0.03, "strain_warp": 0.03},
         "solver": {"preset": "draft"},
         "output": {"frames": 2, "usd": False, "figures": False},

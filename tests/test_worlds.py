@@ -18,6 +18,7 @@ def scene_of(kind: str, strain: float = 0.02, **knit: object) -> Scene:
             "wire": {"material": "molybdenum", "diameter": "30 um"},
             "knit": TRICOT | knit,
             "model": {"kind": kind, "boundary": "periodic"},
+            "contact": {"friction": 0.0},
             "load": {"strain_weft": strain, "strain_warp": strain},
             "solver": {"preset": "draft"},
             "output": {"frames": 2},

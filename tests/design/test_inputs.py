@@ -132,6 +132,7 @@ def test_rods_in_space_have_the_lengths_that_loops_were_fitted_to(name):
         "wire": {"material": "molybdenum", "diameter": "30 um"},
         "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch", "repeats": [1, 1]},
         "model": {"kind": "spatial", "boundary": "periodic"},
+        "contact": {"friction": 0.0},
     })  # fmt: skip
 
     def rods(fitted):

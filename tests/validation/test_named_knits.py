@@ -31,6 +31,8 @@ def test_a_named_knit_carries_the_tension_that_is_asked_for(name: str, wire: str
         "wire": WIRES[wire],
         "knit": {"bars": [asdict(bar) for bar in knit.bars], "repeats": [1, 1], **spacing},
         "model": {"boundary": "periodic"},
+        "contact": {"friction": 0.0},
+        "variants": {"count": 1},
         "load": {"tension_weft": tension, "tension_warp": tension},
     })  # fmt: skip
     model = build_model(scene)

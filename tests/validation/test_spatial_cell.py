@@ -267,6 +267,8 @@ def test_a_level_at_which_a_contact_passes_a_node_converges() -> None:
             "wire": {"material": "molybdenum", "diameter": "20 um", "ends": 3},
             "knit": {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"},
             "model": {"kind": "spatial", "boundary": "periodic"},
+            "contact": {"friction": 0.0},
+            "variants": {"count": 1},
             "load": {"strain_weft": 0.11, "strain_warp": 0.11},
             "solver": {"max_steps": 10_000},
             "output": {"frames": 11},

@@ -23,6 +23,8 @@ courses = "30/inch"
 [model]
 kind = "spatial"
 boundary = "periodic"
+[contact]
+friction = 0
 [load]
 strain_weft = "6 %"
 strain_warp = "6 %"
@@ -38,6 +40,7 @@ def compressed(tmp_path: Path, strain: float) -> Simulation:
         "wires": {"file": str(tmp_path / "straight.csv"), "node_spacing": SPACING},
         "wire": {"diameter": DIAMETER},
         "model": {"boundary": "gripped"},
+        "contact": {"friction": 0.0},
         "load": {"strain_weft": strain},
         "output": {"frames": 1, "usd": False},
     }

@@ -27,6 +27,7 @@ def test_the_strain_of_a_straight_wire_does_not_depend_on_its_nodes(load: str, s
         "load": loads[load],
         "output": {"frames": 1},
         "model": {"kind": "spatial", "boundary": "gripped"},
+        "contact": {"friction": 0.0},
         "solver": {"residual_tolerance": TOLERANCE},
     })  # fmt: skip
     *_, record = Simulation(build_model(scene)).run()

@@ -29,6 +29,8 @@ def scene_of(
             "wire": {"material": "molybdenum", "diameter": "30 um"},
             "knit": {"bars": KNITS[name], "wales": "26 /inch", "courses": "30 /inch", "repeats": list(repeats)},
             "model": {"kind": kind, "boundary": boundary},
+            "contact": {"friction": 0.0},
+            "variants": {"count": 1},
             "load": {"tension_weft": "1 N/m", "tension_warp": "1 N/m"},
             "solver": {"preset": "draft", "precision": "double"},
             "output": {"frames": 1},

@@ -32,6 +32,8 @@ def clamped_wires(folder: Path, spacing: float, **tables: Any) -> Simulation:
         "wire": {"diameter": "50 um"},
         "wires": wires,
         "solver": {"residual_tolerance": 1e-3},
+        "contact": {"friction": 0.0},
+        "variants": {"count": 1},
         "output": {"frames": 1},
     } | tables
     return Simulation(build_model(load_scene(scene)))

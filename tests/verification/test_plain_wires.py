@@ -30,6 +30,7 @@ def simulation_of(
         "wires": own if period is None else own | {"period": [f"{side} mm" for side in period]},
         "wire": {"diameter": f"{DIAMETER} mm"},
         "load": {"strain_weft": STRAIN},
+        "contact": {"friction": 0.0},
     } | tables
     return Simulation(build_model(load_scene(scene)))
 

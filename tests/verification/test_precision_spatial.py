@@ -76,6 +76,7 @@ def test_knits_carry_what_they_do_in_double_precision(knit: str) -> None:
             wire = {{material = "tungsten", diameter = "15 um"}}
             knit = {{bars = [{bars}], wales = "26 /inch", courses = "{courses} /inch"}}
             model = {{kind = "spatial", boundary = "periodic"}}
+            contact = {{friction = 0}}
             load = {{strain_weft = 0.04, strain_warp = 0.04}}
             solver = {{preset = "draft", precision = "{precision}"}}
             output = {{frames = 4}}

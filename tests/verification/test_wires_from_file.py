@@ -26,6 +26,7 @@ def crossing(folder: Path, height: float, **tables) -> Scene:
     np.savez(folder / "wires.npz", weft, warp)
     wires = {"file": "wires.npz", "unit": "m", "period": [PERIOD, PERIOD], "node_spacing": DIAMETER}
     table = {"wires": wires, "wire": {"diameter": DIAMETER}, "model": {"kind": "spatial", "boundary": "periodic"}}
+    table |= {"contact": {"friction": 0.0}}
     return make_scene(table | {"output": {"frames": 1}} | tables, path=folder / "scene.toml")
 
 

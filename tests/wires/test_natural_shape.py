@@ -171,7 +171,12 @@ def test_a_wire_that_is_twisted_as_it_lies_untwists(tmp_path):
     (tmp_path / "twisted.pyp").write_text(text, encoding="utf-8")
     wires = {"file": tmp_path / "twisted.pyp", "unit": "1 mm", "node_spacing": f"{2.0 / count} mm"}
     scene = {"wires": wires, "wire": {"diameter": "0.05 mm"}}
-    scene |= {"model": {"boundary": "periodic"}, "load": {"strain_weft": 1e-3}, "output": {"frames": 1}}
+    scene |= {
+        "model": {"boundary": "periodic"},
+        "contact": {"friction": 0.0},
+        "load": {"strain_weft": 1e-3},
+        "output": {"frames": 1},
+    }
     before, *_ = Simulation(build_model(load_scene(scene))).run()
     twist = 0.3 * np.sin(np.pi * x) / (2e-3 / count)  # [1/m] as it lies
     assert before.steps > 0 and np.abs(before.observables.twist_change).max() < 1e-3 * twist.max()

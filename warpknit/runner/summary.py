@@ -159,6 +159,7 @@ def run_summary(
         other_warnings=(*warnings, *([estimate.warning] if estimate.warning else [])),
         model=Values(
             kind=scene.model.kind,  # planar or spatial
+            friction=scene.contact.friction,  # coefficient of wires that touch
             kind_reason=scene.kind_reason,  # why: chosen in the scene, the default, or what exists only in the planar model
             source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",  # table of the scene that
             # gives the wires: `knit`, `hook` or `wires`

@@ -19,6 +19,7 @@ from .warnings_of import CARRIED, fragment_share
 SIDES = ("weft", "warp")
 # contacts that are counted in pairs, and the others
 PLACES = {"knit": ("at clasps", "between stitches"), "wires": ("at crossings", "elsewhere")}
+LEAST_SPREAD = 5e-3  # of the mean of a figure: a smaller range is not shown
 TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
 
 
@@ -76,7 +77,7 @@ def _variants_findings(variants: Means) -> Iterator[Finding]:
 def _spread(variants: Means | None, *names: str, factor: float = 1.0) -> str:
     """The range of figures of the meshes, in brackets; empty where it is nothing."""
     found = [variants[name] for name in names if variants is not None and name in variants]
-    if not any(one.p90 > one.p10 for one in found):
+    if not any(one.p90 - one.p10 > LEAST_SPREAD * abs(one.mean) for one in found):
         return ""
     return f" ({' / '.join(f'{factor * one.p10:.3g} to {factor * one.p90:.3g}' for one in found)})"
 
@@ -138,8 +139,10 @@ def _earlier_stage(end: Row) -> Iterator[Finding]:
 
 
 def model_findings(model: Values) -> Iterator[Finding]:
-    """The kind of model and why it is of this kind."""
+    """The kind of model and why it is of this kind, and the friction of its wires."""
     yield Finding("model", model.kind, where=f" ({model.kind_reason})")
+    if friction := model.get("friction"):
+        yield Finding("friction", f"{friction:.3g}")
 
 
 def _hook_findings(hook: Row) -> Iterator[Finding]:

@@ -106,7 +106,7 @@ class Variants:
     @property
     def share(self) -> float:
         """Of the meshes begun, what is done."""
-        levels, stages = self.scene.output.levels, len(self.scene.stages)
+        levels, stages = self.simulation.drives[0].scene.output.levels, len(self.scene.stages)
 
         def done(progress: Progress) -> float:
             level = max(0, progress.level - (progress.stage_index == 0))

@@ -217,6 +217,7 @@ class Output(Table):
         return DEFAULT_LEVELS if isinstance(self.frames, str) else self.frames
 
 
+VARIANT_LEVELS = 8  # of each of several meshes, where levels are found automatically
 SIDES = ("weft", "warp")
 
 
@@ -373,7 +374,7 @@ class Variants(Table):
     """[variants]: meshes that are alike but for what scatters; results are means over them, with their range."""
 
     count: values.VariantCount = key(
-        "Meshes side by side, of which results are the mean. 1: a single mesh, with `knit.scatter`.", 1
+        "Meshes side by side, of which the results of a run or a map are the mean. 1: a single mesh, with `knit.scatter`.", 1
     )
     standard_error: values.Fraction = key(
         "Largest standard error, of tension (or strain, where tension drives), active contacts and largest stress. Up to four"

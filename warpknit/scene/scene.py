@@ -22,7 +22,18 @@ from warpknit.base.text import exact
 from warpknit.errors import SceneError
 from warpknit.scene.keys import Table, given_values, key, keys_of
 from warpknit.scene.knit import Hook, Knit, KnitTable
-from warpknit.scene.options import GIVEN, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep, Variants
+from warpknit.scene.options import (
+    GIVEN,
+    VARIANT_LEVELS,
+    Contact,
+    ModelOptions,
+    Output,
+    Reflection,
+    Solver,
+    Stage,
+    Sweep,
+    Variants,
+)
 from warpknit.scene.panel_options import PanelOptions, PanelTable
 from warpknit.scene.presets import PRESETS, preset_like, tight_knits
 from warpknit.scene.units import si_text
@@ -169,7 +180,9 @@ class Scene:
         draw = random.Random(seed).gauss(0.0, variants.friction)
         knit = replace(self.knit, scatter=variants.scatter, seed=seed)
         contact = replace(self.contact, friction=self.contact.friction * math.exp(draw))
-        return replace(self, knit=knit, contact=contact, variants=replace(variants, count=1))
+        frames = VARIANT_LEVELS if isinstance(self.output.frames, str) else self.output.frames
+        output = replace(self.output, frames=frames)
+        return replace(self, knit=knit, contact=contact, output=output, variants=replace(variants, count=1))
 
     @property
     def has_moving_edge(self) -> bool:

@@ -18,6 +18,7 @@ PROGRESS_RATIO = 0.9  # over the best ratio: counts as progress
 PATIENCE = 1500  # checks without progress before a level is abandoned
 PATIENCE_NODES = 100  # nodes a loop up to which that holds
 MOST_WAITING = 100  # checks with all criteria met, for a residual further below its tolerance
+UNKNOWN = 1.0  # drift ratio before there are enough checks: not converged
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in its relative change
 
 
@@ -50,20 +51,22 @@ class Convergence:
         ratio: np.ndarray,
         stress: Callable[[np.ndarray], np.ndarray],
         to_ratio: np.ndarray | float = 1.0,
+        is_followed: np.ndarray | bool = False,
     ) -> np.ndarray:
         """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
 
         The drift ratio is computed where the residual ratio is small enough; only there `stress` (row, 2, 2) [N/m] is evaluated.
         to_ratio: ratios of the residual asked for, of all or [row]. Above 1 the drift does not count; one below 1 is waited for,
-        not for ever.
+        not for ever. is_followed: whether the drift counts above 1, too, by the same ratio.
         """
         to_ratio = np.broadcast_to(to_ratio, ratio.shape)
         unmet = ratio / np.maximum(to_ratio, 1.0)
         met = unmet < 1.0
         self._met[rows[~met]] = 0
-        met &= to_ratio <= 1.0
+        met &= (to_ratio <= 1.0) | is_followed
         if met.any():
-            unmet[met] = np.maximum(unmet[met], self._drift_ratio(rows[met], stress(rows[met])))
+            drift = self._drift_ratio(rows[met], stress(rows[met]))
+            unmet[met] = np.maximum(unmet[met], drift / np.where(drift == UNKNOWN, 1.0, np.maximum(to_ratio[met], 1.0)))
             waits = met & (self._met[rows] <= MOST_WAITING)
             unmet[waits] = np.maximum(unmet[waits], ratio[waits] / to_ratio[waits])
         return unmet
@@ -81,7 +84,7 @@ class Convergence:
             moved = moved / (1.0 - np.minimum(moved / np.maximum(earlier, 1e-300), self.drift.max_decay_ratio))
         scale = np.maximum(np.abs(now).max(axis=largest), self.least_tension)
         drift = moved / (self.tolerance * scale)
-        return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, 1.0))
+        return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, UNKNOWN))
 
     def drifts(self, row: int) -> bool:
         """Whether a mesh that has not converged meets all criteria but that of the tension."""

@@ -62,7 +62,8 @@ def run_trade(
     """
     scene = load((), None)
     refuse(scene, "trade")
-    of_reference: Overrides = (("model.kind", against),) if against else ()
+    # friction has another default in another model
+    of_reference: Overrides = (("model.kind", against), ("contact.friction", scene.contact.friction)) if against else ()
     load(of_reference, None)  # refused before anything is written
     if resume and (finished := finished_summary(out, "trade.json", scene.hash, "trade")) is not None:
         return CommandResult(0, TradeSummary.of(finished))
