@@ -76,7 +76,7 @@ class Equilibrium:
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
-        at_limit = self.group.strains.at_limit(rows).any(axis=1)
+        at_limit = np.asarray(self.group.strains.at_limit(rows).any(axis=1))
         asked[at_limit] = ON_THE_WAY
         asked[(asked > 1.0) & ~self.group.touches[rows]] = ANY
         ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked, at_limit)
