@@ -29,6 +29,16 @@ class Launch(NamedTuple):
         names = [argument.label for argument in self.kernel.adj.args]
         return int(self.arguments[names.index(SHARED_BY)]) if SHARED_BY in names else None
 
+    @property
+    def overload(self) -> wp.Kernel:
+        """The kernel, or that of its overloads that takes the arguments."""
+        if not self.kernel.is_generic:
+            return self.kernel
+        types = (self.kernel, *((a.dtype, a.ndim) if isinstance(a, wp.array) else type(a) for a in self.arguments))
+        if types not in _OVERLOADS:
+            _OVERLOADS[types] = self.kernel.add_overload(self.kernel.infer_argument_types(self.arguments))
+        return _OVERLOADS[types]
+
     def run(self, device: str) -> None:
         """Launch the kernel now."""
         if self.threads > 0:
@@ -36,14 +46,9 @@ class Launch(NamedTuple):
 
     def record(self, device: str) -> wp.Launch:
         """A recorded Warp launch, to repeat or to capture in a graph."""
-        types = (self.kernel, *((a.dtype, a.ndim) if isinstance(a, wp.array) else type(a) for a in self.arguments))
-        kernel = _OVERLOADS.get(types, self.kernel)
-        recorded = wp.launch(
-            kernel, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True, block_dim=self.block_dim
+        return wp.launch(
+            self.overload, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True, block_dim=self.block_dim
         )
-        if recorded is not None:  # there are threads
-            _OVERLOADS[types] = recorded.kernel
-        return recorded
 
     def replay(self, device: str) -> Callable[[], None]:
         """A function that repeats the launch, at a third of the cost of a recorded one on a CPU; it keeps the arguments."""
@@ -77,7 +82,9 @@ def bind(kernel: wp.Kernel, threads: int, /, *sources: object, **named: object) 
     unknown = [name for name in named if name not in names]
     if unknown:
         raise TypeError(f"kernel {kernel.key} has no argument {', '.join(unknown)}; its arguments are {', '.join(names)}")
-    return Launch(kernel, threads, [named[name] if name in named else _attribute(kernel, name, sources) for name in names])
+    launch = Launch(kernel, threads, [named[name] if name in named else _attribute(kernel, name, sources) for name in names])
+    _ = launch.overload  # known before its module is compiled: one that comes later compiles all of the module again
+    return launch
 
 
 def _attribute(kernel: wp.Kernel, name: str, sources: tuple[object, ...]) -> object:
