@@ -6,18 +6,47 @@ SI values are small: pytest.approx needs `abs=0` beside `rel`, or its own 1e-12 
 import os
 import shutil
 import tempfile
+from pathlib import Path
 
 import pytest
 import warp as wp
 
 pytest.register_assert_rewrite("reference")
 
-from reference.kernel_cache import compile_kernels  # noqa: E402  (rewritten first)
+from reference.images import draw_blank  # noqa: E402
+from reference.kernel_cache import MODELS, compile_in_processes, compile_kernels  # noqa: E402  (rewritten first)
 from reference.solved import FOLDER_KEY  # noqa: E402
 
 wp.config.quiet = True
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+TESTS = Path(__file__).parent
+# for work by hand: these need no kernel but one of their own
+FAST = """
+    design/test_card_values design/test_equal_tension design/test_fe_cards
+    export/test_frame export/test_tension_figure export/test_thickness export/test_usd export/test_usd_levels
+    export/test_view export/test_vtk
+    knit/test_chain knit/test_crossings knit/test_lapping knit/test_lens_width knit/test_openings knit/test_threads
+    reflection/test_currents
+    test_best_tension test_capabilities test_cli test_closings test_contact_map test_convergence_check test_device
+    test_equilibrium test_host test_jumps test_kernel_linter test_launch test_layering test_measures_of_design test_pace
+    test_result_types test_run_directory test_scene test_scene_in_code test_scene_keys test_scene_refusals
+    test_scene_resolved test_stress_peak test_text test_units
+    validation/test_other_codes validation/test_study_pages
+    wires/test_bad_files wires/test_curves wires/test_hooks wires/test_overlaps wires/test_repeat
+"""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of FAST, but for slow ones."""
+    fast = {TESTS / f"{name}.py" for name in FAST.split()}
+    if missing := [path for path in fast if not path.is_file()]:
+        raise pytest.UsageError(f"FAST names files that are not there: {missing}")
+    for item in items:
+        if item.path in fast and item.get_closest_marker("slow") is None:
+            item.add_marker(pytest.mark.fast)
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
@@ -28,18 +57,24 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 def pytest_configure(config: pytest.Config) -> None:
     """Before workers start: a folder for what they solve, one thread for each, and the kernels compiled once for all."""
     if hasattr(config, "workerinput"):
-        compile_kernels()  # loads what was compiled for all; in the same order, so that modules stand in the same form
+        compile_kernels(*MODELS)  # loads what was compiled for all; in the same order, so that modules stand in the same form
         return
     os.environ[FOLDER_KEY] = tempfile.mkdtemp(prefix="warpknit_tests_")
     if getattr(config.option, "numprocesses", None):
         for name in ("WARPKNIT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(name, "1")
-        compile_kernels()
+        compile_in_processes()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
     if not hasattr(config, "workerinput"):
         shutil.rmtree(os.environ.get(FOLDER_KEY, ""), ignore_errors=True)
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are laid out, but their files are an image of one pixel; see `draw_blank`."""
+    draw_blank(monkeypatch)
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
