@@ -38,15 +38,6 @@ def planned(scene: Scene, *device: str) -> list[str]:
     return [str(warning) for warning in overview_of(scene, *device).warnings]
 
 
-@pytest.mark.parametrize(("friction", "frames", "says"), [(0.4, 32, True), (0.4, 511, True), (0.4, 512, False), (0.1, 32, False)])
-def test_friction_that_holds_asks_for_states_near_each_other(friction: float, frames: int, says: bool) -> None:
-    """Above a coefficient of 0.1, steady states must be 0.16/512 of strain apart or less (docs/studies/models.md)."""
-    model = build_model(load_scene(SCENE, (f"contact.friction={friction}", f"output.frames={frames}")))
-    found = [line for line in cautions(model, []) if "friction" in line]
-    assert bool(found) == says
-    assert all("output.frames = 512" in line for line in found)
-
-
 @pytest.mark.parametrize(
     ("load", "says"), [("strain_warp=0", True), ("strain_warp=0.1", False), ("tension_warp=0", False), ("temperature=200", False)]
 )

@@ -8,6 +8,7 @@ Steps and time are measured on a small mesh of the scene (solve/sample_run.py); 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -24,6 +25,7 @@ from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import ResultWarning
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
+from ..runner.variants import MOST, wanted
 from ..scene import Scene
 from ..scene.capabilities import without_effect
 from ..solve.model import kind_of
@@ -68,8 +70,8 @@ class Plan(Overview):
 
     @property
     def wall_s(self) -> float | None:
-        """[s] of these steps; None on a GPU."""
-        return self.run.seconds if self.device == "cpu" else None
+        """[s] of these steps of all meshes; None on a GPU."""
+        return self.run.seconds * self.scene.variants.count if self.device == "cpu" else None
 
     def as_dict(self) -> dict[str, object]:
         """The object that `warpknit plan --json` prints."""
@@ -99,7 +101,7 @@ class Plan(Overview):
             ("model", f"{model.kind} ({self.scene.kind_reason})"),
             ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
             ("time step", step if is_ramp else "1, stable by fictitious masses"),
-            ("steps", _about(lambda steps: f"{rounded(steps):,}", self.run)),
+            ("steps", _about(lambda steps: f"{rounded(steps):,}", self.run) + self._meshes_text),
             *([] if self.map_s is None else [("sweep", self._sweep_text)]),
             (
                 "time",
@@ -125,8 +127,18 @@ class Plan(Overview):
             f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
         )
 
+    @property
+    def _meshes_text(self) -> str:
+        variants = self.scene.variants
+        if variants.count == 1:
+            return ""
+        least, most = (wanted(variants.count, variants.standard_error, found, math.inf) for found in (0, MOST * variants.count))
+        return f" of each of {variants.count} meshes" + (
+            f"; {least} to {most} as their mean is known" if variants.standard_error else ""
+        )
+
     def _time(self, steps: int) -> str:
-        return duration(self.run.seconds * steps / max(1, self.steps))
+        return duration(self.run.seconds * self.scene.variants.count * steps / max(1, self.steps))
 
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:

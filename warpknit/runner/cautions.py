@@ -28,8 +28,6 @@ CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few per
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the error of its minimum
 FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields throughout, over that of first yield
-SMALL_FRICTION = 0.1  # coefficient up to which results hardly depend on the load increment
-CONVERGED_INCREMENT = 0.0003125  # strain increment at which they no longer depend on it
 
 
 def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -56,8 +54,6 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]
         yield from _about_strain(scene, cloth, scene.stages)
         if scene.model.of_kind.has_branches and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
-    if scene.solver.drive == "relax" and scene.contact.friction > SMALL_FRICTION:
-        yield from _about_friction(scene)
 
 
 def _about_bars(scene: Scene) -> Iterator[ResultWarning]:
@@ -194,18 +190,6 @@ def _about_increments(scene: Scene) -> Iterator[ResultWarning]:
             "W32",
             f"load increments of {percent(largest / frames)} strain may skip to another equilibrium of a tight knit",
             f"set output.frames = 'auto', or {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more",
-        )
-
-
-def _about_friction(scene: Scene) -> Iterator[ResultWarning]:
-    largest = _largest_change(scene)
-    if largest > CONVERGED_INCREMENT * scene.output.levels * (1.0 + 1e-6):
-        frames = math.ceil(largest / CONVERGED_INCREMENT - 1e-6)
-        yield ResultWarning(
-            "W33",
-            f"with a friction of {scene.contact.friction:g} the tension depends on the load increment, by up to about 5 %"
-            " where contacts close, more where wires slide far",
-            f"set output.frames = {frames}",
         )
 
 

@@ -160,6 +160,7 @@ def run_summary(
         model=Values(
             kind=scene.model.kind,  # planar or spatial
             friction=scene.contact.friction,  # coefficient of wires that touch
+            friction_assumed="contact.friction" in scene.assumed,  # whether it is the default, which the scene does not give
             kind_reason=scene.kind_reason,  # why: chosen in the scene, the default, or what exists only in the planar model
             source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",  # table of the scene that
             # gives the wires: `knit`, `hook` or `wires`

@@ -142,7 +142,7 @@ def model_findings(model: Values) -> Iterator[Finding]:
     """The kind of model and why it is of this kind, and the friction of its wires."""
     yield Finding("model", model.kind, where=f" ({model.kind_reason})")
     if friction := model.get("friction"):
-        yield Finding("friction", f"{friction:.3g}")
+        yield Finding("friction", f"{friction:.3g}", sure=assumed_note("contact.friction", bool(model.get("friction_assumed"))))
 
 
 def _hook_findings(hook: Row) -> Iterator[Finding]:

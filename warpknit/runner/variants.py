@@ -24,7 +24,7 @@ PLACES = ("stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_
 PERCENTILES = (10.0, 90.0)
 EARLY, MOST = 0.4, 4  # of the standard error that is asked for, at which half of the meshes do; times as many at most
 # codes of warnings that one path depends on the way, on which means over meshes do not depend
-OF_ONE_PATH = {"W18", "W19", "W32", "W33", "W37", "W38"}
+OF_ONE_PATH = {"W18", "W19", "W32", "W37", "W38"}
 FEWEST = 4  # meshes, of a standard error that ends a run early
 # Two branches: with fewer meshes, or a smaller gap between them over the deviation on each, they may be one. Of normal deviates
 # 16 have such a gap in one of a thousand draws.

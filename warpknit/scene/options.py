@@ -92,7 +92,8 @@ class Contact(Table):
     friction: values.Friction = key(
         'Coulomb friction coefficient; in the plane `drive = "relax"` only. The state then depends on the load history:'
         " [theory](theory/contact.md#friction-in-the-plane).",
-        0.0,
+        None,
+        left_out="0.2 in space; 0 in the plane",
     )
     threshold: values.Force = key(
         "A pair is active when its force exceeds this value (and 1e-4 EI/W^2, the unbalanced force of a converged state).", 0.0
@@ -374,7 +375,9 @@ class Variants(Table):
     """[variants]: meshes that are alike but for what scatters; results are means over them, with their range."""
 
     count: values.VariantCount = key(
-        "Meshes side by side, of which the results of a run or a map are the mean. 1: a single mesh, with `knit.scatter`.", 1
+        "Meshes side by side, of which the results of a run or a map are the mean. 1: a single mesh, with `knit.scatter`.",
+        None,
+        left_out="16 for a run of a tile in space, without `knit.scatter`, `--error` and `mpirun`; else 1",
     )
     standard_error: values.Fraction = key(
         "Largest standard error, of tension (or strain, where tension drives), active contacts and largest stress. Up to four"

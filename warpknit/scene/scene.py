@@ -137,7 +137,7 @@ class Scene:
     sweep: Sweep | None
     reflection: Reflection | None = None
     kind_reason: str = field(default=GIVEN, compare=False)  # of `model.kind`, see capabilities.py
-    assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys of the wire with the value of its material
+    assumed: tuple[str, ...] = field(default=(), compare=False)  # dotted keys left out whose value a designer would give
     is_empty: bool = field(default=False, compare=False)  # whether its file holds no key
     bare_temperatures: tuple[float, ...] = field(default=(), compare=False)  # [K] that were given as numbers without a unit
     even_chains: tuple[str, ...] = field(default=(), compare=False)  # chains in even numbers and how they were read, in words
@@ -209,6 +209,11 @@ class Scene:
         """What is known of tight knits at the preset in force, as a sentence without its point; empty if nothing is."""
         name = self.preset_in_force
         return "" if name is None else tight_knits(name, self.model.kind)
+
+    @property
+    def depends_on_command(self) -> bool:
+        """Whether another command may make another scene of the same file."""
+        return self.kind_reason != GIVEN or "variants.count" in self.assumed
 
     @property
     def depends_on_path(self) -> bool:

@@ -33,7 +33,7 @@ from warpknit.scene.messages import (
     unknown_depth,
     unknown_key,
 )
-from warpknit.scene.options import GIVEN, TREATMENT_KEYS, Contact, ModelOptions, Solver
+from warpknit.scene.options import TREATMENT_KEYS, Contact, ModelOptions, Solver, Variants
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.scene import Override, Overrides, Scene, SceneFile, checked_file, resolved_toml
@@ -205,7 +205,10 @@ IN_CODE = Path("scene")  # names a scene that no file holds
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
+FRICTION = 0.2  # of wires in space: docs/theory/contact.md
+VARIANTS = 16  # meshes of a tile in space
 OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yield_stress", "tensile_strength")
+ASSUMED = (*(("wire", name) for name in OF_THE_METAL), ("contact", "friction"), ("variants", "count"))  # by default
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 _UNQUOTED = re.compile(r"""[=\[,]\s*([+-]?\d[^\s,"'#\]}]*[ \t]*[A-Za-zµμ°%/][^,"'#\]}]*)""")  # what may be a quantity
 
@@ -239,7 +242,7 @@ def load_scene(
     Raises SceneError: one line with the file, the key, what is wrong and what to write instead.
     """
     if isinstance(source, Scene):
-        if not overrides and preset is None and (source.kind_reason == GIVEN or not source.is_as_written):
+        if not overrides and preset is None and not (source.is_as_written and source.depends_on_command):
             return source
         if source.is_as_written:
             return source.changed(overrides, preset, command=command, ranks=ranks)
@@ -336,11 +339,11 @@ def make_scene(
         contact=_contact(source, file, wire),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
-        variants=file.variants,
+        variants=_variants(file, is_run=command in ("", "run") and ranks == 1),
         sweep=file.sweep,
         reflection=file.reflection,
         kind_reason=kind_reason,
-        assumed=tuple(f"wire.{name}" for name in OF_THE_METAL if getattr(file.wire, name) is None),
+        assumed=tuple(".".join(key) for key in ASSUMED if getattr(getattr(file, key[0]), key[1]) is None),
         is_empty=is_empty,
         bare_temperatures=tuple(_bare_temperatures(table)),
         even_chains=tuple(_even_chains(table, knit)),
@@ -437,6 +440,7 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
         wrong = "is below the radius of the wires, which pass through the ring"
         raise source.refusal(("contact", "ring_radius"), table.ring_radius, wrong, f"write at least {at_least(wire.radius, 'm')}")
     defaults: dict[str, Any] = {
+        "friction": FRICTION if file.model.kind == "spatial" else 0.0,
         "spring_stiffness": 1e-3,
         "ring_radius": wire.diameter,
         "plane_friction": 0.1,
@@ -444,8 +448,18 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
         "contact_point": 0.5,
         "target_share": 1.0,
     }
-    chosen = {name for name in defaults if table.treatment in TREATMENT_KEYS[name] and getattr(table, name) is None}
+    treatments = {name: TREATMENT_KEYS.get(name, (table.treatment,)) for name in defaults}
+    chosen = {name for name in defaults if table.treatment in treatments[name] and getattr(table, name) is None}
     return replace(table, **{name: defaults[name] for name in chosen})
+
+
+def _variants(file: SceneFile, *, is_run: bool) -> Variants:
+    """[variants], with a count for a run or another command."""
+    if file.variants.count is not None:
+        return file.variants
+    is_tile = file.hook is None and file.wires is None and file.model.boundary == "periodic" and file.model.kind == "spatial"
+    several = is_tile and is_run and file.solver.drive == "relax" and not file.knit.scatter
+    return replace(file.variants, count=VARIANTS if several else 1)
 
 
 def _panel(source: Source, file: SceneFile) -> PanelOptions:

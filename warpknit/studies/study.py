@@ -208,7 +208,12 @@ class _Study:
             scene=Values(name=scene.name, hash=scene.hash),
             stop_reason=reason,
             warnings=list(self.base.warnings([])),
-            model=Values(kind=scene.model.kind, kind_reason=scene.kind_reason),
+            model=Values(
+                kind=scene.model.kind,
+                kind_reason=scene.kind_reason,
+                friction=scene.contact.friction,
+                friction_assumed="contact.friction" in scene.assumed,
+            ),
             points=len(self.rows),
             without_result=len(failed),
             without_result_by=dict(Counter(failed)),

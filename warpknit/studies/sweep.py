@@ -274,6 +274,8 @@ class _Mapper:
             model=Values(
                 kind=scene.model.kind,
                 kind_reason=scene.kind_reason,
+                friction=scene.contact.friction,
+                friction_assumed="contact.friction" in scene.assumed,
                 boundary=scene.model.boundary,
                 nodes=self.nodes,
                 bodies=self.meshes[0].panel.body_count,
