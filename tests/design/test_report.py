@@ -279,7 +279,7 @@ def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
     scene = load_scene(SCENES / "contact_map.toml", sweep, "draft")
     model = exact_model(scene, scene.solver.residual_tolerance)
     pair = scene.sweep.pairs[0]
-    (outcome,) = Batch(model, [scene.sweep.stage(scene.stages[0], pair)]).run()
+    (outcome,) = Batch([model], [scene.sweep.stage(scene.stages[0], pair)]).run()
     cell = map_row(pair, outcome.observables, steps=1, by_tension=True)
     path = EqualTensionPath(ended="level 1 did not converge")
     card, _, text, loading = _card(model, [cell], None, path, [], 0.06, lambda _: None)

@@ -10,7 +10,7 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -92,10 +92,10 @@ def states_of(directory: Path) -> list[LoadedMesh]:
     Raises RunDirectoryError for states without their contacts, of an earlier version.
     """
     if (directory / "history.csv").exists():
-        rows: Sequence[Row] = read_rows(directory / "history.csv", Row)
+        rows: Iterable[tuple[int, Row]] = enumerate(read_rows(directory / "history.csv", Row))
     else:
         rows = _cells(directory)
-    found = [_state(number, row) for number, row in enumerate(rows) if row.get("tension_weft_N_per_m") is not None]
+    found = [_state(number, row) for number, row in rows if row.get("tension_weft_N_per_m") is not None]
     there = [state for state in found if state_file(directory, state.record).exists()]
     if there:
         with np.load(path := state_file(directory, there[0].record)) as file:
@@ -104,11 +104,13 @@ def states_of(directory: Path) -> list[LoadedMesh]:
     return there
 
 
-def _cells(directory: Path) -> list[MapRow]:
-    """Rows of a map in the order of its states: those of one mesh after the other."""
+def _cells(directory: Path) -> Iterator[tuple[int, MapRow]]:
+    """The number of the state and the row of each load of a map, those of one mesh after the other."""
+    whole = (directory / "map.csv", directory / "map_details.csv")
+    place = {row.load: number for number, row in enumerate(read_map(*whole))}
     meshes = sorted((directory / "variants").glob("map_*.csv"))
-    tables = [(path, path.with_name(path.name.replace("map", "details"))) for path in meshes]
-    return [row for paths in tables or [(directory / "map.csv", directory / "map_details.csv")] for row in read_map(*paths)]
+    for mesh, paths in enumerate([(path, path.with_name(path.name.replace("map", "details"))) for path in meshes] or [whole]):
+        yield from ((mesh * len(place) + place[row.load], row) for row in read_map(*paths))
 
 
 def _state(number: int, row: Row) -> LoadedMesh:

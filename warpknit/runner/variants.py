@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ..base.text import percent
 from ..results.finding import ResultWarning
 from ..results.row import Row, Values
-from ..scene import Scene
 
 # of which the scatter is told
 FIGURES = (
@@ -88,12 +87,11 @@ class Watched:
         return int(np.argmin((away**2).sum(axis=1)))
 
 
-def watched(scene: Scene, ends: Sequence[Row], scale: float) -> Watched:
+def watched(by_tension: Sequence[bool], ends: Sequence[Row], scale: float) -> Watched:
     """What the last state of each mesh has: tension, or strain where a tension drives it, active contacts, largest stress.
 
-    scale [N/m]: of a small tension.
+    by_tension: in weft and warp; scale [N/m]: of a small tension.
     """
-    by_tension = scene.stages[-1].by_tension
     names = [
         f"strain_{side}" if driven else f"tension_{side}_N_per_m"
         for side, driven in zip(("weft", "warp"), by_tension, strict=True)

@@ -173,7 +173,7 @@ class VariantsRecorder(Recorder):
         }
 
     def _watched(self, whole: dict[int, list[Row]]) -> Watched:
-        return watched(self.scene, [rows[-1] for rows in whole.values()], 1e-3 * tension_scale(self.model))
+        return watched(self.scene.stages[-1].by_tension, [rows[-1] for rows in whole.values()], 1e-3 * tension_scale(self.model))
 
     def _following(self) -> Simulation | None:
         """More meshes, where the means are not known well enough."""

@@ -20,6 +20,7 @@ class VariantModels:
         self.scene, self.device = scene, device
         self.next = 0  # number of the mesh that is tried next
         self.refused: dict[int, str] = {}  # why, by number
+        self.taken: list[int] = []  # numbers of the meshes that fit
         self._models: dict[int, Any] = {}
 
     def model(self, number: int) -> Any:
@@ -27,6 +28,12 @@ class VariantModels:
         if number not in self._models:
             self._models[number] = build_model(self.scene.variant(number), self.device)
         return self._models[number]
+
+    def of_place(self, place: int) -> Any:
+        """The model of the mesh at a place among those that fit, from 0."""
+        while place >= len(self.taken):
+            self.take(place + 1 - len(self.taken))
+        return self.model(self.taken[place])
 
     def take(self, count: int, fits: Callable[[list[Any], Any], bool] = lambda _models, _model: True) -> list[int]:
         """Numbers of the next meshes, `count` of them or as many as `fits` beside those before.
@@ -48,4 +55,5 @@ class VariantModels:
                 break
             taken.append(self.next)
             self.next += 1
+        self.taken += taken
         return taken

@@ -1,4 +1,4 @@
-"""Equilibria of one mesh under many loads, side by side.
+"""Equilibria of meshes under many loads, side by side.
 
 Each load is applied level by level from the mesh as knitted, as in a relaxation of one mesh. Loads are independent, so results
 do not depend on the batch. Meshes that have converged under their full load, or failed, are no longer stepped.
@@ -37,19 +37,19 @@ class Batch:
 
     def __init__(
         self,
-        model: Any,
+        models: Sequence[Mesh],
         stages: Sequence[Stage],
         levels: Sequence[int] | None = None,
         *,
         watch: Callable[[Batch], None] | None = None,
     ) -> None:
-        """`stages`: the load of each mesh, by strain or tension; `levels` of each, default `output.frames`.
+        """models, stages: each mesh and its load, by strain or tension; `levels` of each, default `output.frames`.
 
         `watch` is called at every convergence check, and may raise to stop.
         """
         self._stages = tuple(stages)
-        self._count = list(levels or [model.scene.output.levels] * len(self._stages))
-        self._worlds = SideBySide([model] * len(self._stages), self._last_record)
+        self._count = list(levels or [models[0].scene.output.levels] * len(self._stages))
+        self._worlds = SideBySide(models, self._last_record)
         self._watch = watch or (lambda _batch: None)
 
     @property

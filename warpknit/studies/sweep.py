@@ -7,9 +7,11 @@ variants/map_##.csv and variants/details_##.csv. Every file is written aside and
 from __future__ import annotations
 
 import logging
+import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from ..base.text import celsius, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
-from ..measure import Observables
+from ..measure import Observables, tension_scale
 from ..mesh.layout import smaller_scene
 from ..results.finding import ResultWarning
 from ..results.frame import state_file
@@ -27,6 +29,7 @@ from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
+from ..runner.variants import wanted, watched
 from ..scene import Scene, Sweep, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.variant_models import VariantModels
@@ -98,18 +101,11 @@ def run_map(
         return CommandResult(0, MapSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
-    meshes = _meshes(scene)  # errors of the model are raised before anything is removed
-    _refuse_beyond_memory(meshes[0], sweep)
+    variants = VariantModels(scene) if scene.variants.count > 1 else None
+    first = mesh_of(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
+    _refuse_beyond_memory(first, sweep, scene.variants.count)
     open_directory(out, resolved, keep=keep)
-    return _Mapper(scene, meshes, out, progress or Display(), keep_states).run()
-
-
-def _meshes(scene: Scene) -> list[Any]:
-    """The model of each of the [variants], or of the single mesh."""
-    if scene.variants.count == 1:
-        return [mesh_of(scene)]
-    models = VariantModels(scene)
-    return [models.model(number) for number in models.take(scene.variants.count)]
+    return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
 
 
 def _checked(scene: Scene, device: str | None) -> Sweep:
@@ -120,10 +116,10 @@ def _checked(scene: Scene, device: str | None) -> Sweep:
     return scene.sweep
 
 
-def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
-    """Refuse a sweep that exceeds the memory."""
+def _refuse_beyond_memory(mesh: Any, sweep: Sweep, count: int) -> None:
+    """Refuse a sweep of so many meshes that exceeds the memory."""
     nodes = mesh.node_count
-    together = side_by_side(len(sweep.pairs), nodes)
+    together = side_by_side(count * len(sweep.pairs), nodes)
     needed, available = together * required_memory(mesh.scene, nodes), available_memory()
     if needed > available:
         room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
@@ -131,17 +127,21 @@ def _refuse_beyond_memory(mesh: Any, sweep: Sweep) -> None:
 
 
 class _Mapper:
-    """Runs the batches of a map, one a mesh, and writes the rows."""
+    """Runs the batches of a map, and writes the rows."""
 
-    def __init__(self, scene: Scene, meshes: Sequence[Any], out: Path, display: Display, keep_states: bool) -> None:
-        """`meshes`: of each variant."""
+    def __init__(
+        self, scene: Scene, first: Any, variants: VariantModels | None, out: Path, display: Display, keep_states: bool
+    ) -> None:
+        """first: the single mesh, or the first of the `variants`."""
         assert scene.sweep is not None
-        self.keep_states = keep_states
-        self.meshes, self.scene, self.sweep, self.out, self.display = meshes, scene, scene.sweep, out, display
-        self.nodes = meshes[0].node_count
+        self.keep_states, self.variants, self.first = keep_states, variants, first
+        self.scene, self.sweep, self.out, self.display = scene, scene.sweep, out, display
+        self.nodes = first.node_count
         self.pairs = scene.sweep.pairs
-        self.maps = [self._read(number) for number in range(len(meshes))]
-        self.steps = 0
+        self.maps: list[dict[Pair, MapRow]] = []  # of each mesh
+        while rows := self._read(len(self.maps)):
+            self.maps.append(rows)
+        self.steps = self._stage = 0
         self._interrupts = Interrupts()
         self._begin = self._saved = time.perf_counter()
 
@@ -149,8 +149,8 @@ class _Mapper:
         reason, code, message = "finished", 0, ""
         with self._interrupts.handled():
             try:
-                for number, done in enumerate(self.maps):
-                    self._run_mesh(number, done)
+                while missing := self._missing():
+                    self._solve(missing)
                 self._interrupts.check()
             except Interrupted:
                 reason, code, message = "interrupted", 130, f"interrupted; finished cells are kept in {self.out}"
@@ -167,76 +167,100 @@ class _Mapper:
 
     @property
     def rows(self) -> list[MapRow]:
-        return mean_map(self.maps)
+        return mean_map([list(rows.values()) for rows in self.maps])
 
     @property
     def model_warnings(self) -> list[ResultWarning]:
-        return list(self.meshes[0].warnings(self.rows))
+        return list(self.first.warnings(self.rows))
 
     @property
     def _missing_warning(self) -> list[ResultWarning]:
         """That pairs of an interrupted map are missing; none of a whole one."""
-        done, wanted = len(self.rows), len(self.pairs)
-        if done == wanted and all(len(rows) == wanted for rows in self.maps):
+        if not self._missing():
             return []
+        done, wanted = len(self.rows), len(self.pairs)
         pairs = f"{done} of {wanted} pairs of {self.sweep.quantity} are done"
         return [ResultWarning("W42", f"the map is incomplete: {pairs}, and the optimum is the best of these")]
 
     # --- cells ---
 
-    def _missing(self, done: list[MapRow]) -> dict[Pair, int]:
-        """Load levels of each pair that is not among the rows of a mesh."""
-        finished = {row.load for row in done}
-        levels = levels_of_pairs(self.pairs, self.scene.output.levels)
-        return {pair: count for pair, count in zip(self.pairs, levels, strict=True) if pair not in finished}
+    def _missing(self) -> list[tuple[int, Pair]]:
+        """Meshes and pairs that are to be solved: of variants as many at a pair as its mean needs."""
+        missing = []
+        for pair in self.pairs:
+            found = [rows[pair] for rows in self.maps if pair in rows]
+            missing += [(mesh, pair) for mesh in range(len(found), self._wanted(found))]
+        return sorted(missing, key=lambda one: (one[0], self.pairs.index(one[1])))
 
-    def _run_mesh(self, mesh: int, done: list[MapRow]) -> None:
-        """Solve the missing cells of one mesh; append rows to `done`."""
-        missing = list(self._missing(done).items())
-        if missing:
-            self.display.stage(f"{len(missing)} pairs of {self.sweep.quantity}", number=mesh + 1, of=len(self.maps))
-        together, finished = side_by_side(max(1, len(missing)), self.nodes), 0
-        for begin in range(0, len(missing), together):
-            pairs, levels = zip(*missing[begin : begin + together], strict=True)
-            stages = [self.sweep.stage(self.scene.stages[0], pair) for pair in pairs]
-            steps_before, share = self.steps, len(pairs) / len(missing)
+    def _wanted(self, found: list[MapRow]) -> int:
+        """How many meshes a pair wants in all, with the rows that were found."""
+        variants = self.scene.variants
+        if variants.count == 1:
+            return 1
+        steady = [row for row in found if row.stop_reason == STEADY]
+        error = math.inf
+        if steady:
+            error = watched([self.sweep.by_tension] * 2, steady, 1e-3 * tension_scale(self.first)).standard_error
+        return wanted(variants.count, variants.standard_error, len(found), error)
 
-            def watch(batch: Batch, steps_before: int = steps_before, share: float = share, finished: int = finished) -> None:
-                self._interrupts.check()
-                self.steps = steps_before + batch.steps
-                rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
-                found = finished / len(missing) + share * batch.done
-                self.display.update(done=found, load_factor=found, node_steps_per_s=rate)
-                if time.perf_counter() - self._saved > SAVE_INTERVAL:
-                    self._save()
+    def _model(self, mesh: int) -> Any:
+        return self.first if self.variants is None else self.variants.of_place(mesh)
 
-            for outcome in Batch(self.meshes[mesh], stages, levels, watch=watch).run():
-                message = "" if outcome.error is None else str(outcome.error)
-                pair, by_tension = pairs[outcome.index], self.sweep.by_tension
-                if self.keep_states and outcome.observables is not None:
-                    self._keep(mesh * len(self.pairs) + self.pairs.index(pair), outcome.observables)
-                how: dict[str, Any] = {"steps": outcome.steps, "dissipated": outcome.dissipated, "by_tension": by_tension}
-                done.append(map_row(pair, outcome.observables, message=message, **how))
-            finished += len(pairs)
+    def _solve(self, missing: list[tuple[int, Pair]]) -> None:
+        """Solve some pairs of some meshes, of one mesh after the other where worlds share their loops."""
+        meshes = max(mesh for mesh, _pair in missing) + 1
+        self.maps += [{} for _ in range(len(self.maps), meshes)]
+        several = f", {meshes} meshes" if meshes > 1 else ""
+        self._stage += 1
+        pairs = len({pair for _mesh, pair in missing})
+        self.display.stage(f"{pairs} pairs of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
+        levels = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.output.levels), strict=True))
+        own_loops = self.scene.model.of_kind.own_loops
+        groups = [list(own) for _, own in groupby(missing, lambda one: self._model(one[0]).node_count if own_loops else one[0])]
+        most, finished = side_by_side(len(missing), self.nodes), 0
+        for own in (group[begin : begin + most] for group in groups for begin in range(0, len(group), most)):
+            self._solve_together(own, [levels[pair] for _mesh, pair in own], finished / len(missing), len(own) / len(missing))
+            finished += len(own)
+
+    def _solve_together(self, own: list[tuple[int, Pair]], levels: list[int], finished: float, share: float) -> None:
+        """Solve pairs of meshes side by side, a `share` of those of this stage."""
+        stages = [self.sweep.stage(self.scene.stages[0], pair) for _mesh, pair in own]
+        steps_before, by_tension = self.steps, self.sweep.by_tension
+
+        def watch(batch: Batch) -> None:
+            self._interrupts.check()
+            self.steps = steps_before + batch.steps
+            rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
+            found = finished + share * batch.done
+            self.display.update(done=found, load_factor=found, node_steps_per_s=rate)
+            if time.perf_counter() - self._saved > SAVE_INTERVAL:
+                self._save()
+
+        for outcome in Batch([self._model(mesh) for mesh, _pair in own], stages, levels, watch=watch).run():
+            message = "" if outcome.error is None else str(outcome.error)
+            mesh, pair = own[outcome.index]
+            if self.keep_states and outcome.observables is not None:
+                self._keep(mesh * len(self.pairs) + self.pairs.index(pair), outcome.observables)
+            how: dict[str, Any] = {"steps": outcome.steps, "dissipated": outcome.dissipated, "by_tension": by_tension}
+            self.maps[mesh][pair] = map_row(pair, outcome.observables, message=message, **how)
 
     # --- files ---
 
     def _keep(self, number: int, state: Observables) -> None:
         """Write an equilibrium, and with the first one the layout."""
         if not (self.out / "layout.npz").exists():
-            self.meshes[0].layout().save(self.out / "layout.npz")
+            self.first.layout().save(self.out / "layout.npz")
         load = self.scene.stages[0]
         frame = measure.frame(state, index=number, stage=load.name, load_factor=1.0, temperature=load.temperature)
         frame.save(state_file(self.out, number))
 
     def _paths(self, mesh: int) -> tuple[Path, Path]:
-        if len(self.meshes) == 1:
+        if self.variants is None:
             return self.out / "map.csv", self.out / "map_details.csv"
         return self.out / "variants" / f"map_{mesh:02d}.csv", self.out / "variants" / f"details_{mesh:02d}.csv"
 
-    def _read(self, mesh: int) -> list[MapRow]:
-        wanted = set(self.pairs)
-        return [row for row in read_map(*self._paths(mesh)) if row.load in wanted]
+    def _read(self, mesh: int) -> dict[Pair, MapRow]:
+        return {} if self.variants is None and mesh else {row.load: row for row in read_map(*self._paths(mesh))}
 
     def _save(self) -> None:
         order = {pair: place for place, pair in enumerate(self.pairs)}
@@ -244,19 +268,19 @@ class _Mapper:
         def sorted_rows(rows: Iterable[MapRow]) -> list[MapRow]:
             return sorted(rows, key=lambda row: order[row.load])
 
-        if len(self.meshes) > 1:
+        if self.variants is not None:
             for mesh, rows in enumerate(self.maps):
                 if rows:
-                    write_map(sorted_rows(rows), *self._paths(mesh))
+                    write_map(sorted_rows(rows.values()), *self._paths(mesh))
         write_map(sorted_rows(self.rows), self.out / "map.csv", self.out / "map_details.csv")
         self._saved = time.perf_counter()
 
     def _summary(self, reason: str) -> MapSummary:
         wall = time.perf_counter() - self._begin
         rows, wire, scene, by_tension = self.rows, self.scene.wire, self.scene, self.sweep.by_tension
-        jumps = find_jumps(self.meshes[0], rows) if len(self.meshes) == 1 else []  # of means there are none
+        jumps = find_jumps(self.first, rows) if self.variants is None else []  # of means there are none
         optimum = find_optimum(rows, wire.yield_stress, jumps)
-        warnings = [*self.model_warnings, *sweep_cautions(scene, self.meshes[0].cloth)]
+        warnings = [*self.model_warnings, *sweep_cautions(scene, self.first.cloth)]
         warnings += [*unconverged_warning(rows, by_tension), *jump_warning(jumps, by_tension)]
         if len(scene.stages) > 1:
             text = f"the map is at {celsius(scene.stages[0].temperature)}: it does not run the stages of [[path]]"
@@ -270,7 +294,7 @@ class _Mapper:
             f" {scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             loads=self.sweep.quantity,
             cells=Values(wanted=len(self.pairs), done=len(rows), steady=sum(row.stop_reason == STEADY for row in rows)),
-            variants=len(self.meshes),
+            variants=len(self.maps),
             model=Values(
                 kind=scene.model.kind,
                 kind_reason=scene.kind_reason,
@@ -278,7 +302,7 @@ class _Mapper:
                 friction_assumed="contact.friction" in scene.assumed,
                 boundary=scene.model.boundary,
                 nodes=self.nodes,
-                bodies=self.meshes[0].panel.body_count,
+                bodies=self.first.panel.body_count,
             ),
             solver=Values(
                 preset=scene.solver.preset,
@@ -311,7 +335,7 @@ class _Mapper:
         )
         wire, count, warnings = (
             self.scene.wire,
-            len(self.meshes),
+            len(self.maps),
             [str(one) for one in self.model_warnings + self._missing_warning],
         )
         scatter = f", mean of {count} meshes, loops scattered by {percent(self.scene.variants.scatter, 0)}" if count > 1 else ""
