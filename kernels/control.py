@@ -98,7 +98,8 @@ STRAIN_ORIGIN = wp.constant(76)  # 2 entries: strain at the last equilibrium
 STRAIN_RANGE = wp.constant(78)  # largest change of a strain from one equilibrium to the next
 AT_LIMIT = wp.constant(79)  # 2 entries: 1 where the strain has changed by that much
 FRICTION = wp.constant(81)  # [-] coefficient of wires in space
-CONTROL_COUNT = 82
+LAST_STEP = wp.constant(82)  # of one of many worlds, which waits from there on
+CONTROL_COUNT = 83
 
 NEARLY = wp.constant(wp.float64(1.0 - 1.0e-6))  # of a limit that counts as reached
 LEAST_WAY = wp.constant(wp.float64(0.01))  # of the larger wanted tension: one that changes by less is not kept in proportion
@@ -320,7 +321,7 @@ def update_controls(
     stress_count: wp.array2d(dtype=wp.int64),
     control: wp.array2d(dtype=wp.float64),
 ):
-    """One thread a world, whose rows of partial sums stand side by side, after each step."""
+    """One thread a world, whose rows of partial sums stand side by side, after each step; it waits after its last one."""
     world = first_world + wp.tid()
     if control[world, STATUS] == STATUS_RUNNING:
         sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1, False)
@@ -329,3 +330,5 @@ def update_controls(
                 sums[STRESS_PART + k] += wp.float64(stress_count[row, k])
                 stress_count[row, k] = wp.int64(0)
         renew_control(sums, control[world])
+        if control[world, STATUS] == STATUS_RUNNING and control[world, STEP] >= control[world, LAST_STEP]:
+            control[world, STATUS] = STATUS_WAITING

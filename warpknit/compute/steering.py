@@ -88,6 +88,7 @@ class Steering:
     travel_limit = Entry(c.TRAVEL_LIMIT)
     status = Entry(c.STATUS)
     step = Entry(c.STEP)
+    last_step = Entry(c.LAST_STEP)
     kinetic_twice = Entry(c.KINETIC_TWICE)
     speed_max = Entry(c.SPEED_MAX)
     force_max = Entry(c.FORCE_MAX)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -36,35 +37,48 @@ class Team:
         for helper in waiting:
             helper.result()
 
-    def each(self, calls: Sequence[Sequence[Callable[[], object]]]) -> None:
-        """Call the functions calls[thread] one after the other in each thread, and return when all are done."""
+    def each(self, calls: Sequence[Callable[[], object]]) -> None:
+        """Call functions that do not wait for each other, every thread the next one, and return when all are done."""
+        left = deque(calls)
 
-        def in_turn(own: Sequence[Callable[[], object]]) -> None:
-            for call in own:
+        def take_next() -> None:
+            while True:
+                try:
+                    call = left.popleft()
+                except IndexError:
+                    return
                 call()
 
-        self.together([partial(in_turn, own) for own in calls])
+        self.together([take_next] * self.threads)
 
-    def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array, rows: Sequence[slice] | None = None) -> int:
+    def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
         """Replay graphs[thread] of steps in turn, on the CPU while the state does not freeze; return how many.
 
-        All threads see the control array of a shared world freeze after the same step. rows: of the worlds of each graph in the
-        order of the threads; a graph whose worlds are frozen is left out.
+        All threads see the control array of a shared world freeze after the same step.
         """
-        replayed, of_worlds = [0] * self.threads, iter(rows or ())
-        where = [[next(of_worlds, ...) for _ in own] for own in graphs]
-
-        def is_frozen(worlds: Any) -> bool:
-            return self._on_cpu and bool(FROZEN[fetch(control)[..., int(STATUS)][worlds].astype(int)].all())
+        replayed = [0] * self.threads
 
         def of_thread(part: int) -> None:
-            for graph, worlds in zip(graphs[part], where[part], strict=True):
-                if not is_frozen(worlds):
+            for graph in graphs[part]:
+                if not self._is_frozen(control, ...):
                     wp.capture_launch(graph)
                     replayed[part] += 1
 
         self.together([partial(of_thread, part) for part in range(self.threads)])
         return replayed[0]
+
+    def replay_worlds(self, graphs: Sequence[wp.Graph], times: int, control: wp.array, rows: Sequence[slice]) -> None:
+        """Replay graphs so many times each, on the CPU while any of the worlds `rows` [graph] does not freeze."""
+
+        def in_turn(graph: wp.Graph, worlds: slice) -> None:
+            for _ in range(times):
+                if not self._is_frozen(control, worlds):
+                    wp.capture_launch(graph)
+
+        self.each([partial(in_turn, graph, worlds) for graph, worlds in zip(graphs, rows, strict=True)])
+
+    def _is_frozen(self, control: wp.array, worlds: Any) -> bool:
+        return self._on_cpu and bool(FROZEN[fetch(control)[..., int(STATUS)][worlds].astype(int)].all())
 
     def barrier(self) -> list[Launch]:
         """What each thread launches to wait for all others; nothing for a single thread."""

@@ -6,7 +6,7 @@ measured of the mesh as a whole is turned back, to the frame in which the bounda
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import numpy as np
 
@@ -14,20 +14,24 @@ from ..base.text import percent
 from ..compute.steering import Steering
 
 
-def rotation(angle: float) -> np.ndarray:
-    """(2, 2) counter-clockwise by an angle [rad]; exactly the unit matrix at 0."""
-    return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+def rotation(angle: Any) -> np.ndarray:
+    """(..., 2, 2) counter-clockwise by angles [rad]; exactly the unit matrix at 0."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
 
 
-def clamp_rotation(gradient: np.ndarray) -> float:
-    """[rad] counter-clockwise rotation of the clamps relative to the boundary, from a deformation gradient (2, 2)."""
-    return math.atan2(0.0 - float(gradient[1, 0]), float(gradient[0, 0]))
+def clamp_rotation(gradient: np.ndarray) -> Any:
+    """[rad] counter-clockwise rotation of the clamps relative to the boundary, from deformation gradients (..., 2, 2)."""
+    return np.arctan2(0.0 - gradient[..., 1, 0], gradient[..., 0, 0])
 
 
 def stretch(gradient: np.ndarray) -> np.ndarray:
-    """U (2, 2) of F = R^T U, up to rounding."""
+    """U (..., 2, 2) of F = R^T U, up to rounding."""
     angle = clamp_rotation(gradient)
-    return np.round(rotation(angle) @ gradient, 14) + 0.0 if angle else gradient.copy()
+    if not np.any(angle):
+        return gradient.copy()
+    turned = np.round(rotation(angle) @ gradient, 14) + 0.0
+    return np.where(np.asarray(angle)[..., None, None] != 0.0, turned, gradient)
 
 
 def strain_text(gradient: np.ndarray) -> str:
@@ -41,14 +45,14 @@ def strain_text(gradient: np.ndarray) -> str:
 
 
 def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Cauchy stress (2, 2) [N/m], force per current width, of a nominal one: P F^T / det F.
+    """Cauchy stress (..., 2, 2) [N/m], force per current width, of a nominal one: P F^T / det F.
 
     At twice its width a mesh has the same tension in weft, and half of it in warp:
 
     >>> true_stress(np.diag([1.0, 1.0]), np.diag([2.0, 1.0])).tolist()
     [[1.0, 0.0], [0.0, 0.5]]
     """
-    return nominal @ gradient.T / np.linalg.det(gradient)
+    return np.asarray(nominal @ np.swapaxes(gradient, -1, -2) / np.linalg.det(gradient)[..., None, None])
 
 
 def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
@@ -71,7 +75,7 @@ class Boundary:
     @property
     def clamp_rotation(self) -> float:
         """[rad] rotation of the clamps relative to the boundary."""
-        return clamp_rotation(self.gradient)
+        return float(clamp_rotation(self.gradient))
 
     @property
     def stretch(self) -> np.ndarray:

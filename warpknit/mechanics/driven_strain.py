@@ -99,22 +99,19 @@ class DrivenStrain:
 
     def _strain(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2) strains of the boundary."""
-        return np.array([np.diag(stretch(gradient)) for gradient in self._steering.gradient[rows]]) - 1.0
+        return np.diagonal(stretch(self._steering.gradient[rows]), axis1=1, axis2=2) - 1.0
 
     def _tension(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """(row, 2) [N/m] true tensions of nominal stresses (row, 2, 2) [N/m]."""
-        tension = np.zeros((len(rows), 2))
-        for k, (gradient, nominal) in enumerate(zip(self._steering.gradient[rows], stress, strict=True)):
-            tension[k] = np.diag(true_stress(rotation(clamp_rotation(gradient)) @ nominal, stretch(gradient)))
-        return tension
+        gradient = self._steering.gradient[rows]
+        return np.diagonal(true_stress(rotation(clamp_rotation(gradient)) @ stress, stretch(gradient)), axis1=1, axis2=2)
 
     def _probe(self, rows: np.ndarray) -> None:
         """Renew the affine stiffness of worlds, and the masses of their strains; they are to be evaluated anew."""
         gradient = self._steering.gradient[rows]
         both = np.zeros((2, 2, len(rows), 2))  # side, sign
         for side, sign in np.ndindex(2, 2):
-            moved = np.array([_strained(one, side, PROBE * (1 - 2 * sign)) for one in gradient])
-            self._steering.set(rows, gradient=moved)
+            self._steering.set(rows, gradient=_strained(gradient, side, PROBE * (1 - 2 * sign)))
             both[side, sign] = self._tension(rows, self.stress_at(rows))
         self._steering.set(rows, gradient=gradient)
         self._stiffness[rows] = np.moveaxis((both[:, 0] - both[:, 1]) / (2.0 * PROBE), 0, 2)
@@ -196,7 +193,7 @@ class DrivenStrain:
 
 
 def _strained(gradient: np.ndarray, side: int, strain: float) -> np.ndarray:
-    """A deformation gradient (2, 2) with more strain in a direction."""
-    there = stretch(gradient).copy()
-    there[side, side] += strain
-    return rotation(clamp_rotation(gradient)).T @ there
+    """Deformation gradients (row, 2, 2) with more strain in a direction."""
+    there = stretch(gradient)
+    there[:, side, side] += strain
+    return np.swapaxes(rotation(clamp_rotation(gradient)), 1, 2) @ there

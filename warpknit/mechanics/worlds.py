@@ -85,7 +85,7 @@ class Worlds(ABC):
 
     @abstractmethod
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
-        """Step worlds until each has taken about `last_step` [row] steps since its start, and no more, or is frozen."""
+        """Step worlds until each has taken `last_step` [row] steps since its start, or is frozen."""
 
     @abstractmethod
     def search(self, rows: np.ndarray) -> None:

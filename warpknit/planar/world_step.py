@@ -112,7 +112,7 @@ class WorldStepper:
         elif len(rows):
             stages = (contact_stage, *stages) if contact else stages
             work = {row: self.steppers[row].work(stages)[0] for row in rows.tolist()}
-            self._team.each([[work[row] for row in own.tolist()] for own in self._shares(rows)])
+            self._team.each([work[row] for row in rows.tolist()])
 
     def probe(self, rows: np.ndarray, *stages: Stage) -> None:
         """Find the accelerations f/m of worlds by a step that moves nothing, and go on with other stages of work."""

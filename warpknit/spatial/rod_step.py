@@ -54,6 +54,7 @@ from .wire_sums import WireSums
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
 NODES_IN_CACHE = 1_000  # of worlds that take their steps before others do
+PARTS = 2  # a thread, of worlds, as some have converged before others
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 GROUP_NODES = 4096  # of a group, or one longer wire: their forces take 64 B a node
 
@@ -122,6 +123,7 @@ class RodStepper:
         self.arrays: RodArrays = upload_rods(rods, device, precision, worlds)
         self.state: RodState = rest_state(rods, device, precision, worlds) if state is None else state
         self.steering = Steering(self.state.control)  # [world]
+        self.steering.set(last_step=np.inf)
         # `WireContact`, `StepStress` (driven_strain.py) and `MovingClamps` set themselves
         self.contact: Any = None
         self.step_stress: Any = None
@@ -129,7 +131,7 @@ class RodStepper:
         pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
         each = max(1, NODES_IN_CACHE * worlds // rods.node_count)
-        self.parts = self.team.threads if worlds == 1 else max(self.team.threads, -(-worlds // each))
+        self.parts = self.team.threads if worlds == 1 else min(worlds, max(PARTS * self.team.threads, -(-worlds // each)))
         # threads that share the launches of a check
         self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
         self._no_contact = no_contact(rods, device, precision)
@@ -165,9 +167,8 @@ class RodStepper:
         self._graphs.clear()
 
     def in_parts(self, calls: Sequence[Callable[[], object]]) -> None:
-        """Call a function for each part, those of a thread one after the other."""
-        shares = [self.team.share_of(range(len(calls)), thread) for thread in range(self.team.threads)]
-        self.team.each([[calls[part] for part in own] for own in shares])
+        """Call a function for each part."""
+        self.team.each(calls)
 
     def _wait(self) -> list[Launch]:
         """What threads that share a world launch to wait for each other."""
@@ -304,12 +305,11 @@ class RodStepper:
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
         graphs = self._graphs_of(steps, partial(self._launches_of, steps))
-        of_threads = [self.team.share_of(range(self.parts), thread) for thread in range(self.team.threads)]
+        if self.worlds == 1:
+            self.team.replay([[graph] * times for graph in graphs], self.state.control)
+            return
         worlds = [self.share_of(range(self.worlds), part) for part in range(self.parts)]
-        rows = None if self.worlds == 1 else [slice(own.start, own.stop) for own in worlds for _ in range(times)]
-        self.team.replay(
-            [[graphs[part] for part in parts for _ in range(times)] for parts in of_threads], self.state.control, rows
-        )
+        self.team.replay_worlds(graphs, times, self.state.control, [slice(own.start, own.stop) for own in worlds])
 
     def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
         """The graph of each part, captured once by name and version of the contact; launches_of: of a part."""

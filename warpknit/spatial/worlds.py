@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..compute.steering import Steering
 from ..mechanics.numerics import SLOWEST_WAVE, renewed_pace
 from ..mechanics.protocols import Check
 from ..mechanics.worlds import Worlds
@@ -93,8 +94,13 @@ class SpatialWorlds(Worlds):
             StepStress(self.stepper, self.contact, held_nodes(self.model, self.stepper), levers)
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
+        steering = self.steering
+        steering.set(rows, last_step=last_step)
         with self.stepper.only(rows):
-            self.stepper.step(int((last_step - self.steering.step[rows]).min()))
+            self.stepper.step(int((last_step - steering.step[rows]).max()))
+        arrived = rows[steering.status[rows] == Steering.WAITING]
+        steering.set(arrived, status=Steering.RUNNING)
+        steering.set(rows, last_step=np.inf)
 
     # --- convergence
 

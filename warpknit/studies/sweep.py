@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -185,12 +185,15 @@ class _Mapper:
     # --- cells ---
 
     def _missing(self) -> list[tuple[int, Pair]]:
-        """Meshes and pairs that are to be solved: of variants as many at a pair as its mean needs."""
+        """Meshes and pairs that are to be solved: of variants as many at a pair as its mean needs.
+
+        Those of a pair, which take about as many steps, stand side by side: a thread steps some of them at once.
+        """
         missing = []
         for pair in self.pairs:
             found = [rows[pair] for rows in self.maps if pair in rows]
             missing += [(mesh, pair) for mesh in range(len(found), self._wanted(found))]
-        return sorted(missing, key=lambda one: (one[0], self.pairs.index(one[1])))
+        return missing
 
     def _wanted(self, found: list[MapRow]) -> int:
         """How many meshes a pair wants in all, with the rows that were found."""
@@ -216,7 +219,8 @@ class _Mapper:
         self.display.stage(f"{pairs} pairs of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
         levels = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.output.levels), strict=True))
         own_loops = self.scene.model.of_kind.own_loops
-        groups = [list(own) for _, own in groupby(missing, lambda one: self._model(one[0]).node_count if own_loops else one[0])]
+        alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
+        groups = [list(own) for _, own in groupby(sorted(missing, key=alike), alike)]
         most, finished = side_by_side(len(missing), self.nodes), 0
         for own in (group[begin : begin + most] for group in groups for begin in range(0, len(group), most)):
             self._solve_together(own, [levels[pair] for _mesh, pair in own], finished / len(missing), len(own) / len(missing))
