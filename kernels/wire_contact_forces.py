@@ -325,7 +325,7 @@ def find_contact_forces(
             if a < 2:
                 wp.atomic_max(max_penetration, part + world, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force
-            if steer[FRICTION] > zero:
+            if touch_friction.shape[0] > 1:
                 touch_friction[k] = friction_force
             push = normal_force * n + friction_force
             if not pushes:

@@ -132,6 +132,9 @@ class Mechanics(Protocol):
     def predict(self, ratio: float) -> None:
         """Extrapolate the state by `ratio` times its last increment, and store it; set velocities to zero."""
 
+    def rub(self, rubs: bool) -> None:
+        """Whether wires rub from now on: not while they are at rest as knitted, to where they came by no motion of theirs."""
+
     def advance_history(self) -> None:
         """Update the history variables (friction, yield) from an equilibrium."""
 

@@ -180,6 +180,9 @@ class PlanarMechanics:
     def release(self, begin: float, end: float) -> None:
         """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
 
+    def rub(self, rubs: bool) -> None:
+        """Nothing: as knitted no body pushes."""
+
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         return 0 if predicted and load.tension is None else LOAD_STEPS
 

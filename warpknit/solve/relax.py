@@ -333,6 +333,7 @@ class Relaxation(Drive):
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
             return
         self.mechanics.may_overlap = as_knitted and progress.part == 0
+        self.mechanics.rub(not as_knitted)
         if not progress.solving:
             load = self._prepare(load, wanted)
             if wanted is not None:

@@ -215,6 +215,9 @@ class SpatialMechanics:
         self._last = self.state.gradient, displacement
         self.relaxation.stop_motion(self.rows)
 
+    def rub(self, rubs: bool) -> None:
+        self.state.steering.set(friction=self.model.scene.contact.friction if rubs else 0.0)
+
     def advance_history(self) -> None:
         self.stepper.yielding.advance(self.world)
         self.contact.advance_history(self.world)
