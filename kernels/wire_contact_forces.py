@@ -40,7 +40,7 @@ from .control import (
 from .rod_frames import affine_map
 from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
-from .wire_friction import node_velocities, point_velocity, previous_slip, section_rate, surface_before
+from .wire_friction import node_velocities, point_velocity, previous_slip, section_weights, surface_before, surface_rate
 from .wire_minima import is_bounded
 from .wire_near import first_of_share
 from .wire_pairs import NO_COMMON_WIRE
@@ -61,12 +61,13 @@ def push_wire(
     force: wp.vec3d,
     levers: wp.types.matrix(shape=(3, 3), dtype=wp.float64),
     couple: wp.vec3d,
+    shares: wp.vec3d,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     touch_force: wp.array(dtype=Any),
     touch_couple: wp.array(dtype=Any),
 ):
-    """Distribute a force on segment i to its four nodes, and by levers to three sections; add a couple to its own section.
+    """Distribute a force on segment i to its four nodes, and by levers to three sections, and a couple to these by shares.
 
     side: twice the number of the touch, and 1 for the second wire.
     """
@@ -77,19 +78,22 @@ def push_wire(
     w2 = w[2]
     if previous[i] >= 0:
         touch_force[f] = touch_force.dtype(wp.vec3d(touch_force[f]) + w[0] * force)
-        touch_couple[g] = touch_couple.dtype(wp.vec3d(touch_couple[g]) + wp.cross(row(levers, 0), force))
+        turn = wp.cross(row(levers, 0), force) + shares[0] * couple
+        touch_couple[g] = touch_couple.dtype(wp.vec3d(touch_couple[g]) + turn)
     else:
         w1 += wp.float64(2.0) * w[0]
         w2 -= w[0]
     if following[after] >= 0:
         touch_force[f + 3] = touch_force.dtype(wp.vec3d(touch_force[f + 3]) + w[3] * force)
-        touch_couple[g + 2] = touch_couple.dtype(wp.vec3d(touch_couple[g + 2]) + wp.cross(row(levers, 2), force))
+        turn = wp.cross(row(levers, 2), force) + shares[2] * couple
+        touch_couple[g + 2] = touch_couple.dtype(wp.vec3d(touch_couple[g + 2]) + turn)
     else:
         w2 += wp.float64(2.0) * w[3]
         w1 -= w[3]
     touch_force[f + 1] = touch_force.dtype(wp.vec3d(touch_force[f + 1]) + w1 * force)
     touch_force[f + 2] = touch_force.dtype(wp.vec3d(touch_force[f + 2]) + w2 * force)
-    touch_couple[g + 1] = touch_couple.dtype(wp.vec3d(touch_couple[g + 1]) + couple + wp.cross(row(levers, 1), force))
+    turn = wp.cross(row(levers, 1), force) + shares[1] * couple
+    touch_couple[g + 1] = touch_couple.dtype(wp.vec3d(touch_couple[g + 1]) + turn)
 
 
 @wp.kernel
@@ -296,8 +300,8 @@ def find_contact_forces(
                     velocity_q = node_velocities(j, q, previous, following, steer, displacement, velocity)
                     slip_velocity = point_velocity(i, w, velocity_p, levers_p, previous, following, length, tangent, spin)
                     slip_velocity -= point_velocity(j, v, velocity_q, levers_q, previous, following, length, tangent, spin)
-                    rate_p = section_rate(i, row(velocity_p, 2) - row(velocity_p, 1), length, tangent, spin)
-                    rate_q = section_rate(j, row(velocity_q, 2) - row(velocity_q, 1), length, tangent, spin)
+                    rate_p = surface_rate(i, s, velocity_p, previous, following, length, tangent, spin)
+                    rate_q = surface_rate(j, t, velocity_q, previous, following, length, tangent, spin)
                     way = steer[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
                 elastic = previous_slip(pair, i, j, place, step, previous, following, node_wire, node_radius, wire_period,
                                      pair_start, pair_count_of, pair_second, pair_shift,
@@ -334,7 +338,9 @@ def find_contact_forces(
                     touch_force[8 * touch + k8] = touch_force.dtype()
                 for k6 in range(6):
                     touch_couple[6 * touch + k6] = touch_couple.dtype()
-            push_wire(2 * touch, i, w, push, levers_p, couple_p, previous, following, touch_force, touch_couple)
-            push_wire(2 * touch + 1, j, v, -push, levers_q, couple_q, previous, following, touch_force, touch_couple)
+            shares_p = section_weights(i, s, previous, following)
+            shares_q = section_weights(j, t, previous, following)
+            push_wire(2 * touch, i, w, push, levers_p, couple_p, shares_p, previous, following, touch_force, touch_couple)
+            push_wire(2 * touch + 1, j, v, -push, levers_q, couple_q, shares_q, previous, following, touch_force, touch_couple)
         if pushes:
             touch_loaded[touch] = 1

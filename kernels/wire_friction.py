@@ -132,6 +132,38 @@ def previous_slip(
 
 
 @wp.func
+def section_weights(
+    i: int, place: wp.float64, previous: wp.array(dtype=wp.int32), following: wp.array(dtype=wp.int32)
+) -> wp.vec3d:
+    """Of the sections before, of and after segment i at a place on it: what turns with them is continuous from one to the next.
+
+    Linear from the middle of a segment to that of the next one.
+    """
+    half = wp.float64(0.5)
+    before = wp.where(previous[i] >= 0, wp.max(half - place, wp.float64(0.0)), wp.float64(0.0))
+    after = wp.where(following[following[i]] >= 0, wp.max(place - half, wp.float64(0.0)), wp.float64(0.0))
+    return wp.vec3d(before, wp.float64(1.0) - before - after, after)
+
+
+@wp.func
+def turned_back(
+    segment: int,
+    lever: wp.vec3d,
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
+    before_tangent: wp.array(dtype=Any),
+    before_director: wp.array(dtype=Any),
+) -> wp.vec3d:
+    """A vector that turns with the section of a segment, as it was at the equilibrium before."""
+    t = wp.vec3d(tangent[segment])
+    d = wp.vec3d(director[segment])
+    before_t = wp.vec3d(before_tangent[segment])
+    before_d = wp.vec3d(before_director[segment])
+    turned = wp.dot(lever, d) * before_d + wp.dot(lever, t) * before_t
+    return turned + wp.dot(lever, wp.cross(t, d)) * wp.cross(before_t, before_d)
+
+
+@wp.func
 def surface_before(
     i: int,
     place: wp.float64,
@@ -156,12 +188,12 @@ def surface_before(
     shape = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                        before_tangent, before_director)  # fmt: skip
     curve = curve_through(nodes, before_control[LENGTH_FACTOR] * shape, slope_weight[rest_row[i]])
-    t = wp.vec3d(tangent[i])
-    d = wp.vec3d(director[i])
-    before_t = wp.vec3d(before_tangent[i])
-    before_d = wp.vec3d(before_director[i])
-    turned = wp.dot(lever, d) * before_d + wp.dot(lever, t) * before_t
-    turned += wp.dot(lever, wp.cross(t, d)) * wp.cross(before_t, before_d)
+    weights = section_weights(i, place, previous, following)
+    turned = weights[1] * turned_back(i, lever, tangent, director, before_tangent, before_director)
+    if weights[0] > wp.float64(0.0):
+        turned += weights[0] * turned_back(previous[i], lever, tangent, director, before_tangent, before_director)
+    if weights[2] > wp.float64(0.0):
+        turned += weights[2] * turned_back(following[i], lever, tangent, director, before_tangent, before_director)
     return point_at(curve, place) + turned
 
 
@@ -256,6 +288,27 @@ def section_rate(
     return wp.cross(wp.vec3d(tangent[segment]), relative_velocity) / length[segment] + wp.float64(spin[segment]) * wp.vec3d(
         tangent[segment]
     )
+
+
+@wp.func
+def surface_rate(
+    i: int,
+    place: wp.float64,
+    velocity: Nodes,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    length: wp.array(dtype=wp.float64),
+    tangent: wp.array(dtype=Any),
+    spin: wp.array(dtype=Any),
+) -> wp.vec3d:
+    """[1/s] angular velocity of the surface at a place on segment i, whose four nodes have these velocities as rows."""
+    weights = section_weights(i, place, previous, following)
+    rate = weights[1] * section_rate(i, row(velocity, 2) - row(velocity, 1), length, tangent, spin)
+    if weights[0] > wp.float64(0.0):
+        rate += weights[0] * section_rate(previous[i], row(velocity, 1) - row(velocity, 0), length, tangent, spin)
+    if weights[2] > wp.float64(0.0):
+        rate += weights[2] * section_rate(following[i], row(velocity, 3) - row(velocity, 2), length, tangent, spin)
+    return rate
 
 
 @wp.func
