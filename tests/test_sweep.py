@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -104,10 +105,34 @@ def test_cells_that_do_not_come_to_rest_are_blank(tmp_path):
         assert "nan" not in (tmp_path / "m" / name).read_text().lower()
 
 
+def several(count: int, standard_error: float) -> list[str]:
+    values = {"scatter": 0.08, "count": count, "standard_error": standard_error}
+    return [word for name, value in values.items() for word in ("--set", f"variants.{name}={value}")]
+
+
+def test_pairs_of_a_map_have_as_many_meshes_as_their_means_need(tmp_path):
+    """Eight at most, four times the two asked for; the error of each tension is measured by a tenth of the largest at least."""
+    out = tmp_path / "m"
+    assert make_map(out, *several(2, 0.02)).exit_code == 0
+    found = [row | more for row, more in zip(rows(out / "map.csv"), rows(out / "map_details.csv"), strict=True)]
+    sides = ("weft", "warp")
+    largest = max(abs(float(row[f"tension_{side}_N_per_m"])) for row in found for side in sides)
+    counts = set()
+    for row in found:
+        count = int(row["variants"])
+        scale = max(0.1 * largest, *(abs(float(row[f"tension_{side}_N_per_m"])) for side in sides))
+        deviations = [float(row[f"std_tension_{side}_N_per_m"]) / scale for side in sides]
+        deviations += [float(row["std_active_percent"]) / 100.0]
+        assert count in (2, 4, 8)
+        assert count == 8 or max(deviations) / math.sqrt(count) <= 0.02
+        counts.add(count)
+    assert len(counts) > 1
+
+
 def test_seeds_scatter_and_the_map_is_their_mean(tmp_path):
     """Two meshes of scattered loops: their maps differ, and map.csv holds the mean."""
     out = tmp_path / "m"
-    assert make_map(out, "--set", "variants.scatter=0.08", "--set", "variants.count=2").exit_code == 0
+    assert make_map(out, *several(2, 0.0)).exit_code == 0
     first, second = (rows(out / "variants" / f"map_{seed:02d}.csv")[-1] for seed in (0, 1))
     mean = rows(out / "map.csv")[-1]
     tensions = [float(r["tension_weft_N_per_m"]) for r in (first, second, mean)]

@@ -114,6 +114,7 @@ def scene_of(
         "wire": sample.wire,
         "knit": {"bars": list(sample.bars), "wale_spacing": INCH / spacing[0], "course_spacing": INCH / spacing[1]},
         "model": {"kind": model, "boundary": "periodic"},
+        "contact": {"friction": 0.0},
         "load": stages[0],
         "path": stages[1:],
         "solver": {"preset": "draft", "residual_tolerance": 2e-3, "precision": "double"},

@@ -93,6 +93,8 @@ def scene_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Scene
                 "course_spacing": INCH / COURSES,
             },
             "model": {"kind": "spatial", "boundary": "periodic"},
+            "contact": {"friction": 0.0},
+            "variants": {"count": 1},
             "load": LOADS[load],
             "solver": {"preset": preset, "max_steps": MAX_STEPS},
             "output": {"frames": levels, "usd": False, "figures": False},

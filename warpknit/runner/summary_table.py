@@ -92,8 +92,9 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
     strain = " / ".join(percent(end[name], 2) for name in strains)
     yield Finding("strain, weft / warp", strain, where=_spread(variants, *strains, factor=100.0))
     others = end.get("elsewhere")
-    more = f"; {others:.7g} more contact{'s' * (others != 1)} {between}" if others else ""
-    count = f"{end.active:.7g} of {end.pairs} pairs" + (f" {here}" if others else "")
+    digits = "d" if variants is None else ".3g"  # means are no whole numbers
+    more = f"; {others:{digits}} more contact{'s' * (others != 1)} {between}" if others else ""
+    count = f"{end.active:{digits}} of {end.pairs} pairs" + (f" {here}" if others else "")
     spread = _spread(variants, "active_percent")
     yield Finding("active contacts", f"{end.active_percent:.3g} %", where=f"{spread} ({count}{more})".replace(") (", "; "))
     zero = 0.0 if result.answers is None else result.answers.tension_tolerance_N_per_m

@@ -377,7 +377,7 @@ class Variants(Table):
     count: values.VariantCount = key(
         "Meshes side by side, of which the results of a run or a map are the mean. 1: a single mesh, with `knit.scatter`.",
         None,
-        left_out="16 for a run of a tile in space, without `knit.scatter`, `--error` and `mpirun`; else 1",
+        left_out="16 for a tile in space, without `knit.scatter`, `--error`, `trade` and `mpirun`; else 1",
     )
     standard_error: values.Fraction = key(
         "Largest standard error, of tension (or strain, where tension drives), active contacts and largest stress. Up to four"

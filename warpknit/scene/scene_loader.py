@@ -339,7 +339,7 @@ def make_scene(
         contact=_contact(source, file, wire),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
-        variants=_variants(file, is_run=command in ("", "run") and ranks == 1),
+        variants=_variants(file, of_one_mesh=command in ("trade", "error") or ranks > 1),
         sweep=file.sweep,
         reflection=file.reflection,
         kind_reason=kind_reason,
@@ -453,12 +453,12 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     return replace(table, **{name: defaults[name] for name in chosen})
 
 
-def _variants(file: SceneFile, *, is_run: bool) -> Variants:
-    """[variants], with a count for a run or another command."""
+def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:
+    """[variants], with a count."""
     if file.variants.count is not None:
         return file.variants
     is_tile = file.hook is None and file.wires is None and file.model.boundary == "periodic" and file.model.kind == "spatial"
-    several = is_tile and is_run and file.solver.drive == "relax" and not file.knit.scatter
+    several = is_tile and not of_one_mesh and file.solver.drive == "relax" and not file.knit.scatter
     return replace(file.variants, count=VARIANTS if several else 1)
 
 

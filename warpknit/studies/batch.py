@@ -37,17 +37,19 @@ class Batch:
 
     def __init__(
         self,
-        models: Sequence[Mesh],
+        models: Mesh | Sequence[Mesh],
         stages: Sequence[Stage],
         levels: Sequence[int] | None = None,
         *,
         watch: Callable[[Batch], None] | None = None,
     ) -> None:
-        """models, stages: each mesh and its load, by strain or tension; `levels` of each, default `output.frames`.
+        """models: of each mesh, or a single one; stages: the load of each, by strain or tension; `levels` of each, default
+        `output.frames`.
 
         `watch` is called at every convergence check, and may raise to stop.
         """
         self._stages = tuple(stages)
+        models = models if isinstance(models, Sequence) else [models] * len(self._stages)
         self._count = list(levels or [models[0].scene.output.levels] * len(self._stages))
         self._worlds = SideBySide(models, self._last_record)
         self._watch = watch or (lambda _batch: None)

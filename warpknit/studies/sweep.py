@@ -15,6 +15,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .. import measure
 from ..base.text import celsius, percent
 from ..compute.device import find_device
@@ -71,6 +73,7 @@ BY_TENSION = (
     ("strain_weft_map", "strain_weft", "weft strain", "%"),
     ("strain_warp_map", "strain_warp", "warp strain", "%"),
 )
+LEAST_SHARE = 0.1  # of the largest tension of a map: the error of a smaller one is measured by that
 PERCENT = 100.0  # of a fraction, as some columns are
 SPREAD_FIGURES = (  # of several meshes
     ("contact_spread_map", "std_active_percent", "standard deviation of active contacts", "percentage points"),
@@ -203,7 +206,10 @@ class _Mapper:
         steady = [row for row in found if row.stop_reason == STEADY]
         error = math.inf
         if steady:
-            error = watched([self.sweep.by_tension] * 2, steady, 1e-3 * tension_scale(self.first)).standard_error
+            tensions = [row.tension for rows in self.maps for row in rows.values() if row.stop_reason == STEADY]
+            largest = float(np.abs(tensions).max())
+            least = max(LEAST_SHARE * largest, 1e-3 * tension_scale(self.first))
+            error = watched([self.sweep.by_tension] * 2, steady, least).standard_error
         return wanted(variants.count, variants.standard_error, len(found), error)
 
     def _model(self, mesh: int) -> Any:
