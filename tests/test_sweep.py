@@ -111,9 +111,9 @@ def several(count: int, standard_error: float) -> list[str]:
 
 
 def test_pairs_of_a_map_have_as_many_meshes_as_their_means_need(tmp_path):
-    """Eight at most, four times the two asked for; the error of each tension is measured by a tenth of the largest at least."""
+    """Half of them where these are enough; the error of each tension is measured by a tenth of the largest at least."""
     out = tmp_path / "m"
-    assert make_map(out, *several(2, 0.02)).exit_code == 0
+    assert make_map(out, *several(8, 0.1)).exit_code == 0
     found = [row | more for row, more in zip(rows(out / "map.csv"), rows(out / "map_details.csv"), strict=True)]
     sides = ("weft", "warp")
     largest = max(abs(float(row[f"tension_{side}_N_per_m"])) for row in found for side in sides)
@@ -123,8 +123,8 @@ def test_pairs_of_a_map_have_as_many_meshes_as_their_means_need(tmp_path):
         scale = max(0.1 * largest, *(abs(float(row[f"tension_{side}_N_per_m"])) for side in sides))
         deviations = [float(row[f"std_tension_{side}_N_per_m"]) / scale for side in sides]
         deviations += [float(row["std_active_percent"]) / 100.0]
-        assert count in (2, 4, 8)
-        assert count == 8 or max(deviations) / math.sqrt(count) <= 0.02
+        assert count in (4, 8)
+        assert count == 8 or max(deviations) / math.sqrt(count) <= 0.4 * 0.1
         counts.add(count)
     assert len(counts) > 1
 

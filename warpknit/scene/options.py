@@ -381,7 +381,8 @@ class Variants(Table):
     )
     standard_error: values.Fraction = key(
         "Largest standard error, of tension (or strain, where tension drives), active contacts and largest stress. Up to four"
-        " times `count` meshes run to reach it; half of them are enough where they are at 0.4 of it. 0: exactly `count`.",
+        " times `count` meshes run to reach it, at a pair of a map no more than `count`; half of them are enough where they are"
+        " at 0.4 of it. 0: exactly `count`.",
         0.05,
     )
     scatter: values.Scatter = key("Takes the place of `knit.scatter`: relative standard deviation of the loop proportions.", 0.02)

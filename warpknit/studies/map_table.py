@@ -56,7 +56,7 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
     yield from warning_lines(result.warnings)
     yield from model_findings(result.model)
     cells, solver, optimum, report = result.cells, result.solver, result.optimum, result.report
-    meshes = "" if result.variants == 1 else f", {result.variants} meshes each"
+    meshes = "" if result.variants == 1 else f", up to {result.variants} meshes each"
     yield Finding(f"pairs of {result.loads}", f"{cells.steady} of {cells.wanted} converged{meshes}")
     steps = f"{solver.cell_steps:,} of {result.model.nodes:,} nodes, {solver.cell_steps_per_s:,.0f} a second"
     yield Finding("time steps", steps)

@@ -199,7 +199,7 @@ class _Mapper:
         return missing
 
     def _wanted(self, found: list[MapRow]) -> int:
-        """How many meshes a pair wants in all, with the rows that were found."""
+        """How many meshes a pair wants in all, with the rows that were found: half of them, or all."""
         variants = self.scene.variants
         if variants.count == 1:
             return 1
@@ -210,7 +210,7 @@ class _Mapper:
             largest = float(np.abs(tensions).max())
             least = max(LEAST_SHARE * largest, 1e-3 * tension_scale(self.first))
             error = watched([self.sweep.by_tension] * 2, steady, least).standard_error
-        return wanted(variants.count, variants.standard_error, len(found), error)
+        return min(variants.count, wanted(variants.count, variants.standard_error, len(found), error))
 
     def _model(self, mesh: int) -> Any:
         return self.first if self.variants is None else self.variants.of_place(mesh)
