@@ -208,3 +208,17 @@ def test_the_loop_of_a_cycle_of_tension_is_what_friction_dissipates() -> None:
     assert abs(end.stored - begin.stored) < 1e-3 * dissipated
     assert end.work_J - begin.work_J == pytest.approx(dissipated, rel=0.05)
     assert dissipated > 0.05 * end.stored
+
+
+@pytest.mark.parametrize(("kind", "friction"), [("spatial", 0.0), ("spatial", 0.2), ("planar", 0.0)])
+def test_a_slack_mesh_that_is_cooled_shrinks_with_its_wires(kind: str, friction: float) -> None:
+    """At no tension all lengths change by alpha (T - T0), also in weft, in which a tricot may strain by 9 % at no force.
+
+    The tensions that a check accepts, 0.01 EI/C^3, change the strain by far more: the mesh is to stay where it was.
+    """
+    tables = {"contact": {"friction": friction}, "load": {"tension_weft": 0.0, "tension_warp": 0.0}, "output": {"frames": 4}}
+    scene = scene_of(kind=kind, **tables, path=[{"temperature": "-100 degC"}], solver={})
+    records = list(Simulation(build_model(scene)).run())
+    knitted, cooled = records[4], records[-1]
+    change = np.diag(cooled.observables.stretch) / np.diag(knitted.observables.stretch) - 1.0
+    assert change == pytest.approx(np.full(2, -120.0 * scene.wire.expansion), rel=0.01)

@@ -359,8 +359,15 @@ class Relaxation(Drive):
         return mechanics.observe().nominal_stress, mechanics.state_variables()
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        """Prepare a load level; return its load, with the strains from which a wanted tension is reached."""
-        return load
+        """Prepare a load level; return its load, with the strains from which a wanted tension is reached: the present ones, and
+        the expansion of the wires."""
+        if wanted is None:
+            return load
+        return wanted.strained(load, self._expansion(load) * load.gradient)
+
+    def _expansion(self, load: LoadPoint) -> float:
+        """Length of the wires at the temperature of a load over that now."""
+        return self.scene.wire.length_factor(load.temperature) / float(self.state.steering.length_factor)
 
     def begin_level(self, load: LoadPoint, to_ratio: float) -> None:
         """Start the next level: predict its state and apply its load; see `Convergence.with_drift`."""
@@ -381,7 +388,7 @@ class Relaxation(Drive):
         ratio = 0.0
         if self._last_gradient is not None and not self.scene.depends_on_path:
             before = now - self._last_gradient
-            ahead = load.gradient.ravel() - now
+            ahead = load.gradient.ravel() / (1.0 if load.tension is None else self._expansion(load)) - now
             ratio = float(np.clip(ahead @ before / max(before @ before, 1e-30), 0.0, 1.0))
         self.mechanics.predict(ratio)
         self._last_gradient = now
