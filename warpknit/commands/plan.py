@@ -230,6 +230,8 @@ def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:
 
 def _about(text: Callable[[int], str], run: Measured) -> str:
     """Text of the expected steps, with the fewest and the most."""
+    if run.is_bound:
+        return f"more than {text(run.steps)}"
     least, expected, most = (text(steps) for steps in (run.least_steps, run.steps, run.most_steps))
     return f"about {expected}{f' ({least} to {most})' if least != most else ''}"
 
@@ -237,6 +239,8 @@ def _about(text: Callable[[int], str], run: Measured) -> str:
 def _measured(run: Measured) -> str:
     """On what steps and time were measured."""
     small, stages = run.small, len(run.small.model.scene.stages)
+    if run.is_bound:
+        return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps did not reach the equilibrium without load"
     part = "the whole load" if small.place >= stages else f"{percent(small.place / stages, 0)} of the load"
     return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps to {part}"
 

@@ -20,6 +20,7 @@ from .simulate import Simulation
 SAMPLE_NODES = 20_000  # a mesh up to here is built whole: a second
 WORK = 1e7  # steps times nodes of a sample run, of FEWEST_NODES at least: a second or two
 MOST_EXCESS = 4.0  # over WORK, before two load levels are solved: the first begins with the mesh as knitted
+MOST_SECONDS = 5.0  # of a mesh of more than SAMPLE_NODES
 FEWEST_NODES = 1_000
 TIMED_CHECKS = 8  # convergence checks by which the time of a step is measured
 PATCH = 2  # repeats a side of a small gripped mesh
@@ -42,12 +43,13 @@ class SampleRun:
     clock: list[tuple[float, int]] = field(default_factory=list)  # [s] and steps at each convergence check
     failure: str = ""
     seconds: float = 0.0  # with those of smaller meshes
+    begin: float = 0.0  # [s] by the same clock
 
     def run(self) -> SampleRun:
         """Take the steps. Raises `ModelError` where a run does."""
         simulation = Simulation(self.model, watch=self._watch)
         simulation.compile()
-        begin = time.perf_counter()
+        self.begin = time.perf_counter()
         try:
             for record in simulation.run():
                 self.place = record.stage_index + record.load_factor
@@ -56,7 +58,7 @@ class SampleRun:
             pass
         except Diverged as error:
             self.failure = str(error)
-        self.seconds, self.steps = time.perf_counter() - begin, simulation.progress.steps
+        self.seconds, self.steps = time.perf_counter() - self.begin, simulation.progress.steps
         return self
 
     def _watch(self, progress: Progress) -> None:
@@ -70,7 +72,8 @@ class SampleRun:
         else:
             self.place = before + progress.level_share * (progress.stage_index + progress.load_factor - before)
         work = progress.steps * max(FEWEST_NODES, self.model.node_count) / WORK
-        if (work > 1.0 and len(self.marks) > 2) or work > MOST_EXCESS or len(self.clock) == self.most_checks:
+        is_late = self.model.node_count > SAMPLE_NODES and self.clock[-1][0] - self.begin > MOST_SECONDS
+        if (work > 1.0 and len(self.marks) > 2) or work > MOST_EXCESS or is_late or len(self.clock) == self.most_checks:
             raise _Enough
 
     def path_steps(self) -> tuple[float, float, float]:
@@ -106,6 +109,11 @@ class Measured:
     steps: int
     most_steps: int
     seconds: float  # of these steps
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the steps are fewer than a run takes: the sample run has not found the mesh without load."""
+        return not self.small.place and not self.small.marks and not self.small.failure
 
 
 def sample_model(scene: Scene) -> tuple[Model, bool]:

@@ -9,7 +9,7 @@ import numpy as np
 from .rest_curve import RestCurve
 from .rods import Rods
 
-APPROACH = 0.12  # of a segment: approach allowed before the next search
+APPROACH = 0.12, 0.5  # of a segment, and of the thickness at least: approach allowed before the next search
 MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
 MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
 STRETCHED = 1.2  # largest length of a segment under load over that at rest
@@ -31,7 +31,7 @@ class SearchCells:
 def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     """The search cells for wires that touch on `curve`, no narrower than the search radius."""
     segments = rods.natural_length[rods.following >= 0]
-    approach = APPROACH * float(segments.max())
+    approach = max(APPROACH[0] * float(segments.max()), APPROACH[1] * rods.section.thickness)
     margin = approach + 2.0 * MAX_OFFSET * rods.section.thickness
     reach = STRETCHED * float(((0.5 + MAX_SAG) * curve.length + curve.bulge).max())  # of a curve, from the middle of its chord
     radius = 2.0 * reach + 2.0 * float(rods.wire_radius.max()) + margin

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -78,25 +79,30 @@ def hooks_of(wires: Wires, crossings: PlanCrossings | None, loop_length: float) 
         wire=np.array([lens.wire for lens in lenses], dtype=np.int64).reshape(-1, 2),
         low=np.array([lens.low for lens in lenses]).reshape(-1, 2),
         high=np.array([lens.high for lens in lenses]).reshape(-1, 2),
-        position=np.array([_middle(wires, lens) for lens in lenses]).reshape(-1, 2),
+        position=_middles(wires, lenses),
         corner=np.array([lens.corner for lens in lenses], dtype=np.int64).reshape(-1, 2),
     )
 
 
-def _middle(wires: Wires, lens: _Lens) -> np.ndarray:
-    """(2,) [m] in plan view, half way between the middles of its two arcs."""
-    first, second = (_place(wires, w, s) for w, s in zip(lens.wire, 0.5 * (lens.low + lens.high), strict=True))
-    return 0.5 * (first + second + (0.0 if wires.period is None else np.array(lens.repeat) * wires.period))
+def _middles(wires: Wires, lenses: list[_Lens]) -> np.ndarray:
+    """(lens, 2) [m] in plan view, half way between the middles of the two arcs of each."""
+    wire = np.array([lens.wire for lens in lenses], dtype=np.int64).reshape(-1, 2)
+    arc = np.array([0.5 * (lens.low + lens.high) for lens in lenses]).reshape(-1, 2)
+    place = np.zeros((*arc.shape, 2))
+    for w in np.unique(wire).tolist():
+        place[wire == w] = _places(wires, w, arc[wire == w])
+    repeat = np.array([lens.repeat for lens in lenses]).reshape(-1, 2)
+    return np.asarray(0.5 * (place.sum(axis=1) + (0.0 if wires.period is None else repeat * wires.period)))
 
 
-def _place(wires: Wires, wire: int, arc: float) -> np.ndarray:
-    """(2,) [m] in plan view, `arc` along a wire, beyond its ends where it goes on."""
+def _places(wires: Wires, wire: int, arc: np.ndarray) -> np.ndarray:
+    """(place, 2) [m] in plan view, at arc lengths [m] of a wire, beyond its ends where it goes on."""
     begin, end = wires.ends(wire)
-    rounds = 0.0 if wires.kinds[wire] == "open" else np.floor(arc / wires.lengths[wire])
+    rounds = np.zeros(arc.shape) if wires.kinds[wire] == "open" else np.floor(arc / wires.lengths[wire])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(end - begin, axis=1))])
     points = np.concatenate([begin, end[-1:]])
     s = arc - rounds * wires.lengths[wire]
-    return np.array([np.interp(s, along, points[:, k]) for k in (0, 1)]) + rounds * wires.closing(wire)[:2]
+    return np.stack([np.interp(s, along, points[:, k]) for k in (0, 1)], axis=-1) + rounds[:, None] * wires.closing(wire)[:2]
 
 
 def find_crossings(wires: Wires) -> PlanCrossings | None:
@@ -246,8 +252,9 @@ class Places:
         return f"{hooks}; {others}" if crossings else hooks
 
 
+@lru_cache(maxsize=1)
 def find_places(wires: Wires, loop_length: float) -> Places:
-    """The places of wires with about so much wire [m] in a loop; each once."""
+    """The places of wires with about so much wire [m] in a loop, each once; found once for the same wires."""
     crossings = find_crossings(wires)
     hooks = hooks_of(wires, crossings, loop_length)
     if crossings is None:

@@ -12,6 +12,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -195,8 +196,9 @@ def read_wires(
         return _read(path, node_spacing, unit, interpolation, closed, period, time)
 
 
+@lru_cache(maxsize=1)
 def rest_wires(scene: Scene) -> Wires:
-    """The wires of a scene with [wires], in all its repeats, at rest. Raises `SceneError`."""
+    """The wires of a scene with [wires], in all its repeats, at rest; read once. Raises `SceneError`."""
     options = scene.wires
     if options is None:
         raise scene_error(scene.path, "wires", "missing", "write a table with a file")

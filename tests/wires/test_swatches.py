@@ -1,0 +1,37 @@
+"""Machine-knit swatches as one wire (tools/studies/swatches.py): what they hook, how deep they overlap."""
+
+import numpy as np
+import pytest
+from swatches import DIAMETER, swatch
+
+from warpknit.wires.centre_lines import Wires
+from warpknit.wires.hooks import find_crossings, find_hooks
+from warpknit.wires.overlaps import find_overlaps
+
+STITCHES, ROWS, LOOP_LENGTH = 12, 9, 18e-3  # [m]
+
+
+def as_wire(points: np.ndarray) -> Wires:
+    return Wires((points,), ("open",), np.zeros((1, 2), dtype=int), None, None, None)
+
+
+@pytest.mark.parametrize(("kind", "overlap"), [("plain", 0.2), ("plain", 0.9), ("rib", 0.5), ("cable", 0.7)])
+def test_a_swatch_overlaps_as_asked(kind: str, overlap: float) -> None:
+    """Up to the last of 20 bisections of a height of one diameter: 1e-6 diameters, at distances that fall at most 4 times as fast."""
+    found = find_overlaps(as_wire(swatch(kind, STITCHES, ROWS, overlap)), DIAMETER)
+    assert found.wires == (0, 0)
+    assert 1.0 - found.closest / DIAMETER == pytest.approx(overlap, abs=4e-6)
+
+
+@pytest.mark.parametrize("kind", ["plain", "rib"])
+def test_each_stitch_hooks_the_one_below_with_both_legs(kind: str) -> None:
+    """Four crossings of a stitch with the one below, two hooks, half a stitch from each other: their places repeat from stitch to
+    stitch."""
+    wire = as_wire(swatch(kind, STITCHES, ROWS, 0.5))
+    below = STITCHES * (ROWS - 1)
+    assert len(np.unique(find_crossings(wire).number)) == 4 * below
+    hooks = find_hooks(wire, LOOP_LENGTH)
+    assert len(hooks) == 2 * below and (hooks.wire == 0).all()
+    columns = np.unique(np.round(hooks.position[:, 0], 5))
+    assert len(columns) == 2 * STITCHES
+    assert np.diff(columns[::2]) == pytest.approx(5e-3, abs=3e-5)
