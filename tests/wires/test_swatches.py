@@ -17,7 +17,7 @@ def as_wire(points: np.ndarray) -> Wires:
 
 @pytest.mark.parametrize(("kind", "overlap"), [("plain", 0.2), ("plain", 0.9), ("rib", 0.5), ("cable", 0.7)])
 def test_a_swatch_overlaps_as_asked(kind: str, overlap: float) -> None:
-    """Up to the last of 20 bisections of a height of one diameter: 1e-6 diameters, at distances that fall at most 4 times as fast."""
+    """Up to the last of 20 bisections of a height of a diameter, 1e-6; distances change by four times as much at most."""
     found = find_overlaps(as_wire(swatch(kind, STITCHES, ROWS, overlap)), DIAMETER)
     assert found.wires == (0, 0)
     assert 1.0 - found.closest / DIAMETER == pytest.approx(overlap, abs=4e-6)

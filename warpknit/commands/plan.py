@@ -240,7 +240,7 @@ def _measured(run: Measured) -> str:
     """On what steps and time were measured."""
     small, stages = run.small, len(run.small.model.scene.stages)
     if run.is_bound:
-        return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps did not reach the equilibrium without load"
+        return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps came to no load"
     part = "the whole load" if small.place >= stages else f"{percent(small.place / stages, 0)} of the load"
     return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps to {part}"
 

@@ -11,7 +11,7 @@ from ..base.text import exact
 from ..compute.memory import refuse_beyond_memory
 from ..knit.cloth import Cloth, same_cloth
 from ..scene import PanelOptions, Scene, Stage
-from ..wires.read import rest_wires
+from ..wires.read import drawn_wires
 from .panel import Panel, build_panel, table_lead
 from .rest_table import Table, rest_table
 
@@ -21,7 +21,7 @@ SLIDE_ALLOWANCE = 0.2  # how far a contact may slide beyond its lens, in wire le
 def mesh_nodes(scene: Scene) -> int:
     """Number of nodes of a scene's mesh, which is not laid out: estimated for cloth that is cut. Raises the errors of a file."""
     if scene.wires is not None:
-        return rest_wires(scene).node_count
+        return drawn_wires(scene).node_count
     if scene.hook is not None:
         return 2 * (scene.model.nodes_per_loop + 1)
     return estimated_nodes(scene, knit_scene(scene))

@@ -78,6 +78,12 @@ class WiresTable(Table):
         None,
         left_out="true if the file has widths and `wire.diameter` is left out",
     )
+    overlaps: values.Overlapping = key(
+        "What overlaps of the drawing become. `prestress`: the shape as drawn is free of stress, and a run pushes the wires apart"
+        " against their stiffness. `at rest`: they are moved apart before, the deepest overlaps first, and are free of stress"
+        " there.",
+        "prestress",
+    )
     time: values.Number | None = key(
         "Time code of an animated USD stage, such as the `scene.usda` of a run.", None, left_out="the first"
     )

@@ -112,8 +112,8 @@ class Measured:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the steps are fewer than a run takes: the sample run has not found the mesh without load."""
-        return not self.small.place and not self.small.marks and not self.small.failure
+        """Whether a run takes more steps: the sample run has not come to a load."""
+        return not self.small.place and not self.small.failure
 
 
 def sample_model(scene: Scene) -> tuple[Model, bool]:

@@ -31,6 +31,7 @@ DAMPING = 0.02  # over a step, of the motion that follows
 LEAST_CHECKS, MOST_CHECKS = 8, 80  # convergence checks of that motion
 GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance has grown
 CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
+MOST_LISTED = 20  # places in a message
 LEAST_DIFFERENCE = 0.005  # of a stiffness that differs from that of the scene: three digits
 
 
@@ -146,21 +147,39 @@ class Stability:
 
 
 def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip) -> None:
-    """Intersecting centre lines do not tell which wire lies above the other. Raises `ModelError` on all ranks.
+    """Intersecting centre lines do not tell which wire lies above the other. Raises `ModelError` on all ranks, with all places.
 
     near: contacts of the strip as knitted, of any gap below zero at least.
     """
     distance = 1.0 - near.overlap / rods.touch_distance(near.first, near.second)
-    wires, places = strip.wire[rods.wire_of[np.stack([near.first, near.second])]], rods.position[near.first]
-    worst = int(distance.argmin()) if len(distance) else None
-    here = (np.inf, 0, 0, np.zeros(3)) if worst is None else (distance[worst], *wires[:, worst].tolist(), places[worst])
-    least, first, second, (x, y, _) = min(strip.ranks.everyone(here), key=lambda there: float(there[0]))
-    if least >= CLOSEST:
+    nodes = np.stack([near.first, near.second], axis=1)
+    arc = rods.arc[nodes] + near.place * rods.natural_arc[nodes]
+    where = rods.position[near.first] + near.place[:, :1] * rods.rest_edge[near.first]
+    found = [
+        (strip.wire[rods.wire_of[nodes[k]]].tolist(), arc[k].tolist(), where[k], float(distance[k]))
+        for k in np.flatnonzero(distance < CLOSEST)
+    ]
+    places: list[tuple[list[int], list[float], np.ndarray, float]] = []
+    for place in sorted((one for of_rank in strip.ranks.everyone(found) for one in of_rank), key=lambda one: one[3]):
+        if all(np.linalg.norm(place[2] - other[2]) > rods.section.thickness for other in places):
+            places.append(place)
+    if not places:
         return
+    texts = [_intersection_text(*place[:3]) for place in sorted(places, key=lambda one: (one[0], one[1]))]
+    more = f"; and in {len(texts) - MOST_LISTED} more places" if len(texts) > MOST_LISTED else ""
     raise ModelError(
-        f"the centre lines of wires {first + 1} and {second + 1} intersect near {place_text(x, y)}, so"
-        " neither lies above the other; move one of them, by however little"
+        f"{'; '.join(texts[:MOST_LISTED])}{more}; so neither lies above the other: move one of them there, by however little,"
+        " or cut it"
     )
+
+
+def _intersection_text(wires: list[int], arcs: list[float], place: np.ndarray) -> str:
+    """Which wires intersect, or where along a single one."""
+    near = f"near {place_text(*place[:2])}"
+    if wires[0] != wires[1]:
+        return f"the centre lines of wires {wires[0] + 1} and {wires[1] + 1} intersect {near}"
+    along = " and ".join(engineering(arc, "m", 4) for arc in sorted(arcs))
+    return f"the centre line of wire {wires[0] + 1} intersects itself {near}, {along} along it"
 
 
 def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> None:
@@ -179,9 +198,14 @@ def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> No
     most, first, second, (x, y, _) = max(strip.ranks.everyone(here), key=lambda there: there[0])
     if most > CLAMPED * rods.section.thickness:
         raise ModelError(
-            f"wires {first + 1} and {second + 1} overlap by {engineering(most, 'm')} where both are clamped, near"
+            f"{wires_text(first + 1, second + 1)} overlap by {engineering(most, 'm')} where both are clamped, near"
             f" {place_text(x, y)}, and cannot part there; move their ends apart, or set a smaller wire.diameter"
         )
+
+
+def wires_text(first: int, second: int) -> str:
+    """Two wires, or two parts of one."""
+    return f"wires {first} and {second}" if first != second else f"two parts of wire {first}"
 
 
 def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.ndarray) -> str:
@@ -196,7 +220,7 @@ def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.
     nodes = contacts.first[worst], contacts.second[worst]
     first, second = (int(model.rods.wire_of[node]) for node in nodes)
     place = place_text(*measure.positions(observed)[0][nodes[0], :2])
-    return f"deepest now between wires {first} and {second} near {place} from the corner" + "".join(
+    return f"deepest now between {wires_text(first, second)} near {place} from the corner" + "".join(
         f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
         for name, unit, now, of_scene in (
             ("contact penalty", "N/m", penalty[list(nodes)].mean(), model.contact_stiffness),

@@ -154,12 +154,13 @@ class RodRelaxation:
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
         vibration: float = VIBRATION,
+        knows_smooth: bool = False,
         wire_stiffness: np.ndarray | None = None,
     ) -> None:
         """softening: true axial stiffness over that of the dynamics; wave_length [m] of the slowest wave, default: the longest
         wire; curve: on which wires touch, default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether
-        they correct the softening; vibration: see `kinetic_energy`; wire_stiffness [wire] [N]: least axial stiffness of the
-        dynamics."""
+        they correct the softening; vibration, knows_smooth: see `kinetic_energy`; wire_stiffness [wire] [N]: least axial
+        stiffness of the dynamics."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
@@ -194,7 +195,7 @@ class RodRelaxation:
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
         self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length)
-        self.vibration = vibration
+        self.vibration, self._knows_smooth = vibration, knows_smooth
         # [world]
         self._has_last = np.zeros(worlds, dtype=bool)  # whether the state at the last check is known
         self._last_slide = np.zeros((len(sliding), 2))  # [m] of the sliding clamps then, and [N] their forces
@@ -382,12 +383,16 @@ class RodRelaxation:
         """[row] [J] of the mean motion since the last check; of all motion after the state was moved from outside.
 
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
-        diagonal masses, which overestimate smooth motion (SMOOTH).
+        diagonal masses, which overestimate smooth motion (SMOOTH). knows_smooth: motion whose energy by the banded masses is that
+        of the mean motion is no vibration: a loose mesh drifts for long with hardly any force.
         """
         whole, mean = 0.5 * self.stepper.steering.kinetic_twice[rows], self._mean_energy[rows]
         vibrates = ~(whole / self.vibration**2 <= mean)
         if vibrates.any():
-            whole = np.where(vibrates, np.minimum(whole, 0.5 * SMOOTH**2 * self._twice_energy(rows)), whole)
+            banded = 0.5 * self._twice_energy(rows)
+            if self._knows_smooth:
+                vibrates &= ~(banded / self.vibration**2 <= mean)
+            whole = np.where(vibrates, np.minimum(whole, SMOOTH**2 * banded), whole)
         by_all = np.where(np.isnan(mean), whole, np.fmax(mean, whole / self.vibration**2))
         return np.where(vibrates, by_all, mean)
 

@@ -58,6 +58,7 @@ class SpatialWorlds(Worlds):
             clamps=self.clamps,
             multipliers=model.ramp is None,
             vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
+            knows_smooth=scene.wires is not None,
             wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
         )
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)

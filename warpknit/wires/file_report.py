@@ -11,29 +11,30 @@ from warpknit.scene import Scene
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.hooks import Places, find_places
 from warpknit.wires.overlaps import Overlaps, find_overlaps
-from warpknit.wires.read import rest_wires, thickness_of
+from warpknit.wires.read import drawn_wires, rest_wires, thickness_of
 
 
 @dataclass(frozen=True)
 class WireReport:
-    """The wires of a scene, as they come from its file."""
+    """The wires of a scene at rest, and how they overlap as they come from its file."""
 
     file: str
     wires: Wires
     overlaps: Overlaps
     places: Places
     thickness: np.ndarray  # (wire,) [m] in the run
+    is_prestressed: bool  # by overlaps
 
     @property
     def warnings(self) -> list[str]:
         """What to look at before a run."""
         found = list(self.wires.notes)
-        if self.overlaps.crowded or self.overlaps.places:
+        if self.is_prestressed and (self.overlaps.crowded or self.overlaps.places):
             closest, touch = self.overlaps.closest, self.overlaps.thickness
             depth = "" if closest is None else f", by up to {short_percent(1.0 - closest / touch)} of their thickness"
             found.append(
                 f"wires overlap as they come{depth}: a run pushes them apart first, which prestresses the mesh before"
-                " it is loaded"
+                " it is loaded; wires.overlaps = 'at rest' makes them free of stress there"
             )
         return found
 
@@ -89,7 +90,8 @@ def wire_report(scene: Scene) -> WireReport:
     wires = rest_wires(scene)
     assert scene.wires is not None
     places, thickness = find_places(wires, scene.wires.loop_length), thickness_of(scene, wires)
-    return WireReport(scene.wires.path.name, wires, find_overlaps(wires, thickness), places, thickness)
+    overlaps = find_overlaps(drawn_wires(scene), thickness)
+    return WireReport(scene.wires.path.name, wires, overlaps, places, thickness, scene.wires.overlaps == "prestress")
 
 
 def _one_or_each(values: np.ndarray) -> float | list[float]:

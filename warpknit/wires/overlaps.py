@@ -44,8 +44,9 @@ class Overlaps:
             return f"wires of {engineering(self.thickness, 'm')} overlap nearly everywhere: is the unit right?"
         if self.closest is None or self.wires is None or self.arcs is None:
             return f"no wires nearer than {REACH:g} diameters of {engineering(self.thickness, 'm')}"
-        pair = " and ".join(f"{wire} at {engineering(arc, 'm', 4)}" for wire, arc in zip(self.wires, self.arcs, strict=True))
-        where = f"closest centre lines {self.closest / self.thickness:.3g} diameters apart, of wires {pair}"
+        (first, second), (here, there) = self.wires, (engineering(arc, "m", 4) for arc in self.arcs)
+        pair = f"wires {first} at {here} and {second} at {there}" if first != second else f"wire {first} at {here} and {there}"
+        where = f"closest centre lines {self.closest / self.thickness:.3g} diameters apart, of {pair}"
         return f"{self.places:,} overlaps; {where}" if self.places else f"no overlaps; {where}"
 
 
@@ -79,6 +80,7 @@ class NearPairs:
     distance: np.ndarray  # (pair,) [m] of their centre lines
     touch: np.ndarray  # (pair,) [m] the same where they touch
     place: np.ndarray  # (pair, 2) of the least distance, from 0 to 1 along either segment
+    between: np.ndarray  # (pair,) [m] of wire between the segments; infinite between two wires
 
     def taken(self, kept: np.ndarray) -> NearPairs:
         """The pairs with these numbers, or of this mask."""
@@ -94,7 +96,7 @@ def find_overlaps(wires: Wires, thickness: float | np.ndarray) -> Overlaps:
     """The overlaps of wires of `thickness` [m], one or (wire,). The closest wires are so by the distance over that of a touch."""
     segments, thickest = segments_of(wires), float(np.max(thickness))
     closest, touching, count = None, [], 0
-    for near in _near_pairs(segments, wires, thickness):
+    for near in near_pairs(segments, wires, thickness):
         if near is None or count > MOST_TOUCHING:
             return Overlaps(thickest, None, None, None, 0, crowded=True)
         touching.append(near.taken(near.share < 1.0 - CLOSEST))
@@ -111,7 +113,7 @@ def find_overlaps(wires: Wires, thickness: float | np.ndarray) -> Overlaps:
         float(closest.distance[0]),
         (int(segments.wire[first]), int(segments.wire[second])),
         (float(arcs[0]), float(arcs[1])),
-        len(np.unique(_place_numbers(segments, wires, _joined(touching)))),
+        len(np.unique(_place_numbers(segments, wires, joined(touching)))),
     )
 
 
@@ -130,12 +132,12 @@ def close_places(wires: Wires, thickness: float | np.ndarray) -> ClosePlaces | N
     """The places where wires of `thickness` [m], one or (wire,), are near each other; None where they are too many."""
     segments = segments_of(wires)
     found, count = [], 0
-    for near in _near_pairs(segments, wires, thickness):
+    for near in near_pairs(segments, wires, thickness):
         if near is None or count > MOST_TOUCHING:
             return None
         found.append(near.taken(near.share < REACH))
         count += len(found[-1].distance)
-    pairs = _joined(found)
+    pairs = joined(found)
     place = _place_numbers(segments, wires, pairs)
     order = np.lexsort((pairs.share, place))
     closest = pairs.taken(order[np.unique(place[order], return_index=True)[1]])
@@ -151,16 +153,21 @@ def close_places(wires: Wires, thickness: float | np.ndarray) -> ClosePlaces | N
     )
 
 
-def _joined(parts: list[NearPairs]) -> NearPairs:
+def joined(parts: list[NearPairs]) -> NearPairs:
     """Pairs of all parts."""
     if not parts:
         two, one = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
-        return NearPairs(two, two, one, one, np.zeros((0, 2)))
+        return NearPairs(two, two, one, one, np.zeros((0, 2)), one)
     return NearPairs(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(NearPairs)))
 
 
-def _near_pairs(segments: Segments, wires: Wires, thickness: float | np.ndarray) -> Iterator[NearPairs | None]:
-    """Pairs nearer than REACH thicknesses and some farther ones, in blocks; None where there are too many."""
+def near_pairs(
+    segments: Segments, wires: Wires, thickness: float | np.ndarray, *, with_neighbours: bool = False
+) -> Iterator[NearPairs | None]:
+    """Pairs nearer than REACH thicknesses and some farther ones, in blocks; None where there are too many.
+
+    with_neighbours: along one wire, too.
+    """
     of_wires = np.broadcast_to(thickness, len(wires.points))
     radius = REACH * float(of_wires.max()) + float(segments.length.max())
     if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
@@ -183,8 +190,8 @@ def _near_pairs(segments: Segments, wires: Wires, thickness: float | np.ndarray)
             segments.begin[a], segments.end[a], segments.begin[b] + shift, segments.end[b] + shift
         )
         touch = 0.5 * (of_wires[segments.wire[a]] + of_wires[segments.wire[b]])
-        near = NearPairs(pairs[:, :2], pairs[:, 2:], distance, touch, np.stack(place, axis=1))
-        yield near.taken(between > 0.5 * np.pi * np.maximum(distance, touch))
+        near = NearPairs(pairs[:, :2], pairs[:, 2:], distance, touch, np.stack(place, axis=1), between)
+        yield near if with_neighbours else near.taken(between > 0.5 * np.pi * np.maximum(distance, touch))
 
 
 def _pairs(

@@ -25,6 +25,7 @@ from warpknit.wires.bases import BadFile, Curve, CurveFile
 from warpknit.wires.centre_lines import Wires, repeated
 from warpknit.wires.directors import transported
 from warpknit.wires.file_curves import curves_in, expected_in
+from warpknit.wires.parting import pushed_apart
 
 if TYPE_CHECKING:
     from warpknit.scene import Scene
@@ -198,7 +199,15 @@ def read_wires(
 
 @lru_cache(maxsize=1)
 def rest_wires(scene: Scene) -> Wires:
-    """The wires of a scene with [wires], in all its repeats, at rest; read once. Raises `SceneError`."""
+    """The wires of a scene with [wires], in all its repeats, at rest; found once. Raises `SceneError`."""
+    wires = drawn_wires(scene)
+    is_drawn = scene.wires is None or scene.wires.overlaps == "prestress"
+    return wires if is_drawn else pushed_apart(wires, thickness_of(scene, wires))
+
+
+@lru_cache(maxsize=1)
+def drawn_wires(scene: Scene) -> Wires:
+    """The same as in the file, with overlaps; read once. Raises `SceneError`."""
     options = scene.wires
     if options is None:
         raise scene_error(scene.path, "wires", "missing", "write a table with a file")

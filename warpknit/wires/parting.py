@@ -1,0 +1,226 @@
+"""Wires that overlap as drawn, pushed apart into a shape that is free of stress: `wires.overlaps = "at rest"`.
+
+The thickness grows from what fits, so that the deepest overlaps are undone first. Where two curves are nearer than that, either
+side moves by half of what is missing, along the line between both. Moves are spread along the wire as a beam on springs spreads a
+force, u + LENGTH^4 u'''' = f, so that no wire gets a kink. The curve is the Catmull-Rom one on which wires of a file touch
+(kernels/wire_curve.py). Wires keep the side on which they are drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from warpknit.base.text import engineering, short_percent
+from warpknit.wires.centre_lines import Wires
+from warpknit.wires.overlaps import CLOSEST, joined, near_pairs, segments_of
+
+LENGTH = 1.5  # thicknesses
+GAIN = 1.5  # of moves before they are spread
+GROWTH = 0.1  # of the thickness, by which it grows at once
+APART = 1.005  # distance in the end over the thickness: no contact has a force
+FOUND, ROUGHLY = 0.003, 0.05  # of the thickness: overlaps left in the end, and before the thickness grows
+STEPS = 400  # at most
+NEAR, FAR = 1.3, 0.1  # thicknesses: up to which pairs are listed, and which nodes move until they are listed anew
+LARGEST = 0.1  # of the thickness: most that a node moves at once
+ALONG = 2.0  # thicknesses along a wire, below which it does not touch itself (spatial/pair_search.py)
+SAMPLES = 3  # of a segment, of which the nearest are the first places
+DAMPED, LONGEST = (
+    1.0,
+    0.25,
+)  # share by which steps to the closest points are damped, as curvature is left out; longest step, of a segment
+AROUND = 24  # nodes of a wire that goes on, beyond either end: moves decay by exp(-AROUND/(sqrt(2) LENGTH))
+STIFF = 1e6  # of the springs of nodes that clamps hold
+
+
+@dataclass
+class _Pairs:
+    """Segments near each other, counted over all wires, and where the closest points of their curves are."""
+
+    segment: np.ndarray  # (pair, 2)
+    shift: np.ndarray  # (pair, 3) [m] of the second
+    touch: np.ndarray  # (pair,) [m]
+    place: np.ndarray  # (pair, 2) on the segments, 0 .. 1
+    between: np.ndarray  # (pair,) [m] of wire between the segments, infinite between two wires
+    length: np.ndarray  # (pair, 2) [m] of the segments
+    is_ahead: np.ndarray  # (pair,) whether the second is behind the first along one wire, not before it
+
+    def taken(self, kept: np.ndarray) -> _Pairs:
+        return _Pairs(*(getattr(self, one.name)[kept] for one in fields(_Pairs)))
+
+    @property
+    def is_neighbour(self) -> np.ndarray:
+        """(pair,) whether the places are so near along one wire that it does not touch itself there."""
+        inner = np.where(self.is_ahead[:, None], [1.0, 0.0], [0.0, 1.0])  # the ends that face each other along the wire
+        return self.between + (np.abs(self.place - inner) * self.length).sum(axis=1) < ALONG * self.touch
+
+
+class _Nodes:
+    """The nodes of all wires one after another, and four for the curve of each segment."""
+
+    def __init__(self, wires: Wires) -> None:
+        self.count = np.array([len(points) for points in wires.points])
+        self.first = np.cumsum(self.count) - self.count
+        numbers, shifts, around = [], [], []
+        for wire, (first, count) in enumerate(zip(self.first.tolist(), self.count.tolist(), strict=True)):
+            is_open = wires.kinds[wire] == "open"
+            number = np.arange(count - is_open)[:, None] + np.arange(-1, 3)
+            rounds = 0 * number if is_open else number // count
+            numbers.append(first + (np.clip(number, 0, count - 1) if is_open else number % count))
+            shifts.append(rounds[..., None] * wires.closing(wire))
+            beyond = 0 if is_open else AROUND
+            around.append(first + np.arange(-beyond, count + beyond) % count)
+        self.number, self.shift = np.concatenate(numbers), np.concatenate(shifts)  # (segment, 4), and (segment, 4, 3) [m]
+        self._around = np.concatenate(around)  # nodes of all wires, those that go on with AROUND more
+        size = np.array([len(one) for one in around])
+        begin = np.cumsum(size) - size
+        self._own = np.concatenate([b + (s - n) // 2 + np.arange(n) for b, s, n in zip(begin, size, self.count, strict=True)])
+        held = [begin[w] + k for w, kind in enumerate(wires.kinds) if kind == "open" for k in (0, 1, size[w] - 2, size[w] - 1)]
+        self._bands = self._beam(begin, size, np.array(held, dtype=np.int64))
+
+    @staticmethod
+    def _beam(begin: np.ndarray, size: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """(3, node) bands of 1 + LENGTH^4 D2^T D2 of wires with these nodes, a thickness apart; those held have stiff springs."""
+        bend = np.ones(size.sum())  # of the difference at a node; none at the ends of a wire
+        bend[begin], bend[begin + size - 1] = 0.0, 0.0
+        bend *= LENGTH**4
+        before, after = np.roll(bend, 1), np.roll(bend, -1)
+        bands = np.stack([after, -2.0 * (bend + after), 1.0 + before + 4.0 * bend + after])
+        bands[2, held] += STIFF
+        bands[0, 2:], bands[1, 1:] = bands[0, :-2].copy(), bands[1, :-1].copy()
+        return bands
+
+    def spread(self, move: np.ndarray) -> np.ndarray:
+        """(node, 3) [m] moves, spread along the wires."""
+        return np.asarray(solveh_banded(self._bands, move[self._around])[self._own])
+
+    def curve(self, points: np.ndarray, segment: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(pair, 3) [m] points of segments at places s, derivatives by s, and the weights (pair, 4) of their nodes."""
+        x = points[self.number[segment]] + self.shift[segment]
+
+        def weights(one: float, h10: np.ndarray, h01: np.ndarray, h11: np.ndarray) -> np.ndarray:
+            half = 0.5 * np.stack([-h10, -h11, h10, h11], axis=1)
+            return half + np.stack([0.0 * h01, one - h01, h01, 0.0 * h01], axis=1)
+
+        at = weights(1.0, s * (1.0 - s) ** 2, s**2 * (3.0 - 2.0 * s), s**2 * (s - 1.0))
+        along = weights(0.0, 1.0 - 4.0 * s + 3.0 * s**2, 6.0 * s * (1.0 - s), 3.0 * s**2 - 2.0 * s)
+        return np.einsum("pa,pak->pk", at, x), np.einsum("pa,pak->pk", along, x), at
+
+
+def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
+    """The wires of `thickness` (wire,) [m] without overlaps, where they can part; with a note of how far they moved.
+
+    Lengths free of stress keep their ratio to the segments.
+    """
+    nodes, thickest = _Nodes(wires), float(np.max(thickness))
+    drawn = points = np.concatenate(wires.points)
+    pairs = _listed(wires, nodes, thickness)
+    share, deepest, travel = 0.0, 0.0, 0.0
+    for _ in range(STEPS):
+        if pairs is None or not len(pairs.touch):
+            return wires
+        normal, distance, weights = _closest(nodes, points, pairs)
+        if share == 0.0:
+            deepest = float(1.0 - (distance / pairs.touch).min())
+            if deepest <= CLOSEST:
+                return wires
+            share = 1.0 - deepest
+        missing = APART * share - distance / pairs.touch
+        if missing.max() >= (FOUND if share == 1.0 else ROUGHLY):
+            move = nodes.spread(_moves(nodes, pairs, np.maximum(missing, 0.0) * pairs.touch, normal, weights, len(points)))
+            size = np.linalg.norm(move, axis=1, keepdims=True)
+            move *= np.minimum(1.0, LARGEST * thickest / np.maximum(size, 1e-300))
+            points, travel = points + move, travel + float(size.max())
+        elif share == 1.0 and travel == 0.0:
+            break
+        elif share == 1.0:  # are there others?
+            travel = np.inf
+        share = share if missing.max() >= ROUGHLY else min(1.0, share + GROWTH)
+        if travel > FAR * thickest:
+            pairs, travel = _listed(_at(wires, nodes, points), nodes, thickness), 0.0
+    farthest = engineering(float(np.linalg.norm(points - drawn, axis=1).max()), "m")
+    note = (
+        f"wires overlapped as drawn by up to {short_percent(deepest)} of their thickness; they were moved apart by up to"
+        f" {farthest}, and are free of stress there (wires.overlaps)"
+    )
+    return replace(_at(wires, nodes, points), notes=(*wires.notes, note))
+
+
+def _at(wires: Wires, nodes: _Nodes, points: np.ndarray) -> Wires:
+    """The wires with their nodes at other points (node, 3) [m]."""
+    there = replace(wires, points=tuple(np.split(points, nodes.first[1:])))
+    if wires.rest_lengths is None:
+        return there
+
+    def lengths(of: Wires, wire: int) -> np.ndarray:
+        begin, end = of.ends(wire)
+        return np.linalg.norm(end - begin, axis=1)
+
+    kept = (rest * lengths(there, wire) / lengths(wires, wire) for wire, rest in enumerate(wires.rest_lengths))
+    return replace(there, rest_lengths=tuple(kept))
+
+
+def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None:
+    """Pairs of segments nearer than NEAR thicknesses that are no neighbours; None where they are too many."""
+    segments, near_ones = segments_of(wires), []
+    for near in near_pairs(segments, wires, thickness, with_neighbours=True):
+        if near is None:
+            return None
+        longest = near.between + segments.length[near.segment].sum(axis=1)
+        near_ones.append(near.taken((near.share < NEAR) & (longest >= ALONG * near.touch)))
+    pairs = joined(near_ones)
+    first, second = pairs.segment.T
+    repeat, shift = pairs.repeat + segments.moved[second] - segments.moved[first], np.zeros((len(first), 3))
+    if wires.period is not None:
+        shift[:, :2] = repeat * wires.period
+    found = _Pairs(pairs.segment, shift, pairs.touch, pairs.place, pairs.between, segments.length[pairs.segment], first < 0)
+    points, samples = np.concatenate(wires.points), np.linspace(0.0, 1.0, SAMPLES + 1)
+    places = np.stack(np.meshgrid(samples, samples, indexing="ij"), axis=-1).reshape(-1, 2)
+    distance = np.empty((len(places), len(first)))
+    for number, place in enumerate(places):
+        found.place = np.broadcast_to(place, (len(first), 2))
+        distance[number] = np.linalg.norm(_apart(nodes, points, found, found.place)[0], axis=1)
+    found.is_ahead = distance[-1 - SAMPLES] <= distance[SAMPLES]  # at (1, 0) and (0, 1)
+    for number, place in enumerate(places):
+        found.place = np.broadcast_to(place, (len(first), 2))
+        distance[number, found.is_neighbour] = np.inf
+    found.place = places[np.argmin(distance, axis=0)]
+    return found.taken(distance.min(axis=0) < NEAR * found.touch)
+
+
+def _closest(nodes: _Nodes, points: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(pair, 3) unit vectors from the second to the first curve of pairs, (pair,) [m] their distance, and (pair, 2, 4) weights
+    of the nodes there; moves their places by a damped step of Gauss and Newton where that is nearer."""
+    between, along, weights = _apart(nodes, points, pairs, pairs.place)
+    (a, b), (_, c) = np.einsum("ipk,jpk->ijp", along, along)
+    a, c = (1.0 + DAMPED) * a, (1.0 + DAMPED) * c
+    f, g = np.einsum("pk,ipk->ip", between, along)
+    step = np.stack([b * g - c * f, a * g - b * f], axis=1) / (a * c - b * b)[:, None]
+    place = np.clip(pairs.place + np.clip(step, -LONGEST, LONGEST), 0.0, 1.0)
+    between_there, _, weights_there = _apart(nodes, points, pairs, place)
+    distance, distance_there = (np.linalg.norm(apart, axis=1) for apart in (between, between_there))
+    is_nearer = distance_there < distance
+    pairs.place[is_nearer] = place[is_nearer]
+    between[is_nearer], weights[is_nearer] = between_there[is_nearer], weights_there[is_nearer]
+    distance = np.where(pairs.is_neighbour, np.inf, np.minimum(distance, distance_there))
+    return between / np.maximum(distance, 1e-300)[:, None], distance, weights
+
+
+def _apart(nodes: _Nodes, points: np.ndarray, pairs: _Pairs, place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(pair, 3) [m] from the second to the first curve at places, (2, pair, 3) both derivatives, and (pair, 2, 4) weights."""
+    (p, along_p, weight_p), (q, along_q, weight_q) = (nodes.curve(points, pairs.segment[:, k], place[:, k]) for k in (0, 1))
+    return p - q - pairs.shift, np.stack([along_p, along_q]), np.stack([weight_p, weight_q], axis=1)
+
+
+def _moves(nodes: _Nodes, pairs: _Pairs, missing: np.ndarray, normal: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
+    """(node, 3) [m] by which half of what is `missing` (pair,) [m] moves either side, the mean of the pairs at a node."""
+    is_close = missing > 0.0
+    number = nodes.number[pairs.segment[is_close]].ravel()
+    weight = np.maximum(weights[is_close], 0.0)
+    half = 0.5 * GAIN * missing[is_close][:, None] * normal[is_close]
+    move = weight[..., None] * (np.array([1.0, -1.0])[None, :, None, None] * half[:, None, None])
+    total = np.bincount(number, weight.ravel(), count)
+    sums = np.stack([np.bincount(number, move[..., k].ravel(), count) for k in range(3)], axis=1)
+    return np.asarray(sums / np.maximum(total, 1.0)[:, None])
