@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from warpknit.base.text import engineering, short_percent
 from warpknit.wires.centre_lines import Wires
@@ -78,10 +78,10 @@ class _Nodes:
         begin = np.cumsum(size) - size
         self._own = np.concatenate([b + (s - n) // 2 + np.arange(n) for b, s, n in zip(begin, size, self.count, strict=True)])
         held = [begin[w] + k for w, kind in enumerate(wires.kinds) if kind == "open" for k in (0, 1, size[w] - 2, size[w] - 1)]
-        self._bands = self._beam(begin, size, np.array(held, dtype=np.int64))
+        self._beam = cholesky_banded(self._bands(begin, size, np.array(held, dtype=np.int64)))
 
     @staticmethod
-    def _beam(begin: np.ndarray, size: np.ndarray, held: np.ndarray) -> np.ndarray:
+    def _bands(begin: np.ndarray, size: np.ndarray, held: np.ndarray) -> np.ndarray:
         """(3, node) bands of 1 + LENGTH^4 D2^T D2 of wires with these nodes, a thickness apart; those held have stiff springs."""
         bend = np.ones(size.sum())  # of the difference at a node; none at the ends of a wire
         bend[begin], bend[begin + size - 1] = 0.0, 0.0
@@ -94,7 +94,7 @@ class _Nodes:
 
     def spread(self, move: np.ndarray) -> np.ndarray:
         """(node, 3) [m] moves, spread along the wires."""
-        return np.asarray(solveh_banded(self._bands, move[self._around])[self._own])
+        return np.asarray(cho_solve_banded((self._beam, False), move[self._around])[self._own])
 
     def curve(self, points: np.ndarray, segment: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(pair, 3) [m] points of segments at places s, derivatives by s, and the weights (pair, 4) of their nodes."""
@@ -177,11 +177,10 @@ def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None
         shift[:, :2] = repeat * wires.period
     found = _Pairs(pairs.segment, shift, pairs.touch, pairs.place, pairs.between, segments.length[pairs.segment], first < 0)
     points, samples = np.concatenate(wires.points), np.linspace(0.0, 1.0, SAMPLES + 1)
+    every = np.arange(len(nodes.number))
+    curves = [nodes.curve(points, every, np.full(len(every), s))[0] for s in samples]
     places = np.stack(np.meshgrid(samples, samples, indexing="ij"), axis=-1).reshape(-1, 2)
-    distance = np.empty((len(places), len(first)))
-    for number, place in enumerate(places):
-        found.place = np.broadcast_to(place, (len(first), 2))
-        distance[number] = np.linalg.norm(_apart(nodes, points, found, found.place)[0], axis=1)
+    distance = np.stack([np.linalg.norm(a[first] - b[second] - shift, axis=1) for a in curves for b in curves])
     found.is_ahead = distance[-1 - SAMPLES] <= distance[SAMPLES]  # at (1, 0) and (0, 1)
     for number, place in enumerate(places):
         found.place = np.broadcast_to(place, (len(first), 2))
