@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from swatches import DIAMETER, swatch
 
+from warpknit.errors import Diverged
 from warpknit.scene import make_scene
+from warpknit.solve import convergence
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.centre_lines import Wires
@@ -67,18 +69,33 @@ def test_wires_that_go_on_part_through_the_border_of_a_repeat() -> None:
 
 @pytest.mark.parametrize(("kind", "overlap"), [("plain", 0.9), ("rib", 0.5), ("cable", 0.7)])
 def test_a_swatch_is_in_equilibrium_where_it_is_apart(kind: str, overlap: float, tmp_path: Path) -> None:
-    """It takes no step to the mesh without load, which has no force and no stress, and hooks as it did."""
+    """It takes no step to the mesh without load, which has no force and hooks as it did; from there it strains."""
     np.savez(tmp_path / "swatch.npz", wire=swatch(kind, 12, 9, overlap))
     tables = {
         "wires": {"file": "swatch.npz", "unit": "m", "loop_size": "5.5 mm", "overlaps": "at rest"},
         "wire": {"diameter": DIAMETER, "youngs_modulus": "1 MPa", "poissons_ratio": 0.3, "density": "1300 kg/m3"},
         "contact": {"friction": 0.0},
+        "load": {"strain_weft": 0.02},
+        "output": {"frames": 2},
     }
     scene = make_scene(tables, path=tmp_path / "swatch.toml")
     model = build_model(scene)
     assert len(find_hooks(rest_wires(scene), scene.wires.loop_length)) == len(
         find_hooks(drawn_wires(scene), scene.wires.loop_length)
     )
-    record = next(iter(Simulation(model).run()))
-    assert record.steps == 0 and record.load_factor == 0.0
-    assert not len(record.observables.touching.force)
+    first, *_, last = Simulation(model).run()
+    assert first.steps == 0 and first.load_factor == 0.0
+    assert not len(first.observables.touching.force)
+    assert last.load_factor == 1.0 and last.steady
+
+
+def test_a_level_that_stalls_by_overlaps_names_the_way_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without patience, a swatch as drawn stalls at once."""
+    monkeypatch.setattr(convergence, "PATIENCE", 0)
+    np.savez(tmp_path / "swatch.npz", wire=swatch("plain", 6, 4, 0.5))
+    wires = {"file": "swatch.npz", "unit": "m", "loop_size": "5.5 mm"}
+    scene = make_scene(
+        {"wires": wires, "wire": {"diameter": DIAMETER}, "contact": {"friction": 0.0}}, path=tmp_path / "scene.toml"
+    )
+    with pytest.raises(Diverged, match="no progress.*wires.overlaps = 'at rest'"):
+        list(Simulation(build_model(scene)).run())

@@ -413,8 +413,15 @@ class Relaxation(Drive):
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
         return NoProgress(
             f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
-            f" model.nodes_per_loop{self._tolerance_text()}, or other output.frames, may converge"
+            f" model.nodes_per_loop{self._tolerance_text()}, or other output.frames, may converge{self._overlaps_text}"
         )
+
+    @property
+    def _overlaps_text(self) -> str:
+        """That a drawing may be without the prestress that its overlaps leave."""
+        wires = self.scene.wires
+        is_prestressed = wires is not None and wires.overlaps == "prestress" and bool(self.mechanics.notes)
+        return "; wires.overlaps = 'at rest' leaves no prestress" if is_prestressed and self.progress.load_factor == 0.0 else ""
 
     def not_carried(self) -> Diverged:
         """The error of a mesh that strains without end under its tensions."""
