@@ -94,13 +94,13 @@ diameter = "1 mm"
 youngs_modulus = "{modulus}"
 poissons_ratio = 0.3
 density = "1300 kg/m3"
-yield_stress = "{modulus}"
+yield_stress = "1 GPa"
 
 [contact]
 friction = 0
 
 [load]
-strain_weft = 0.02
+strain_warp = 0.02
 
 [output]
 frames = 2

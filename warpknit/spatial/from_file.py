@@ -154,7 +154,7 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
     size, clamp_share = wires.period, np.ones(2)
     if size is None:
         size, distance = np.maximum(np.ptp(points, axis=0), rods.section.thickness), np.ptp(clamps, axis=0)
-        clamp_share = np.where(distance > 0.0, distance / size, 1.0)
+        clamp_share = np.where(distance > rods.section.thickness, distance / size, 1.0)  # both ends on one side hold no width
     return Panel(
         size=size,
         low=points.min(axis=0) if wires.period is None else np.zeros(2),
