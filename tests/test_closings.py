@@ -33,7 +33,7 @@ def test_a_share_between_two_records_is_theirs_or_unknown(
     assert point["state"]["strain_weft"] == pytest.approx(STRAIN * tension)
     if tension == 0.25:
         text = dict(answer_rows(answers, LIMIT))["active at 250 mN/m"]
-        assert text == "between 0.0 % and 25.0 %, records at 200 mN/m and 300 mN/m; output.frames = 'auto' or more narrow it"
+        assert text == "between 0.0 % and 25.0 %, records at 200 mN/m and 300 mN/m; more output.frames narrow it"
 
 
 def test_each_stage_that_passes_the_service_tension_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:

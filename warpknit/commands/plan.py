@@ -25,6 +25,7 @@ from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import ResultWarning
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
+from ..runner.strength import assumed_text
 from ..runner.variants import MOST, wanted
 from ..scene import Scene
 from ..scene.capabilities import without_effect
@@ -284,7 +285,8 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
     if any(any(stage.by_tension) for stage in scene.stages):
         yield "strain by tension: a direction is given by tension; its strain moves with the nodes, by what the tension lacks"
     if scene.contact.friction:
-        yield f"friction: bodies stick to their wires up to {scene.contact.friction:g} times the contact force, contact.friction"
+        assumed = assumed_text(scene, "contact.friction")
+        yield f"friction: contacts stick up to {scene.contact.friction:g} times their force, contact.friction{assumed}"
     if wire.plastic:
         yield f"yield: plastic bending above {exact(wire.yield_stress, 'Pa')}, with a permanent set, wire.plastic"
     if scene.depends_on_path:

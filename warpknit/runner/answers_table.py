@@ -50,7 +50,7 @@ def _service(point: Service, reached: str) -> str:
     there, why = point.state, point.get("why", "")
     if sides := point.jump or point.get("between"):
         low, high = sides
-        where = "where the mesh jumps" if point.jump else "output.frames = 'auto' or more narrow it"
+        where = "where the mesh jumps" if point.jump else "more output.frames narrow it"
         share = between(*(percent(0.01 * one.active_percent) for one in (low, high)))
         return f"{share}, records at {both(_tension(low), _tension(high))}; {where}"
     if there is None or point.active_percent is None:
