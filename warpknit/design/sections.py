@@ -11,7 +11,7 @@ from pathlib import Path
 from scipy.constants import inch, speed_of_light
 
 from .. import measure
-from ..base.text import alike, celsius, engineering, exact, percent
+from ..base.text import alike, celsius, engineering, exact, percent, short_percent
 from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
 from ..results.finding import Finding, ResultWarning
@@ -19,7 +19,15 @@ from ..results.row import Row
 from ..runner.answers_table import answer_rows
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
-from ..studies.contact_map import drift_text, jump_warning, optimum_note, optimum_warnings, unconverged_warning
+from ..studies.contact_map import (
+    MapRow,
+    Optimum,
+    drift_text,
+    jump_warning,
+    optimum_note,
+    optimum_warnings,
+    unconverged_warning,
+)
 from .card import AGREEMENT
 from .card_files import card_values, card_warnings, definition, strength_values
 from .curves import missing_points
@@ -217,12 +225,28 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     if scene.variants.count > 1:
         page.text(
             "The map is the mean over meshes with scattered loops; the service tensions and all results below are for one"
-            " of even loops."
+            f" of even loops.{scatter_text(found.rows, optimum)}"
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
     for of_map in (*limits, *found.branch_notes):
         page.warning(of_map)
+
+
+def scatter_text(rows: Sequence[MapRow], optimum: Optimum | None) -> str:
+    """How far single meshes lie from the means at the optimum, and how sure these are: a sentence after a space, or nothing."""
+    row = next((row for row in rows if optimum is not None and row.load == optimum.load and row.variants > 1), None)
+    if row is None:
+        return ""
+    what = "strain" if row.by_tension else "tension"
+    largest = max(row[f"std_{what}_{side}{'' if row.by_tension else '_N_per_m'}"] for side in ("weft", "warp"))
+    scale = max(abs(row.strain_weft), abs(row.strain_warp)) if row.by_tension else max(map(abs, row.tension))
+    scatter, stress = largest / scale, row.std_stress_max_Pa / row.stress_max_Pa
+    return (
+        f" At the optimum single meshes scatter about the means of {row.variants} by {short_percent(scatter)} in {what} and"
+        f" {short_percent(stress)} in the largest stress (standard deviations); the means themselves are known to"
+        f" {short_percent(scatter / row.variants**0.5)} and {short_percent(stress / row.variants**0.5)}."
+    )
 
 
 def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:

@@ -59,7 +59,6 @@ class Measure:
     history: bool = False  # a column of history.csv
     summary: str = ""  # the section of summary.json that has it
     map: str = ""  # the table of a map that has it: "map" of map.csv, "details" of map_details.csv
-    over_variants: Callable[[list[float]], Any] = np.mean  # aggregation over the meshes of a map
     may_be_empty: bool = False  # None is an empty field of history.csv; else it has no such column then
 
     def value(self, record: Record) -> Any:
@@ -156,7 +155,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("fragment_tension_weft_N_per_m", lambda r: m.fragment_tension(r)[0], history=True, summary="mesh"),
     Measure("fragment_tension_warp_N_per_m", lambda r: m.fragment_tension(r)[1], history=True, summary="mesh"),
     # wires
-    Measure("stress_max_Pa", m.largest_stress, history=True, summary="wire", map="map", over_variants=max),
+    Measure("stress_max_Pa", m.largest_stress, history=True, summary="wire", map="map"),
     Measure("stress_max_part", stress_peak.peak_part, history=True, summary="wire"),
     Measure("stress_max_node", stress_peak.peak_node, history=True, summary="wire"),
     Measure(
@@ -175,9 +174,9 @@ MEASURES: tuple[Measure, ...] = (
     Measure("plastic_fraction", lambda r: m.plastic_extremes(r)[0], summary="wire"),
     Measure("plastic_strain_max", lambda r: m.plastic_extremes(r)[1], summary="wire"),
     Measure("axial_strain_max", lambda r: float(np.max(np.abs(r.axial_strain))), summary="wire"),
-    Measure("slid_max_m", m.slid, summary="wire", map="details", over_variants=max),
-    Measure("contact_force_max_N", m.largest_contact_force, history=True, map="details", over_variants=max),
-    Measure("stress_interior_max_Pa", m.interior_stress, history=True, summary="wire", map="details", over_variants=max),
+    Measure("slid_max_m", m.slid, summary="wire", map="details"),
+    Measure("contact_force_max_N", m.largest_contact_force, history=True, map="details"),
+    Measure("stress_interior_max_Pa", m.interior_stress, history=True, summary="wire", map="details"),
     Measure("stress_max_so_far_Pa", None, summary="wire"),
     # energies and work
     Measure("energy_stretch_J", lambda r: r.energies.stretch, history=True, map="details"),
@@ -188,7 +187,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("edge_work_J", "edge_work", history=True),
     Measure("dissipated_J", "dissipated", history=True),
     # quality
-    Measure("residual", m.residual, history=True, summary="quality", map="details", over_variants=max),
+    Measure("residual", m.residual, history=True, summary="quality", map="details"),
     Measure("membrane_left_out", "membrane_residual", summary="quality"),
     *(
         Measure(name, None, summary="quality")

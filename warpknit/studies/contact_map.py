@@ -119,7 +119,7 @@ def read_map(path: Path, details: Path) -> list[MapRow]:
 
 
 def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
-    """Mean of maps over the converged meshes; of stresses the largest. Loads without any row are left out."""
+    """Mean of maps over the converged meshes. Loads without any row are left out."""
     by_load: dict[Pair, list[MapRow]] = {}
     for rows in maps:
         for row in rows:
@@ -138,7 +138,7 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     def deviation(values: list[float]) -> float:
         return float(np.std(values, ddof=1))
 
-    measures = {line.name: over(line.name, line.over_variants) for line in measures_of("map") + measures_of("details")}
+    measures = {line.name: over(line.name, np.mean) for line in measures_of("map") + measures_of("details")}
     targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
     strains = {name: over(name, np.mean) if targets else rows[0].load[k] for k, name in enumerate(STRAINS)}
     return MapRow(
