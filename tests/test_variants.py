@@ -12,7 +12,7 @@ from warpknit.errors import Diverged
 from warpknit.knit.lapping import KnitError
 from warpknit.results.row import Row
 from warpknit.runner.run import run_scene
-from warpknit.runner.variants import Watched, branch_of, mean_row, spreads, wanted
+from warpknit.runner.variants import Watched, branch_of, mean_row, range_of, spreads, wanted
 from warpknit.scene import Scene
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
@@ -79,13 +79,13 @@ def test_a_mean_row_has_the_places_and_words_of_the_median_mesh():
     mean = mean_row(rows, median=1)
     assert (mean.stage, mean.steady, mean.pairs, mean.steps, mean.active) == ("load", True, 24, 40, 8.5)
     assert (mean.stress_max_wire, mean.tension_weft_N_per_m, mean.central_rhombus) == (7, 1.5, {"active": 1.5})
-    assert (mean.p10_tension_weft_N_per_m, mean.p90_tension_weft_N_per_m) == (pytest.approx(1.1), pytest.approx(1.9))
+    assert (mean.p10_tension_weft_N_per_m, mean.p90_tension_weft_N_per_m) == (1.0, 2.0)
     assert "variant" not in mean
 
 
 def test_the_spread_is_that_of_the_values():
     (spread,) = spreads([Row(active_percent=value) for value in (1.0, 2.0, 3.0, 4.0, 5.0)]).values()
-    assert (spread.mean, spread.p10, spread.p90) == (3.0, pytest.approx(1.4), pytest.approx(4.6))
+    assert (spread.mean, spread.p10, spread.p90) == (3.0, 1.0, 5.0)
     assert spread.std == pytest.approx(math.sqrt(2.5)) and spread.standard_error == pytest.approx(math.sqrt(0.5))
 
 
@@ -146,7 +146,7 @@ def test_a_run_is_the_mean_of_its_meshes_with_the_states_of_the_median_one(tmp_p
     figure = run.summary["variants"]["tension_warp_N_per_m"]
     assert figure["std"] == pytest.approx(tensions[:, 1].std(ddof=1), rel=1e-12)
     assert figure["mean"] == run.summary["mesh"]["tension_warp_N_per_m"] == pytest.approx(tensions[:, 1].mean(), rel=1e-12)
-    assert run.history["p10_tension_weft_N_per_m"][-1] == pytest.approx(np.percentile(tensions[:, 0], 10), rel=1e-12)
+    assert run.history["p10_tension_weft_N_per_m"][-1] == pytest.approx(min(tensions[:, 0]), rel=1e-12)
     rows = run.tables["variants"]
     assert sorted(set(rows["variant"].tolist())) == [0, 1, 2, 3, 4] and len(rows["variant"]) == 15
     median = run.summary["variants"]["median"]
@@ -200,3 +200,22 @@ def test_a_mesh_that_fails_is_left_out_and_all_that_fail_end_the_run(tmp_path, m
     fails |= {0, 2}
     result = run_scene(scene_of(3), out=tmp_path / "all", device="cpu")
     assert (result.exit_code, "wire 3 is caught" in result.message) == (3, True)
+
+
+def test_eight_in_ten_other_meshes_are_in_the_range_of_some():
+    """Of 19 draws exactly, on average, normal or skewed. By 20,000 ranges the share is known to 0.1 %."""
+    draws = np.random.default_rng(5)
+    for values, below in (
+        (draws.normal(size=(19, 20_000)), normal_share),
+        (draws.exponential(size=(19, 20_000)), exponential_share),
+    ):
+        low, high = below(range_of(values))
+        assert np.mean(high - low) == pytest.approx(0.8, abs=0.003)
+
+
+def normal_share(x: np.ndarray) -> np.ndarray:
+    return 0.5 * (1.0 + np.vectorize(math.erf)(x / math.sqrt(2.0)))
+
+
+def exponential_share(x: np.ndarray) -> np.ndarray:
+    return 1.0 - np.exp(-x)

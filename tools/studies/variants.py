@@ -20,7 +20,7 @@ from study import add_directory, new_parser, show_rows, start_study, table_path,
 
 from warpknit import measure
 from warpknit.knit.named import named_knit
-from warpknit.runner.variants import PERCENTILES
+from warpknit.runner.variants import range_of
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.solve.variant_models import VariantModels
@@ -113,7 +113,7 @@ def solved(scene: Scene, count: int) -> tuple[NDArray[np.float64], int]:
 
 def inside(values: NDArray[np.float64]) -> float:
     """[%] of the meshes behind the first ones that lie in the band of these, the mean of weft and warp."""
-    low, high = np.percentile(values[:OF_BAND, :2], PERCENTILES, axis=0)
+    low, high = range_of(values[:OF_BAND, :2])
     others = values[OF_BAND:, :2]
     return 100.0 * float(np.mean((low <= others) & (others <= high)))
 

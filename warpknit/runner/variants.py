@@ -116,6 +116,14 @@ def wanted(count: int, standard_error: float, found: int, error: float) -> int:
     return found if enough else min(2 * found, MOST * count)
 
 
+def range_of(values: Any) -> NDArray[np.float64]:
+    """The range (2, ...) in which eight in ten other meshes are, by values (mesh, ...) of some, whatever their distribution.
+
+    The k-th smallest of n values exceeds k/(n + 1) of all on average; fewer than nine have no more than their extremes.
+    """
+    return np.asarray(np.percentile(values, PERCENTILES, axis=0, method="weibull"))
+
+
 def mean_row(rows: Sequence[Row], median: int) -> Row:
     """The mean of rows of the same load; places and words are those of the `median` mesh.
 
@@ -150,7 +158,7 @@ def spreads(ends: Sequence[Row]) -> dict[str, Spread]:
         values = np.array([row[name] for row in ends if row.get(name) is not None], dtype=float)
         if len(values):
             std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-            p10, p90 = np.percentile(values, PERCENTILES).tolist()
+            p10, p90 = range_of(values).tolist()
             error = std / np.sqrt(len(values))
             found[name] = Spread(mean=float(values.mean()), std=std, p10=p10, p90=p90, standard_error=float(error))
     return found
