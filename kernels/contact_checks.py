@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from .control import MEAN_PUSH, STATUS, STATUS_WAITING
+from .control import LEVER, MEAN_PUSH, STATUS, STATUS_WAITING, WEIGHT_SQUARE
 from .native_text import native_text
 from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 
@@ -109,8 +109,6 @@ def bound_contact_stiffness(
     slope_weight: wp.array(dtype=wp.vec4d),
     thickness: wp.float64,
     thickest: wp.float64,
-    weight_square: wp.float64,
-    lever: wp.float64,
     # in: contacts, also those with a gap below EVALUATED_GAP
     world_nodes: int,
     control: wp.array2d(dtype=wp.float64),
@@ -135,7 +133,7 @@ def bound_contact_stiffness(
     if own[STATUS] == STATUS_WAITING:
         return
     bound = contact_bound_at(
-        i, previous, following, natural_length, rest_row, slope_weight, thickness, thickest, weight_square, lever,
+        i, previous, following, natural_length, rest_row, slope_weight, thickness, thickest, own[WEIGHT_SQUARE], own[LEVER],
         own, touch_first_start, touch_second_start, touch_of_second, touch_pair, pair_first, pair_second, pair_found,
         pair_place, touch_overlap, touch_normal_force, touch_normal, contact_penalty,
     )  # fmt: skip

@@ -99,7 +99,10 @@ STRAIN_RANGE = wp.constant(78)  # largest change of a strain from one equilibriu
 AT_LIMIT = wp.constant(79)  # 2 entries: 1 where the strain has changed by that much
 FRICTION = wp.constant(81)  # [-] coefficient of wires in space
 LAST_STEP = wp.constant(82)  # of one of many worlds, which waits from there on
-CONTROL_COUNT = 83
+# of the curve of a world (spatial/rest_curve.py): bounds of what a contact force does to nodes and sections
+WEIGHT_SQUARE = wp.constant(83)
+LEVER = wp.constant(84)  # [m]
+CONTROL_COUNT = 85
 
 NEARLY = wp.constant(wp.float64(1.0 - 1.0e-6))  # of a limit that counts as reached
 LEAST_WAY = wp.constant(wp.float64(0.01))  # of the larger wanted tension: one that changes by less is not kept in proportion

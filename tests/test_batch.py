@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from warpknit.planar.state import initial_state
-from warpknit.scene import Scene, make_scene
+from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
+from warpknit.solve.variant_models import VariantModels
 from warpknit.studies.batch import Batch, Outcome
 
 STRAINS = [(0.1, 0.1), (0.0, 0.16), (0.16, 0.02), (0.04, 0.0)]
@@ -74,3 +75,22 @@ def test_a_world_that_fails_leaves_the_others_alone():
     found = outcomes(scene, [(0.0, 0.0), (0.16, 0.0)])
     assert found[0].observables is not None and found[0].error is None
     assert found[1].observables is None and "did not converge in 600 steps" in str(found[1].error)
+
+
+def test_a_mesh_of_scattered_loops_does_not_depend_on_those_beside_it():
+    """Meshes of one repeat with friction, some of them under another load: to the bit, whatever their number and order."""
+    scene = load_scene({
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"boundary": "periodic"},
+        "load": {"strain_weft": 0.05, "strain_warp": 0.05},
+        "solver": {"preset": "draft"},
+        "variants": {"count": 4, "scatter": 0.1},
+    })  # fmt: skip
+    models, stage = VariantModels(scene), scene.stages[0]
+    found = []
+    for meshes in ([2], [2, 0], [1, 2, 0, 3]):
+        outcomes = Batch([models.of_place(mesh) for mesh in meshes], [stage] * len(meshes), [2] * len(meshes)).run()
+        (own,) = (outcome for outcome in outcomes if meshes[outcome.index] == 2)
+        found.append((own.steps, own.observables.node_position.tobytes()))
+    assert found[0] == found[1] == found[2]

@@ -72,7 +72,13 @@ class Plan(Overview):
     @property
     def wall_s(self) -> float | None:
         """[s] of these steps of all meshes; None on a GPU."""
-        return self.run.seconds * self.scene.variants.count if self.device == "cpu" else None
+        return self.run.seconds * self._meshes if self.device == "cpu" else None
+
+    @property
+    def _meshes(self) -> int:
+        """Meshes that run first, and mostly are enough."""
+        variants = self.scene.variants
+        return wanted(variants.count, variants.standard_error, 0, math.inf)
 
     def as_dict(self) -> dict[str, object]:
         """The object that `warpknit plan --json` prints."""
@@ -122,7 +128,7 @@ class Plan(Overview):
     @property
     def _sweep_text(self) -> str:
         assert self.scene.sweep is not None and self.map_s is not None
-        sweep, meshes = self.scene.sweep, self.scene.variants.count
+        sweep, meshes = self.scene.sweep, self._meshes
         what = f"{len(sweep.pairs):,} pairs of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
         return (
             f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
@@ -130,16 +136,15 @@ class Plan(Overview):
 
     @property
     def _meshes_text(self) -> str:
-        variants = self.scene.variants
-        if variants.count == 1:
+        if self.scene.variants.count == 1:
             return ""
-        least, most = (wanted(variants.count, variants.standard_error, found, math.inf) for found in (0, MOST * variants.count))
-        return f" of each of {variants.count} meshes" + (
-            f"; {least} to {most} as their mean is known" if variants.standard_error else ""
+        more = MOST * self.scene.variants.count
+        return f" for each of {self._meshes} meshes" + (
+            f", up to {more} until the mean is known" if self.scene.variants.standard_error else ""
         )
 
     def _time(self, steps: int) -> str:
-        return duration(self.run.seconds * self.scene.variants.count * steps / max(1, self.steps))
+        return duration(self.run.seconds * self._meshes * steps / max(1, self.steps))
 
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
@@ -162,7 +167,8 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
     run = measure_run(sample_model(farthest)[0], overview.nodes, farthest)
     levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
-    return scene.variants.count * levels / scene.output.levels * run.seconds
+    meshes = wanted(scene.variants.count, scene.variants.standard_error, 0, math.inf)
+    return meshes * levels / scene.output.levels * run.seconds
 
 
 def overview_of(scene: Scene, device: str | None = None) -> Overview:

@@ -104,6 +104,8 @@ class Steering:
     mean_push = Entry(c.MEAN_PUSH)
     loading = Entry(c.IS_LOADING)
     sticking = Entry(c.STICKING)
+    weight_square = Entry(c.WEIGHT_SQUARE)
+    lever = Entry(c.LEVER)
 
     RUNNING, STALE, DIVERGED, EVALUATING, ACCEPTING, WAITING = (
         float(status)

@@ -14,6 +14,7 @@ from ..base.text import celsius
 from ..measure.stress_peak import peak_position
 from ..results.row import columns_of, write_json
 from ..runner.history import mean_tension
+from ..runner.strength import assumed_text
 from ..studies.contact_map import axes_of, grid, optimum_note
 from .card_files import earlier_state, write_card
 from .equal_tension import jump_text
@@ -73,8 +74,14 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
             page.warning(case.ended)
     if (jumped := jump_text(found.path_jumps)) is not None:
         page.warning(f"under equal tensions {jumped}")
+    coefficient = found.scene.contact.friction
+    friction = (
+        f"with a friction of {coefficient:g}{assumed_text(found.scene, 'contact.friction')}"
+        if coefficient
+        else "without friction"
+    )
     page.text(
-        "Computed by warpknit for endless cloth, without friction. Pairs of the map and curves are loaded from the mesh as"
+        f"Computed by warpknit for endless cloth, {friction}. Pairs of the map and curves are loaded from the mesh as"
         " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
         " (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )

@@ -108,8 +108,9 @@ def _cells(directory: Path) -> Iterator[tuple[int, MapRow]]:
     """The number of the state and the row of each load of a map, those of one mesh after the other."""
     whole = (directory / "map.csv", directory / "map_details.csv")
     place = {row.load: number for number, row in enumerate(read_map(*whole))}
-    meshes = sorted((directory / "variants").glob("map_*.csv"))
-    for mesh, paths in enumerate([(path, path.with_name(path.name.replace("map", "details"))) for path in meshes] or [whole]):
+    meshes = {int(path.stem.removeprefix("map_")): path for path in (directory / "variants").glob("map_*.csv")}
+    tables = {mesh: (path, path.with_name(path.name.replace("map", "details"))) for mesh, path in meshes.items()}
+    for mesh, paths in sorted(tables.items()) or [(0, whole)]:
         yield from ((mesh * len(place) + place[row.load], row) for row in read_map(*paths))
 
 

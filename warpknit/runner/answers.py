@@ -245,8 +245,7 @@ def _service_share(run: Rows, tension: float, around: Jump | None, classes: Sequ
         return point.changed(why=COMPRESSED)
     if tension != mean_tension(after) and abs(after.active_percent - before.active_percent) > DRIFT:
         return point.changed(state=state_of(there), resolved=False, between=ends)
-    pairs = max(1, sum(one.pairs for one in classes))
-    return point.changed(state=state_of(there), active_percent=100.0 * round(0.01 * pairs * there.active_percent) / pairs)
+    return point.changed(state=state_of(there), active_percent=there.active_percent)
 
 
 def _asked_tension(stages: Sequence[Stage]) -> float | None:

@@ -12,7 +12,7 @@ from ..results.row import Row
 from .branches import HELD_TENSION, STATE, Event, Rows, state_of
 from .history import mean_tension, stages_of
 
-DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts
+DRIFT = 1.0  # percentage points of contacts that may open while the tension drifts, or half a pair
 SAME = 1e-9  # of a tension: round-off
 
 
@@ -86,7 +86,8 @@ def _best_of(run: Rows, limit: float, stress: str) -> Best | None:
         return None
     lasting = [min(shares[k : k + 2]) for k in range(len(rows) - 1) if not run.is_jump(*rows[k : k + 2])]
     most = max(shares[0], shares[-1], *lasting) or max(shares)
-    good = [0.0 < one >= most - DRIFT for one in shares]
+    drift = max(DRIFT, 50.0 / max(1, rows[0].pairs))
+    good = [0.0 < one >= most - drift for one in shares]
     ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2)  # of each range, (range, 2)
     begin, end = max(ends.tolist(), key=lambda one: float(np.ptp([mean_tension(row) for row in rows[one[0] : one[1]]])))
     low, high = (find(range(begin, end), key=lambda k: mean_tension(rows[k])) for find in (min, max))

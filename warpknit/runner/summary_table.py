@@ -74,11 +74,13 @@ def _variants_findings(variants: Means) -> Iterator[Finding]:
         yield Finding("  on another branch", text)
 
 
-def _spread(variants: Means | None, *names: str, factor: float = 1.0) -> str:
-    """The range of figures of the meshes, in brackets; empty where it is nothing."""
+def _spread(variants: Means | None, *names: str, factor: float = 1.0, unit: str = "") -> str:
+    """The range of figures of the meshes, in brackets, in a unit or by a factor; empty where it is nothing."""
     found = [variants[name] for name in names if variants is not None and name in variants]
     if not any(one.p90 - one.p10 > LEAST_SPREAD * abs(one.mean) for one in found):
         return ""
+    if unit:
+        return f" ({' / '.join(' to '.join(alike((one.p10, one.p90), unit)) for one in found)})"
     return f" ({' / '.join(f'{factor * one.p10:.3g} to {factor * one.p90:.3g}' for one in found)})"
 
 
@@ -96,11 +98,13 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
     more = f"; {others:{digits}} more contact{'s' * (others != 1)} {between}" if others else ""
     count = f"{end.active:{digits}} of {end.pairs} pairs" + (f" {here}" if others else "")
     spread = _spread(variants, "active_percent")
-    yield Finding("active contacts", f"{end.active_percent:.3g} %", where=f"{spread} ({count}{more})".replace(") (", "; "))
+    yield Finding(
+        "active contacts", f"{end.active_percent:.3g} %", where=f"{spread}, {count}{more}" if spread else f" ({count}{more})"
+    )
     zero = 0.0 if result.answers is None else result.answers.tension_tolerance_N_per_m
     least = max(LEAST_SHARE * max(map(abs, end.tension)), zero)
     shown = tuple(part if abs(part) > least else 0.0 for part in end.tension)
-    yield Finding("tension, weft / warp", shown, "N/m", where=_spread(variants, *tensions))
+    yield Finding("tension, weft / warp", shown, "N/m", where=_spread(variants, *tensions, unit="N/m"))
     if max(fragment_share(end, side) for side in SIDES) > CARRIED:
         parts = tuple(end[f"fragment_tension_{side}_N_per_m"] for side in SIDES)
         yield Finding("  of pieces at the grips", parts, "N/m")
@@ -116,7 +120,7 @@ def _stress_findings(end: Row, has_grips: bool, variants: Means | None) -> Itera
     stress, limit = end.stress_max_Pa, end.yield_stress_Pa
     note = assumed_note("wire.yield_stress", end.yield_stress_assumed)
     shown = stress * (stress > LEAST_STRESS * limit)
-    spread = _spread(variants, "stress_max_Pa", factor=1e-6).replace(")", " MPa)")
+    spread = _spread(variants, "stress_max_Pa", unit="Pa")
     yield Finding("largest stress", shown, "Pa", where=f"{spread}, {percent(stress / limit, 0)} of the elastic limit", sure=note)
     if has_grips and is_at_grips(end.stress_interior_max_Pa, shown):
         yield Finding("  away from the grips", end.stress_interior_max_Pa, "Pa")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.text import percent
+from ..knit.cloth import CLASS_NAMES
 from ..results.finding import ResultWarning
 from ..results.row import Row, Values
 
@@ -19,6 +20,7 @@ FIGURES = (
     "force_max_N", "force_mean_N", "contact_force_max_N", "stress_max_Pa", "stress_interior_max_Pa", "stress_p99_Pa",
     "stress_max_so_far_Pa", "yield_fraction", "plastic_fraction", "thickness_m",
 )  # fmt: skip
+CLOSING = tuple(f"force_{name}_N" for name in CLASS_NAMES)  # by which contacts of a class close: in half of the meshes
 PLACES = ("stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")  # of one mesh: they have no mean
 PERCENTILES = (10.0, 90.0)
 EARLY, MOST = 0.4, 4  # of the standard error that is asked for, at which half of the meshes do; times as many at most
@@ -111,7 +113,7 @@ def wanted(count: int, standard_error: float, found: int, error: float) -> int:
     if found < half and standard_error and half >= FEWEST:
         return half
     if found < count:
-        return found if found == half and error < EARLY * standard_error else count
+        return found if found == half >= FEWEST and error < EARLY * standard_error else count
     enough = error <= standard_error or not standard_error or found >= MOST * count
     return found if enough else min(2 * found, MOST * count)
 
@@ -130,6 +132,7 @@ def mean_row(rows: Sequence[Row], median: int) -> Row:
     p10_NAME, p90_NAME: a figure that a tenth of the meshes is below, or above.
     """
     mean = {name: _mean([row.get(name) for row in rows], value) for name, value in vars(rows[median]).items()}
+    mean |= {name: float(np.median([row[name] for row in rows])) for name in CLOSING if mean.get(name) is not None}
     of_one = {name: rows[median][name] for name in PLACES if name in mean}
     mean |= of_one | {"steps": sum(row.steps for row in rows)}
     del mean["variant"]

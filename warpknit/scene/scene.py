@@ -174,6 +174,11 @@ class Scene:
         scene: Scene = remake(overrides, preset, command=command, ranks=ranks)
         return scene
 
+    @property
+    def of_even_loops(self) -> Scene:
+        """The mesh about which its [variants] scatter: a scene of a single mesh of even loops."""
+        return replace(self, knit=replace(self.knit, scatter=0.0), variants=replace(self.variants, count=1))
+
     def variant(self, number: int) -> Scene:
         """One of its [variants]: a scene of a single mesh, with loops and friction of its own."""
         variants, seed = self.variants, self.variants.seed + number

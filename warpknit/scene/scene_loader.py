@@ -458,7 +458,8 @@ def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:
     if file.variants.count is not None:
         return file.variants
     is_tile = file.hook is None and file.wires is None and file.model.boundary == "periodic" and file.model.kind == "spatial"
-    several = is_tile and not of_one_mesh and file.solver.drive == "relax" and not file.knit.scatter
+    differ = file.variants.scatter or file.variants.friction
+    several = is_tile and differ and not of_one_mesh and file.solver.drive == "relax" and not file.knit.scatter
     return replace(file.variants, count=VARIANTS if several else 1)
 
 

@@ -165,12 +165,14 @@ class MultilevelRelaxation(Relaxation):
                 smaller.release(begin, end)
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+        prepared = super()._prepare(load, wanted)
         if self.smaller is not None:
-            load = self._solve_smaller(self.smaller, load, wanted)
+            prepared = self._solve_smaller(self.smaller, load, wanted)
         if self.cell is not None and self.membrane is not None:
-            self._response = find_response(self._cell_at, self.cell.model, load.gradient, load.temperature, self.model.device)
+            gradient, temperature = prepared.gradient, prepared.temperature
+            self._response = find_response(self._cell_at, self.cell.model, gradient, temperature, self.model.device)
             self.membrane.renew(self._response)
-        return load
+        return prepared
 
     def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and its state variables."""

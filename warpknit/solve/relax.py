@@ -388,7 +388,8 @@ class Relaxation(Drive):
         ratio = 0.0
         if self._last_gradient is not None and not self.scene.depends_on_path:
             before = now - self._last_gradient
-            ahead = load.gradient.ravel() / (1.0 if load.tension is None else self._expansion(load)) - now
+            driven = np.zeros(2, dtype=bool) if load.tension is None else np.isfinite(load.tension)
+            ahead = (load.gradient / np.where(driven, self._expansion(load), 1.0)).ravel() - now
             ratio = float(np.clip(ahead @ before / max(before @ before, 1e-30), 0.0, 1.0))
         self.mechanics.predict(ratio)
         self._last_gradient = now

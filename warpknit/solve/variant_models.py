@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ..errors import ModelError
@@ -22,11 +23,16 @@ class VariantModels:
         self.refused: dict[int, str] = {}  # why, by number
         self.taken: list[int] = []  # numbers of the meshes that fit
         self._models: dict[int, Any] = {}
+        self._base: Any = None  # the mesh of even loops
 
     def model(self, number: int) -> Any:
         """The model of a mesh. Raises `ModelError`, `KnitError`."""
         if number not in self._models:
-            self._models[number] = build_model(self.scene.variant(number), self.device)
+            model: Any = build_model(self.scene.variant(number), self.device)
+            if model.scene.model.of_kind.own_loops:  # results do not depend on which meshes run side by side
+                self._base = self._base or build_model(self.scene.of_even_loops, self.device)
+                model = replace(model, base=self._base)
+            self._models[number] = model
         return self._models[number]
 
     def of_place(self, place: int) -> Any:
@@ -41,7 +47,7 @@ class VariantModels:
         Raises what the last one raises where no mesh fits.
         """
         taken: list[int] = []
-        end = self.next + TRIES * count
+        end = self.next + TRIES * max(count, self.scene.variants.count)
         while len(taken) < count and self.next < end:
             try:
                 model = self.model(self.next)

@@ -41,9 +41,8 @@ class ContactChecks:
         self._of_wires = {
             "thickness": wp.float64(rods.section.thickness),
             "thickest": wp.float64(float(rods.of_wires("thickness").max())),
-            "weight_square": wp.float64(curve.weight_square),
-            "lever": wp.float64(curve.lever),
         }
+        stepper.steering.set(weight_square=curve.weight_square, lever=curve.lever)
         # by list of pairs, two of which may take turns
         self._recorded: dict[tuple[int, int], SharedLaunches] = {}
         blocks, device = len(stepper.arrays.block_first), stepper.device

@@ -73,6 +73,7 @@ class SpatialModel:
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
     whole: SpatialModel | None = None  # the model of all ranks; None: this one
     ramp: RampNumerics | None = None  # masses, step and damping of a ramp
+    base: SpatialModel | None = None  # a mesh of the same topology, whose solver constants it has; None: its own
 
     @property
     def time_step(self) -> float:

@@ -80,8 +80,9 @@ COUPLING = 0.5  # of displacements and twist
 class BandedMasses:
     """Fictitious masses of rods for the state they are in, by the bound above."""
 
-    def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool) -> None:
-        """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes."""
+    def __init__(self, checks: RodChecks, wave_length: float, spacing: float, *, keeps_arc_length: bool) -> None:
+        """wave_length [m] of the slowest wave; spacing [m]: mean one of the nodes; keeps_arc_length: whether tension acts on the
+        turns at nodes."""
         self._checks, rods = checks, checks.stepper.strip.whole
         wave = 2.0 * math.pi / wave_length
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
@@ -93,7 +94,7 @@ class BandedMasses:
             "spin_share": wp.float64(spin_share),
             "wave_square": wp.float64(wave**2),
             "wave_fourth": wp.float64(wave**4),
-            "spacing": wp.float64(float(rods.natural_length[rods.following >= 0].mean())),
+            "spacing": wp.float64(spacing),
         }
 
     def find(self) -> None:
@@ -150,6 +151,7 @@ class RodRelaxation:
         *,
         softening: float = 1.0,
         wave_length: float | None = None,
+        spacing_of: Rods | None = None,
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
@@ -158,9 +160,9 @@ class RodRelaxation:
         wire_stiffness: np.ndarray | None = None,
     ) -> None:
         """softening: true axial stiffness over that of the dynamics; wave_length [m] of the slowest wave, default: the longest
-        wire; curve: on which wires touch, default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether
-        they correct the softening; vibration, knows_smooth: see `kinetic_energy`; wire_stiffness [wire] [N]: least axial
-        stiffness of the dynamics."""
+        wire; spacing_of: the rods whose spacing of nodes counts, default: those of the stepper; curve: on which wires touch,
+        default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether they correct the softening; vibration,
+        knows_smooth: see `kinetic_energy`; wire_stiffness [wire] [N]: least axial stiffness of the dynamics."""
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
@@ -184,17 +186,19 @@ class RodRelaxation:
         self._stored_softening = 1.0 if multipliers else softening
         stepper.steering.set(bow_moment=2.0 * float(BOW) if self.keeps_arc_length else 0.0)
         mesh = stepper.strip.whole
-        spacing = float(mesh.natural_length[mesh.following >= 0].min())
-        self._largest_move = SPEED_SHARE * spacing  # [m] a step
+        spaced = spacing_of or mesh
+        segments = spaced.natural_length[spaced.following >= 0]
+        least, mean = float(segments.min()), float(segments.mean())
+        self._largest_move = SPEED_SHARE * least  # [m] a step
         if stepper.contact is not None:
             self._largest_move = min(self._largest_move, CONTACT_SPEED * rods.section.thickness)
-        stepper.steering.set(drive=0.0, step_limit=spacing)
+        stepper.steering.set(drive=0.0, step_limit=least)
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
         longest = float(mesh.wire_length.max())
         bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
-        self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length)
+        self._banded = BandedMasses(self.checks, slowest, mean, keeps_arc_length=self.keeps_arc_length)
         self.vibration, self._knows_smooth = vibration, knows_smooth
         # [world]
         self._has_last = np.zeros(worlds, dtype=bool)  # whether the state at the last check is known

@@ -33,12 +33,12 @@ class SpatialWorlds(Worlds):
 
     def __init__(self, models: Sequence[SpatialModel], state: RodState | None = None) -> None:
         """models: of each world; state: of a single one, default at rest."""
-        model = models[0]
-        scene, worlds = model.scene, len(models)
+        model = models[0].base or models[0]
+        scene, worlds = models[0].scene, len(models)
         rods = joined([one.rods for one in models])
         curve = joined_curves([one.curve for one in models], rods)
         if worlds == 1:
-            self.stepper = stepper_of(model, initial_state(model) if state is None else state)
+            self.stepper = stepper_of(models[0], initial_state(models[0]) if state is None else state)
         else:
             self.stepper = RodStepper(rods, model.device, None, model.precision, worlds=worlds)
         mesh = model.global_model
@@ -54,6 +54,7 @@ class SpatialWorlds(Worlds):
             self.stepper,
             softening=model.softening,
             wave_length=SLOWEST_WAVE * model.loop_length,
+            spacing_of=model.global_model.rods,
             curve=curve,
             clamps=self.clamps,
             multipliers=model.ramp is None,
@@ -65,7 +66,7 @@ class SpatialWorlds(Worlds):
         self.residual = Residual(model, self.relaxation, self.multipliers)
         rods = mesh.rods
         rigidity = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum())
-        super().__init__(models, self.stepper.steering, rigidity)
+        super().__init__([model] * worlds, self.stepper.steering, rigidity)
         self.stability = Stability(model, self.relaxation, self.contact)
         self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
         self.members: list[SpatialMechanics] = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]

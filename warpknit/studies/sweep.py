@@ -32,7 +32,7 @@ from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..runner.variants import wanted, watched
-from ..scene import Scene, Sweep, resolved_toml
+from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.variant_models import VariantModels
 from .batch import Batch, mesh_of, side_by_side
@@ -99,34 +99,36 @@ def run_map(
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
-    sweep = _checked(scene, device)
+    _check(scene, device)
     if resume and (finished := finished_summary(out, "map.json", scene.hash, command)) is not None:
         return CommandResult(0, MapSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     variants = VariantModels(scene) if scene.variants.count > 1 else None
     first = mesh_of(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
-    _refuse_beyond_memory(first, sweep, scene.variants.count)
+    _refuse_beyond_memory(first)
     open_directory(out, resolved, keep=keep)
     return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
 
 
-def _checked(scene: Scene, device: str | None) -> Sweep:
+def _check(scene: Scene, device: str | None) -> None:
     refuse(scene, "map", device=None if device is None else find_device(device))
     if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
         raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
-    assert scene.sweep is not None
-    return scene.sweep
 
 
-def _refuse_beyond_memory(mesh: Any, sweep: Sweep, count: int) -> None:
-    """Refuse a sweep of so many meshes that exceeds the memory."""
-    nodes = mesh.node_count
-    together = side_by_side(count * len(sweep.pairs), nodes)
-    needed, available = together * required_memory(mesh.scene, nodes), available_memory()
+def _refuse_beyond_memory(mesh: Any) -> None:
+    """Refuse a mesh that exceeds the memory."""
+    needed, available = required_memory(mesh.scene, mesh.node_count), available_memory()
     if needed > available:
         room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
-        raise MemoryNeeded(f"sweep: {together} meshes of {nodes:,} nodes need {room}; use fewer loads or a smaller mesh")
+        raise MemoryNeeded(f"sweep: a mesh of {mesh.node_count:,} nodes needs {room}; use a smaller mesh")
+
+
+def _side_by_side(loads: int, mesh: Any) -> int:
+    """How many of so many loads of a mesh are solved at once, within the memory."""
+    fit = int(available_memory() // required_memory(mesh.scene, mesh.node_count))
+    return max(1, min(fit, side_by_side(loads, mesh.node_count)))
 
 
 class _Mapper:
@@ -141,9 +143,9 @@ class _Mapper:
         self.scene, self.sweep, self.out, self.display = scene, scene.sweep, out, display
         self.nodes = first.node_count
         self.pairs = scene.sweep.pairs
-        self.maps: list[dict[Pair, MapRow]] = []  # of each mesh
-        while rows := self._read(len(self.maps)):
-            self.maps.append(rows)
+        self.maps = [self._read(mesh) for mesh in range(scene.variants.count)]  # of each mesh, the rows by pair
+        while self.maps and not self.maps[-1]:
+            self.maps.pop()
         self.steps = self._stage = 0
         self._interrupts = Interrupts()
         self._begin = self._saved = time.perf_counter()
@@ -188,29 +190,36 @@ class _Mapper:
     # --- cells ---
 
     def _missing(self) -> list[tuple[int, Pair]]:
-        """Meshes and pairs that are to be solved: of variants as many at a pair as its mean needs.
+        """Meshes and pairs that are to be solved: half of the variants at every pair, and then all where these are not enough.
 
         Those of a pair, which take about as many steps, stand side by side: a thread steps some of them at once.
         """
-        missing = []
-        for pair in self.pairs:
-            found = [rows[pair] for rows in self.maps if pair in rows]
-            missing += [(mesh, pair) for mesh in range(len(found), self._wanted(found))]
-        return missing
+        variants, first = self.scene.variants, self._first_meshes
+        missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if not self._has(mesh, pair)]
+        if missing or first == variants.count:
+            return missing
+        found = {
+            pair: [row for mesh in range(first) if (row := self.maps[mesh][pair]).stop_reason == STEADY] for pair in self.pairs
+        }
+        tensions = [row.tension for rows in found.values() for row in rows]
+        least = max(LEAST_SHARE * float(np.abs(tensions).max()), 1e-3 * tension_scale(self.first)) if tensions else 0.0
+        by_tension = [self.sweep.by_tension] * 2
 
-    def _wanted(self, found: list[MapRow]) -> int:
-        """How many meshes a pair wants in all, with the rows that were found: half of them, or all."""
+        def is_enough(rows: list[MapRow]) -> bool:
+            error = watched(by_tension, rows, least).standard_error if rows else math.inf
+            return wanted(variants.count, variants.standard_error, first, error) == first
+
+        more = [pair for pair, rows in found.items() if not is_enough(rows)]
+        return [(mesh, pair) for pair in more for mesh in range(first, variants.count) if not self._has(mesh, pair)]
+
+    @property
+    def _first_meshes(self) -> int:
+        """Meshes that are solved at every pair: those by which it is decided whether they are enough."""
         variants = self.scene.variants
-        if variants.count == 1:
-            return 1
-        steady = [row for row in found if row.stop_reason == STEADY]
-        error = math.inf
-        if steady:
-            tensions = [row.tension for rows in self.maps for row in rows.values() if row.stop_reason == STEADY]
-            largest = float(np.abs(tensions).max())
-            least = max(LEAST_SHARE * largest, 1e-3 * tension_scale(self.first))
-            error = watched([self.sweep.by_tension] * 2, steady, least).standard_error
-        return min(variants.count, wanted(variants.count, variants.standard_error, len(found), error))
+        return wanted(variants.count, variants.standard_error, 0, math.inf)
+
+    def _has(self, mesh: int, pair: Pair) -> bool:
+        return mesh < len(self.maps) and pair in self.maps[mesh]
 
     def _model(self, mesh: int) -> Any:
         return self.first if self.variants is None else self.variants.of_place(mesh)
@@ -227,7 +236,7 @@ class _Mapper:
         own_loops = self.scene.model.of_kind.own_loops
         alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
         groups = [list(own) for _, own in groupby(sorted(missing, key=alike), alike)]
-        most, finished = side_by_side(len(missing), self.nodes), 0
+        most, finished = _side_by_side(len(missing), self.first), 0
         for own in (group[begin : begin + most] for group in groups for begin in range(0, len(group), most)):
             self._solve_together(own, [levels[pair] for _mesh, pair in own], finished / len(missing), len(own) / len(missing))
             finished += len(own)
@@ -270,7 +279,7 @@ class _Mapper:
         return self.out / "variants" / f"map_{mesh:02d}.csv", self.out / "variants" / f"details_{mesh:02d}.csv"
 
     def _read(self, mesh: int) -> dict[Pair, MapRow]:
-        return {} if self.variants is None and mesh else {row.load: row for row in read_map(*self._paths(mesh))}
+        return {row.load: row for row in read_map(*self._paths(mesh))}
 
     def _save(self) -> None:
         order = {pair: place for place, pair in enumerate(self.pairs)}
@@ -348,7 +357,9 @@ class _Mapper:
             len(self.maps),
             [str(one) for one in self.model_warnings + self._missing_warning],
         )
-        scatter = f", mean of {count} meshes, loops scattered by {percent(self.scene.variants.scatter, 0)}" if count > 1 else ""
+        scatter = (
+            f", mean of up to {count} meshes, loops scattered by {percent(self.scene.variants.scatter, 0)}" if count > 1 else ""
+        )
         ends = f"{wire.ends} x " if wire.ends > 1 else ""
         mesh = f"{self.scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
         found = BY_TENSION if self.sweep.by_tension else BY_STRAIN

@@ -8,6 +8,7 @@ force, u + LENGTH^4 u'''' = f, so that no wire gets a kink. The curve is the Cat
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -31,7 +32,7 @@ DAMPED, LONGEST = (
     1.0,
     0.25,
 )  # share by which steps to the closest points are damped, as curvature is left out; longest step, of a segment
-AROUND = 24  # nodes of a wire that goes on, beyond either end: moves decay by exp(-AROUND/(sqrt(2) LENGTH))
+AROUND = 16  # LENGTHs of a wire that goes on, beyond either end: moves decay by exp(-AROUND/sqrt(2))
 STIFF = 1e6  # of the springs of nodes that clamps hold
 
 
@@ -60,9 +61,12 @@ class _Pairs:
 class _Nodes:
     """The nodes of all wires one after another, and four for the curve of each segment."""
 
-    def __init__(self, wires: Wires) -> None:
+    def __init__(self, wires: Wires, thickness: np.ndarray) -> None:
+        """thickness (wire,) [m]."""
         self.count = np.array([len(points) for points in wires.points])
         self.first = np.cumsum(self.count) - self.count
+        spacing = wires.lengths / wires.segment_counts
+        length = LENGTH * thickness / spacing  # (wire,) nodes
         numbers, shifts, around = [], [], []
         for wire, (first, count) in enumerate(zip(self.first.tolist(), self.count.tolist(), strict=True)):
             is_open = wires.kinds[wire] == "open"
@@ -70,7 +74,7 @@ class _Nodes:
             rounds = 0 * number if is_open else number // count
             numbers.append(first + (np.clip(number, 0, count - 1) if is_open else number % count))
             shifts.append(rounds[..., None] * wires.closing(wire))
-            beyond = 0 if is_open else AROUND
+            beyond = 0 if is_open else math.ceil(AROUND * length[wire])
             around.append(first + np.arange(-beyond, count + beyond) % count)
         self.number, self.shift = np.concatenate(numbers), np.concatenate(shifts)  # (segment, 4), and (segment, 4, 3) [m]
         self._around = np.concatenate(around)  # nodes of all wires, those that go on with AROUND more
@@ -78,14 +82,14 @@ class _Nodes:
         begin = np.cumsum(size) - size
         self._own = np.concatenate([b + (s - n) // 2 + np.arange(n) for b, s, n in zip(begin, size, self.count, strict=True)])
         held = [begin[w] + k for w, kind in enumerate(wires.kinds) if kind == "open" for k in (0, 1, size[w] - 2, size[w] - 1)]
-        self._beam = cholesky_banded(self._bands(begin, size, np.array(held, dtype=np.int64)))
+        self._beam = cholesky_banded(self._bands(begin, size, np.array(held, dtype=np.int64), np.repeat(length, size)))
 
     @staticmethod
-    def _bands(begin: np.ndarray, size: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """(3, node) bands of 1 + LENGTH^4 D2^T D2 of wires with these nodes, a thickness apart; those held have stiff springs."""
+    def _bands(begin: np.ndarray, size: np.ndarray, held: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """(3, node) bands of 1 + D2^T L^4 D2 of wires with these nodes; those held have stiff springs. length (node,) [nodes]."""
         bend = np.ones(size.sum())  # of the difference at a node; none at the ends of a wire
         bend[begin], bend[begin + size - 1] = 0.0, 0.0
-        bend *= LENGTH**4
+        bend *= length**4
         before, after = np.roll(bend, 1), np.roll(bend, -1)
         bands = np.stack([after, -2.0 * (bend + after), 1.0 + before + 4.0 * bend + after])
         bands[2, held] += STIFF
@@ -114,17 +118,22 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
 
     Lengths free of stress keep their ratio to the segments.
     """
-    nodes, thickest = _Nodes(wires), float(np.max(thickness))
+    thickness = np.broadcast_to(thickness, len(wires.points))
+    nodes, thickest = _Nodes(wires, thickness), float(np.max(thickness))
     drawn = points = np.concatenate(wires.points)
     pairs = _listed(wires, nodes, thickness)
     share, deepest, travel = 0.0, 0.0, 0.0
+    left = 0.0  # of the thickness: deepest overlap now
     for _ in range(STEPS):
         if pairs is None or not len(pairs.touch):
-            return wires
+            break
         normal, distance, weights = _closest(nodes, points, pairs)
+        left = float(1.0 - (distance / pairs.touch).min())
         if share == 0.0:
-            deepest = float(1.0 - (distance / pairs.touch).min())
-            if deepest <= CLOSEST:
+            deepest = left
+            if (
+                deepest <= CLOSEST or 1.0 - deepest < CLOSEST
+            ):  # nothing to undo, or centre lines that intersect, which are refused
                 return wires
             share = 1.0 - deepest
         missing = APART * share - distance / pairs.touch
@@ -141,9 +150,10 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
         if travel > FAR * thickest:
             pairs, travel = _listed(_at(wires, nodes, points), nodes, thickness), 0.0
     farthest = engineering(float(np.linalg.norm(points - drawn, axis=1).max()), "m")
+    still = f", but still overlap by up to {short_percent(left)}, which prestresses the mesh" if left >= FOUND else ""
     note = (
         f"wires overlapped as drawn by up to {short_percent(deepest)} of their thickness; they were moved apart by up to"
-        f" {farthest}, and are free of stress there (wires.overlaps)"
+        f" {farthest}{still or ', and are free of stress there'} (wires.overlaps)"
     )
     return replace(_at(wires, nodes, points), notes=(*wires.notes, note))
 
