@@ -9,8 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.commands.cli import main
-from warpknit.runner.interrupts import Interrupts
+from warpknit.runner.interrupts import Interrupted, Interrupts
+from warpknit.scene import load_scene
 from warpknit.studies import batch
+from warpknit.studies.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["solver.preset=draft", "output.frames=2", "sweep.strain_weft=[0.0, 0.1]", "sweep.strain_warp=[0.1, 0.0]"]
@@ -127,6 +129,38 @@ def test_pairs_of_a_map_have_as_many_meshes_as_their_means_need(tmp_path):
         assert count == 8 or max(deviations) / math.sqrt(count) <= 0.4 * 0.1
         counts.add(count)
     assert len(counts) > 1
+
+
+@pytest.mark.parametrize("stop", [3, 9])
+def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_been(stop, tmp_path, monkeypatch):
+    """In space they run side by side, and those of a pair come to rest in any order, here the third or ninth of 16."""
+    scene = load_scene({
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"boundary": "periodic"},
+        "contact": {"friction": 0.0},
+        "solver": {"preset": "draft"},
+        "output": {"frames": 2, "figures": False},
+        "sweep": {"strain_weft": [0.02, 0.04], "strain_warp": [0.02, 0.04]},
+        "variants": {"count": 8, "standard_error": 0.1},
+    })  # fmt: skip
+    run, found = batch.Batch.run, []
+
+    def interrupted(own):
+        for outcome in run(own):
+            found.append(outcome)
+            yield outcome
+            if len(found) == stop:
+                raise Interrupted
+
+    monkeypatch.setattr(batch.Batch, "run", interrupted)
+    assert run_map(scene, out=tmp_path / "cut").exit_code == 130
+    monkeypatch.undo()
+    assert run_map(scene, out=tmp_path / "cut", resume=True).exit_code == 0
+    assert run_map(scene, out=tmp_path / "whole").exit_code == 0
+    written = [path.relative_to(tmp_path / "whole") for path in (tmp_path / "whole").rglob("*.csv")]
+    assert len(written) > 8
+    assert all((tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes() for name in written)
 
 
 def test_seeds_scatter_and_the_map_is_their_mean(tmp_path):

@@ -121,11 +121,10 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     of_one = "These are answers of one mesh of even loops; the map below is a mean. " if scene.variants.count > 1 else ""
     page.text(
         f"{of_one}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels,"
-        f" {path.end_text}. A mesh that is pulled otherwise on the way, as in a run or the map, may differ. Contacts A, B, ..."
-        " are the classes of places of one shape, from the tightest lens on; a place where two wires touch counts as two pairs, one"
-        " for each wire. The shares at"
-        " service tensions are those of the table below. The wire is elastic and free of stress as knitted: stress is that of the"
-        f" load alone. First yield is that of an {limit_text(scene)}."
+        f" {path.end_text}. A mesh that is pulled otherwise, as in a run or the map, may differ. Contacts A, B, ... are the"
+        " classes of places of one shape, from the tightest lens on; a place where two wires touch counts as two pairs, one for"
+        " each wire. The shares at service tensions are those of the table below. The wire is elastic and free of stress as"
+        f" knitted: stress is that of the load alone. First yield is that of an {limit_text(scene)}."
     )
     page.figure(
         figures["tension"],
