@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -86,7 +87,7 @@ def _best_of(run: Rows, limit: float, stress: str) -> Best | None:
         return None
     lasting = [min(shares[k : k + 2]) for k in range(len(rows) - 1) if not run.is_jump(*rows[k : k + 2])]
     most = max(shares[0], shares[-1], *lasting) or max(shares)
-    drift = max(DRIFT, 50.0 / max(1, rows[0].pairs))
+    drift = max(DRIFT, 50.0 / rows[0].get("pairs", math.inf))
     good = [0.0 < one >= most - drift for one in shares]
     ends = np.flatnonzero(np.diff([False, *good, False])).reshape(-1, 2)  # of each range, (range, 2)
     begin, end = max(ends.tolist(), key=lambda one: float(np.ptp([mean_tension(row) for row in rows[one[0] : one[1]]])))

@@ -80,10 +80,11 @@ COUPLING = 0.5  # of displacements and twist
 class BandedMasses:
     """Fictitious masses of rods for the state they are in, by the bound above."""
 
-    def __init__(self, checks: RodChecks, wave_length: float, spacing: float, *, keeps_arc_length: bool) -> None:
-        """wave_length [m] of the slowest wave; spacing [m]: mean one of the nodes; keeps_arc_length: whether tension acts on the
-        turns at nodes."""
+    def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool, spacing_of: Rods | None = None) -> None:
+        """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes; spacing_of: the rods
+        whose mean spacing of nodes counts, default: those of the checks."""
         self._checks, rods = checks, checks.stepper.strip.whole
+        spaced = spacing_of or rods
         wave = 2.0 * math.pi / wave_length
         share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
         self._constants = {
@@ -94,7 +95,7 @@ class BandedMasses:
             "spin_share": wp.float64(spin_share),
             "wave_square": wp.float64(wave**2),
             "wave_fourth": wp.float64(wave**4),
-            "spacing": wp.float64(spacing),
+            "spacing": wp.float64(float(spaced.natural_length[spaced.following >= 0].mean())),
         }
 
     def find(self) -> None:
@@ -187,8 +188,7 @@ class RodRelaxation:
         stepper.steering.set(bow_moment=2.0 * float(BOW) if self.keeps_arc_length else 0.0)
         mesh = stepper.strip.whole
         spaced = spacing_of or mesh
-        segments = spaced.natural_length[spaced.following >= 0]
-        least, mean = float(segments.min()), float(segments.mean())
+        least = float(spaced.natural_length[spaced.following >= 0].min())
         self._largest_move = SPEED_SHARE * least  # [m] a step
         if stepper.contact is not None:
             self._largest_move = min(self._largest_move, CONTACT_SPEED * rods.section.thickness)
@@ -198,7 +198,7 @@ class RodRelaxation:
         bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
-        self._banded = BandedMasses(self.checks, slowest, mean, keeps_arc_length=self.keeps_arc_length)
+        self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length, spacing_of=spacing_of)
         self.vibration, self._knows_smooth = vibration, knows_smooth
         # [world]
         self._has_last = np.zeros(worlds, dtype=bool)  # whether the state at the last check is known
