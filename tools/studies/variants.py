@@ -1,6 +1,6 @@
 """How sure a mean over meshes of scattered loops is: what moves it, and how wide single meshes lie about it.
 
-    python tools/studies/variants.py [DIR] [--knit NAME]      an hour; --quick a minute
+    python tools/studies/variants.py [DIR] [--knit NAME]      half an hour; --quick a minute
 
 One repeat of each knit as `warpknit new` has it (30 um molybdenum, 26 wales and 30 courses an inch), strained by 6 % both ways,
 or pulled by 2 N/m, with friction 0.2 and loops scattered by 2 %. Every case changes one thing. The band of the first 16 meshes,
