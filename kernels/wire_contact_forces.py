@@ -283,6 +283,8 @@ def find_contact_forces(
             friction_force = wp.vec3d()
             couple_p = wp.vec3d()
             couple_q = wp.vec3d()
+            shares_p = wp.vec3d()
+            shares_q = wp.vec3d()
             if steer[FRICTION] > zero and a < 2:
                 lever_p = -(length_factor * node_radius[i] / contact_distance) * r
                 lever_q = (length_factor * node_radius[j] / contact_distance) * r
@@ -321,6 +323,8 @@ def find_contact_forces(
                     slip = slip * (limit / size)
                 couple_p = wp.cross(lever_p, friction_force)
                 couple_q = wp.cross(lever_q, -friction_force)
+                shares_p = section_weights(i, s, previous, following)
+                shares_q = section_weights(j, t, previous, following)
                 if is_running or is_accepting:
                     after = (step + 1) % 2
                     slip_step[after, 2 * pair + a] = step + 1
@@ -338,8 +342,6 @@ def find_contact_forces(
                     touch_force[8 * touch + k8] = touch_force.dtype()
                 for k6 in range(6):
                     touch_couple[6 * touch + k6] = touch_couple.dtype()
-            shares_p = section_weights(i, s, previous, following)
-            shares_q = section_weights(j, t, previous, following)
             push_wire(2 * touch, i, w, push, levers_p, couple_p, shares_p, previous, following, touch_force, touch_couple)
             push_wire(2 * touch + 1, j, v, -push, levers_q, couple_q, shares_q, previous, following, touch_force, touch_couple)
         if pushes:

@@ -47,8 +47,10 @@ def test_crossed_wires_part_evenly_to_a_thickness(height: float) -> None:
         assert length == pytest.approx(np.linalg.norm(np.diff(points, axis=0), axis=1), rel=1e-12)
 
 
-def test_wires_without_overlaps_stay() -> None:
-    wires = Wires(tuple(crossed(1.2)), ("open", "open"), np.zeros((2, 2), dtype=int), None, None, None)
+@pytest.mark.parametrize("height", [1.2, 5.0])
+def test_wires_without_overlaps_stay(height: float) -> None:
+    """Near each other, and so far apart that no pair is listed."""
+    wires = Wires(tuple(crossed(height)), ("open", "open"), np.zeros((2, 2), dtype=int), None, None, None)
     assert pushed_apart(wires, np.full(2, DIAMETER)) is wires
 
 

@@ -8,7 +8,6 @@ Steps and time are measured on a small mesh of the scene (solve/sample_run.py); 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -26,7 +25,7 @@ from ..reflection.study import reflection_text
 from ..results.finding import ResultWarning
 from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
 from ..runner.strength import assumed_text
-from ..runner.variants import MOST, wanted
+from ..runner.variants import MOST, first_meshes
 from ..scene import Scene
 from ..scene.capabilities import without_effect
 from ..solve.model import kind_of
@@ -76,9 +75,7 @@ class Plan(Overview):
 
     @property
     def _meshes(self) -> int:
-        """Meshes that run first, and mostly are enough."""
-        variants = self.scene.variants
-        return wanted(variants.count, variants.standard_error, 0, math.inf)
+        return first_meshes(self.scene.variants)
 
     def as_dict(self) -> dict[str, object]:
         """The object that `warpknit plan --json` prints."""
@@ -167,8 +164,7 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
     run = measure_run(sample_model(farthest)[0], overview.nodes, farthest)
     levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
-    meshes = wanted(scene.variants.count, scene.variants.standard_error, 0, math.inf)
-    return meshes * levels / scene.output.levels * run.seconds
+    return first_meshes(scene.variants) * levels / scene.output.levels * run.seconds
 
 
 def overview_of(scene: Scene, device: str | None = None) -> Overview:

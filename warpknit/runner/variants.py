@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from ..base.text import percent
 from ..knit.cloth import CLASS_NAMES
 from ..results.finding import ResultWarning
 from ..results.row import Row, Values
+from ..scene.options import Variants
 
 # of which the scatter is told
 FIGURES = (
@@ -116,6 +118,11 @@ def wanted(count: int, standard_error: float, found: int, error: float) -> int:
         return found if found == half >= FEWEST and error < EARLY * standard_error else count
     enough = error <= standard_error or not standard_error or found >= MOST * count
     return found if enough else min(2 * found, MOST * count)
+
+
+def first_meshes(variants: Variants) -> int:
+    """Meshes that run first, by which it is decided whether they are enough."""
+    return wanted(variants.count, variants.standard_error, 0, math.inf)
 
 
 def range_of(values: Any) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_sums, write_history
 from .recorder import Recorder, frame_of, open_frames
-from .variants import Means, Watched, branch_of, mean_row, spreads, wanted, watched
+from .variants import Means, Watched, branch_of, first_meshes, mean_row, spreads, wanted, watched
 from .watch import LoopResult
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Variants:
         self.group: list[int] = []  # those that run now
         self.finished_steps = 0
         if checkpoint is None:
-            self.simulation = self._next(wanted(scene.variants.count, scene.variants.standard_error, 0, 0.0))
+            self.simulation = self._next(first_meshes(scene.variants))
             return
         kept = checkpoint.header.variants
         self.failed, refused = ({int(number): text for number, text in kept[name].items()} for name in ("failed", "refused"))

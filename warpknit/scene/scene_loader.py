@@ -205,7 +205,7 @@ IN_CODE = Path("scene")  # names a scene that no file holds
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
-FRICTION = 0.2  # of wires in space: docs/theory/contact.md
+FRICTION = 0.2  # of wires in space: docs/studies/friction.md
 VARIANTS = 16  # meshes of a tile in space
 OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yield_stress", "tensile_strength")
 ASSUMED = (*(("wire", name) for name in OF_THE_METAL), ("contact", "friction"), ("variants", "count"))  # by default
@@ -448,8 +448,8 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
         "contact_point": 0.5,
         "target_share": 1.0,
     }
-    treatments = {name: TREATMENT_KEYS.get(name, (table.treatment,)) for name in defaults}
-    chosen = {name for name in defaults if table.treatment in treatments[name] and getattr(table, name) is None}
+    every = (table.treatment,)  # of keys that are not those of a treatment
+    chosen = {name for name in defaults if table.treatment in TREATMENT_KEYS.get(name, every) and getattr(table, name) is None}
     return replace(table, **{name: defaults[name] for name in chosen})
 
 

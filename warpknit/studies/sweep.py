@@ -31,7 +31,7 @@ from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
-from ..runner.variants import wanted, watched
+from ..runner.variants import first_meshes, wanted, watched
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.variant_models import VariantModels
@@ -194,7 +194,7 @@ class _Mapper:
 
         Those of a pair, which take about as many steps, stand side by side: a thread steps some of them at once.
         """
-        variants, first = self.scene.variants, self._first_meshes
+        variants, first = self.scene.variants, first_meshes(self.scene.variants)
         missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if not self._has(mesh, pair)]
         if missing or first == variants.count:
             return missing
@@ -211,12 +211,6 @@ class _Mapper:
 
         more = [pair for pair, rows in found.items() if not is_enough(rows)]
         return [(mesh, pair) for pair in more for mesh in range(first, variants.count) if not self._has(mesh, pair)]
-
-    @property
-    def _first_meshes(self) -> int:
-        """Meshes that are solved at every pair: those by which it is decided whether they are enough."""
-        variants = self.scene.variants
-        return wanted(variants.count, variants.standard_error, 0, math.inf)
 
     def _has(self, mesh: int, pair: Pair) -> bool:
         return mesh < len(self.maps) and pair in self.maps[mesh]

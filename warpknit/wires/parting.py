@@ -28,10 +28,8 @@ NEAR, FAR = 1.3, 0.1  # thicknesses: up to which pairs are listed, and which nod
 LARGEST = 0.1  # of the thickness: most that a node moves at once
 ALONG = 2.0  # thicknesses along a wire, below which it does not touch itself (spatial/pair_search.py)
 SAMPLES = 3  # of a segment, of which the nearest are the first places
-DAMPED, LONGEST = (
-    1.0,
-    0.25,
-)  # share by which steps to the closest points are damped, as curvature is left out; longest step, of a segment
+DAMPED = 1.0  # share by which steps to the closest points are damped, as curvature is left out
+LONGEST = 0.25  # of a segment: longest step to the closest points
 AROUND = 16  # LENGTHs of a wire that goes on, beyond either end: moves decay by exp(-AROUND/sqrt(2))
 STIFF = 1e6  # of the springs of nodes that clamps hold
 
@@ -131,10 +129,8 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
         left = float(1.0 - (distance / pairs.touch).min())
         if share == 0.0:
             deepest = left
-            if (
-                deepest <= CLOSEST or 1.0 - deepest < CLOSEST
-            ):  # nothing to undo, or centre lines that intersect, which are refused
-                return wires
+            if not CLOSEST < deepest <= 1.0 - CLOSEST:  # nothing to undo, or centre lines that intersect, which are refused
+                break
             share = 1.0 - deepest
         missing = APART * share - distance / pairs.touch
         if missing.max() >= (FOUND if share == 1.0 else ROUGHLY):
@@ -149,6 +145,8 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
         share = share if missing.max() >= ROUGHLY else min(1.0, share + GROWTH)
         if travel > FAR * thickest:
             pairs, travel = _listed(_at(wires, nodes, points), nodes, thickness), 0.0
+    if share == 0.0:
+        return wires
     farthest = engineering(float(np.linalg.norm(points - drawn, axis=1).max()), "m")
     still = f", but still overlap by up to {short_percent(left)}, which prestresses the mesh" if left >= FOUND else ""
     note = (
