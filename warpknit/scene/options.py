@@ -57,7 +57,7 @@ class ModelOptions(Table):
 
     kind: values.Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
-        " contact of round wires ([theory](theory/contact.md#round-wires-in-space)); required with `[wires]`. `auto`: spatial,"
+        " contact of round wires ([theory](theory/contact.md#round-wires)); required with `[wires]`. `auto`: spatial,"
         " unless only the planar model has what the scene or the command asks for ([below](#the-kind-of-model)). See"
         " [capabilities.md](capabilities.md) for the features of each.",
         AUTO,
@@ -91,7 +91,7 @@ class Contact(Table):
 
     friction: values.Friction = key(
         'Coulomb friction coefficient; in the plane `drive = "relax"` only. The state then depends on the load history:'
-        " [theory](theory/contact.md#friction-in-the-plane).",
+        " [theory](theory/contact.md#planar-friction).",
         None,
         left_out="0.2 in space; 0 in the plane",
     )
