@@ -134,13 +134,13 @@ Measures that a mesh or a model does not have are left out of its files.
 
 ## summary.json
 
-The values at the top level are those of the last stage; `stages` has the groups from `quality` on for each stage.
+The values at the top level are of the last load step. `stages` has the groups from `quality` on for each load step.
 
 {summary_table}
 
 ## answers
 
-The section `answers` of `summary.json`. [How contacts close](../scenes.md#answers). A state has `strain_weft`, `strain_warp`,
+The section `answers` of `summary.json`. [Definitions](../scenes.md#answers). A state has `strain_weft`, `strain_warp`,
 `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
 `reflection` is of scenes with `[reflection]`, and also in `map.json`.
 
@@ -148,8 +148,8 @@ The section `answers` of `summary.json`. [How contacts close](../scenes.md#answe
 
 ## variants
 
-The section `variants` of `summary.json`, of a run with `variants.count` above 1. Beside its keys stands each figure, such as
-`tension_weft_N_per_m` or `active_percent`, with
+The section `variants` of `summary.json`, of a run with `variants.count` above 1. Each value, such as
+`tension_weft_N_per_m` or `active_percent`, has these keys:
 
 {spread_table}
 
@@ -160,7 +160,7 @@ In `history.csv` the columns `p10_...` and `p90_...` are the same percentiles of
 
 ## history.csv and map.csv
 
-The columns of `history.csv`, one row for each recorded state, and those of the tables of a map. `x` marks a column.
+The columns of `history.csv`, one row for each record, and of the tables of a map. `x` marks a column.
 Columns with an `A` stand for each class of contact.
 
 {history_table}
@@ -168,9 +168,9 @@ Columns with an `A` stand for each class of contact.
 ## reflection.csv
 
 One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)).
-The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state: the last
-one, and of a map that of the least tension at the highest frequency. There `loss_open_te_dB`, `loss_open_tm_dB`,
-`loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds; null where they were not solved.
+The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state. It is the last
+state of a run, or the state of a map at the least tension for the highest frequency. There `loss_open_te_dB`, `loss_open_tm_dB`,
+`loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds, null where they were not solved.
 
 {reflection_table}
 """

@@ -23,8 +23,7 @@ FIGURES = ("reflection_tension", "contact_map", "hook", "mesh", "panel")  # the 
 
 HEAD = """# Gallery
 
-Written by `python tools/gallery.py`. Each scene with its picture and its wall time, kernels compiled, on two cores of a
-Xeon that was also used by others.
+Each scene with its picture and its wall time on two shared cores of a Xeon, kernels compiled (`python tools/gallery.py`).
 
 """
 
