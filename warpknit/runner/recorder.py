@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 from .. import measure
 from ..base.files import write_aside, write_table
 from ..compute.memory import available_memory
-from ..errors import OutOfResources, RunDirectoryError
+from ..errors import INTERRUPTED, OutOfResources, RunDirectoryError
 from ..measure import MeshModel
 from ..measure.table import Record
+from ..results.finding import ResultWarning
 from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Columns, Row, write_json
 from ..scene import Scene, resolved_toml
@@ -24,6 +25,7 @@ from ..solve.simulate import Progress, Simulation
 from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_slides, with_sums, write_history
+from .interrupts import Interrupted
 from .probes import Probes
 from .progress_display import Display
 from .run_directory import CommandResult
@@ -133,10 +135,16 @@ class Recorder:
                 raise
             code, message = loop.exit_code, loop.message
             is_unconverged = loop.reason == "steady" and not self.rows[-1].steady
-            estimate = None
-            if code == 0 and self.error_estimator is not None and self._last is not None:
-                estimate = self.error_estimator(self._last)
-            summary = self._write_summary("finished" if is_unconverged else loop.reason, message, estimate)
+            reason = "finished" if is_unconverged else loop.reason
+            summary = self._write_summary(reason, message)
+            if code == 0:
+                try:
+                    estimate = self._estimate()
+                except Interrupted:
+                    estimate = Estimate(warning=ResultWarning("W45", "the error was not estimated: interrupted"))
+                    code, message = INTERRUPTED, "the results are complete; only their error was not estimated"
+                if estimate is not None:
+                    summary = self._write_summary(reason, message, estimate)
             self.frames.close(complete=code == 0)
         self._reserve.unlink(missing_ok=True)
         if self.rows:
@@ -150,6 +158,10 @@ class Recorder:
     def _loop(self) -> LoopResult:
         """Run and record the simulation."""
         return self.watch.run(self._write_record)
+
+    def _estimate(self) -> Estimate | None:
+        """Estimated error of the last record of a finished run. Raises `Interrupted`."""
+        return self.error_estimator(self._last) if self.error_estimator is not None and self._last is not None else None
 
     def _write_record(self, record: Record) -> None:
         """Write the state, the USD frame, the maps and last the row of a record, which counts from then on."""

@@ -27,7 +27,7 @@ from .variants import OF_ONE_PATH, Means, variant_warnings
 from .warnings_of import warnings_of
 
 TABLES = ("probes", "panel")  # of a row
-ERRORS = ("active_percent", "tension", "contact_force", "stress")
+ERRORS = ("active_percent", "tension", "contact_force", "stress", "standard_error", "nodes", "friction")
 Value: TypeAlias = float | str | None
 PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of summary.json
 
@@ -36,12 +36,16 @@ PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of s
 class Estimate:
     """Estimated errors of the last state of a run."""
 
-    error: float | None = None  # with `run --error`: largest of the four below as a fraction, with a margin of 30 % and 0.2 %
+    error: float | None = None  # of means: the root of the sum of squares of the last three below; with `run --error`: the
+    # largest of the others with a margin of 30 % and 0.2 %; else null
     active_percent: float | None = None  # estimated error of the share of active contacts, in percentage points
-    tension: float | None = None  # estimated relative error of the tension
+    tension: float | None = None  # estimated relative error of the tension; of the strain where tension drives
     contact_force: float | None = None  # estimated relative error of the contact forces
     stress: float | None = None  # estimated relative error of the largest stress
     warning: ResultWarning | None = None
+    standard_error: float | None = None  # part of means: the largest standard error as a fraction
+    nodes: float | None = None  # part of means: the largest error of the nodes a loop
+    friction: float | None = None  # part of means: the largest change with half and with twice the friction (root mean square)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ..results.finding import Finding, warning_lines
 from ..results.row import Row, Values
 from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_rows, unreached_text
 from .strength import assumed_note
-from .summary import Summary
+from .summary import Estimate, Summary
 from .variants import Means
 from .warnings_of import CARRIED, fragment_share
 
@@ -50,13 +50,20 @@ def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
         ends_at_top = diverged and end.tension_warp_N_per_m == answers.largest_tension.tension_warp_N_per_m
         yield from (Finding(*row) for row in answer_rows(answers, end.yield_stress_Pa, gave_up=ends_at_top))
     if result.estimate.error is not None:
-        yield Finding("estimated error", short_percent(result.estimate.error))
+        yield Finding("estimated error", short_percent(result.estimate.error), where=_error_parts(result.estimate))
     yield Finding("time steps", f"{solver.steps:,} of {model.nodes:,} nodes")
     before = f"; before it {duration(solver.compile_s, 3)} to compile the kernels" if solver.compile_s > 1.0 else ""
     yield Finding("wall time", f"{duration(solver.wall_s, 3)} {TIMED}", where=before)
     yield Finding("stopped", result.stop_reason)
     yield from warning_lines(result.other_warnings)
     yield Finding("results in", str(directory))
+
+
+def _error_parts(estimate: Estimate) -> str:
+    """The parts of the estimated error of means."""
+    parts = {"friction": estimate.friction, "nodes": estimate.nodes, "number of meshes": estimate.standard_error}
+    found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
+    return f" ({', '.join(found)})" if found else ""
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:

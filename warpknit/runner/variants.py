@@ -65,6 +65,7 @@ class Means(Values):
     # contacts over all pairs
     median: int  # number of the mesh whose states are kept
     branch: Branch | None  # meshes on another branch of equilibria; null where all are together
+    changes: Values  # of the means with other nodes, friction and an overshoot, by name and figure, as fractions
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ..measure import table, tension_scale
 from ..measure.table import Record
 from ..mesh.layout import smaller_scene
 from ..results.frame import Frame, state_file
-from ..results.row import Row, write_rows
+from ..results.row import Row, Values, write_rows
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels
@@ -24,6 +24,8 @@ from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_sums, write_history
 from .recorder import Recorder, frame_of, open_frames
+from .sensitivity import MESHES, Sensitivity
+from .summary import Estimate
 from .variants import Means, Watched, branch_of, first_meshes, mean_row, spreads, wanted, watched
 from .watch import LoopResult
 
@@ -173,7 +175,12 @@ class VariantsRecorder(Recorder):
         }
 
     def _watched(self, whole: dict[int, list[Row]]) -> Watched:
-        return watched(self.scene.stages[-1].by_tension, [rows[-1] for rows in whole.values()], 1e-3 * tension_scale(self.model))
+        return watched(self.scene.stages[-1].by_tension, [rows[-1] for rows in whole.values()], self._small_tension)
+
+    @property
+    def _small_tension(self) -> float:
+        """[N/m] of which differences count as those of the tensions themselves."""
+        return 1e-3 * tension_scale(self.model)
 
     def _following(self) -> Simulation | None:
         """More meshes, where the means are not known well enough."""
@@ -220,8 +227,21 @@ class VariantsRecorder(Recorder):
             standard_error=seen.standard_error if len(whole) > 1 else None,
             median=median,
             branch=branch_of(seen),
+            changes=Values(),
             **spreads([rows[-1] for rows in whole.values()]),
         )
+
+    def _estimate(self) -> Estimate | None:
+        """Errors of the means, from changes of two of the meshes."""
+        whole = {number: rows[-1] for number, rows in self._whole_members().items()}
+        if self.variants is None or len(whole) < 2 or not self.scene.variants.sensitivity:
+            return None
+        sensitivity = Sensitivity(self.scene, self.meshes.models.device, whole, self._small_tension)
+        with self.watch.interrupts.handled():
+            self.display.stage(f"how sure, by {MESHES} meshes", number=1, of=1)
+            changes = sensitivity.changes(lambda _progress: self.watch.interrupts.check())
+        self.variants = self.variants.changed(changes=Values(**changes))
+        return sensitivity.estimate(changes)
 
     # --- while it runs
 

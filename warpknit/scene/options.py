@@ -388,6 +388,14 @@ class Variants(Table):
     scatter: values.Scatter = key("Takes the place of `knit.scatter`: relative standard deviation of the loop proportions.", 0.02)
     friction: values.Fraction = key("Standard deviation of the logarithm of `contact.friction` between the meshes.", 0.0)
     seed: values.Seed = key("Of the first mesh; the others have the ones after it.", 0)
+    sensitivity: values.Flag = key(
+        "Run two of the meshes of a run again with other nodes, and with half and twice the friction: the estimated error of the"
+        " means (`quality.estimated_error`).",
+        True,
+    )
+    overshoot: values.Fraction = key(
+        "Share of the first load by which `sensitivity` strains the meshes too far, and lets them back.", 0.0
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

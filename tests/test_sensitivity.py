@@ -1,0 +1,101 @@
+"""How means change with nodes, friction and an overshoot, and the error that follows."""
+
+import numpy as np
+import pytest
+
+from warpknit import load_run, load_scene
+from warpknit.results.row import Row
+from warpknit.runner.interrupts import Interrupts
+from warpknit.runner.run import run_scene
+from warpknit.runner.sensitivity import Sensitivity, changes_of
+from warpknit.scene import Scene
+
+STRAINS = {"strain_weft": 0.03, "strain_warp": 0.03}
+FIGURES = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
+
+
+def scene_of(**tables: object) -> Scene:
+    table: dict = {
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 28},
+        "contact": {"friction": 0.2},
+        "load": STRAINS,
+        "solver": {"residual_tolerance": 1e-2},
+        "output": {"frames": 2, "usd": False, "figures": False},
+        "variants": {"count": 2, "standard_error": 0.0, "sensitivity": False},
+    }
+    return load_scene(table | tables)
+
+
+def ends(scene: Scene, out) -> np.ndarray:
+    """(mesh, figure) of the last rows."""
+    assert run_scene(scene, out=out, device="cpu").exit_code == 0
+    rows = load_run(out).tables["variants"]
+    columns = np.array([rows[name] for name in FIGURES], dtype=float).T
+    return np.array([columns[rows["variant"] == number][-1] for number in sorted(set(rows["variant"]))])
+
+
+def row_of(tension: float) -> Row:
+    values = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m", "stress_max_Pa"), tension)
+    return Row(strain_weft=0.03, strain_warp=0.03, active_percent=50.0, **values)
+
+
+def test_changes_and_errors_are_those_of_runs_of_the_same_meshes(tmp_path):
+    variants = {"count": 3, "standard_error": 0.0, "overshoot": 0.1}
+    base = ends(scene_of(variants=variants), tmp_path / "base")
+    run = load_run(tmp_path / "base")
+    coarse = {"model": {"kind": "spatial", "boundary": "periodic", "nodes_per_loop": 20}}
+    nodes = ends(scene_of(**coarse), tmp_path / "nodes")
+    half = ends(scene_of(**coarse, contact={"friction": 0.1}), tmp_path / "half")
+    double = ends(scene_of(**coarse, contact={"friction": 0.4}), tmp_path / "double")
+    path = {"load": {name: 1.1 * strain for name, strain in STRAINS.items()}, "path": [STRAINS]}
+    back = ends(scene_of(**coarse, **path), tmp_path / "back")
+    scale = np.array([*[base[:, :2].mean(axis=0).max()] * 2, 100.0, base[:, 3].mean()])
+    expected = {
+        "nodes": (nodes - base[:2]).mean(axis=0) / scale,
+        "friction_half": (half - nodes).mean(axis=0) / scale,
+        "friction_double": (double - nodes).mean(axis=0) / scale,
+        "overshoot": (back - nodes).mean(axis=0) / scale,
+    }
+    changes = run.summary["variants"]["changes"]
+    assert {name: [change[figure] for figure in FIGURES] for name, change in changes.items()} == {
+        name: pytest.approx(values.tolist(), rel=1e-9, abs=1e-12) for name, values in expected.items()
+    }
+    of_nodes = np.abs(expected["nodes"]) / ((28 / 20) ** 2 - 1.0)
+    of_friction = np.sqrt((expected["friction_half"] ** 2 + expected["friction_double"] ** 2) / 2.0)
+    of_meshes = base.std(axis=0, ddof=1) / np.sqrt(3.0) / scale
+    total = np.sqrt(of_nodes**2 + of_friction**2 + of_meshes**2)
+    errors = run.summary["quality"]["estimated_errors"]
+    assert run.summary["quality"]["estimated_error"] == pytest.approx(total.max(), rel=1e-9)
+    assert errors["tension"] == pytest.approx(total[:2].max(), rel=1e-9)
+    assert (errors["nodes"], errors["friction"]) == pytest.approx((of_nodes.max(), of_friction.max()), rel=1e-9)
+
+
+def test_an_error_of_second_order_is_found_from_fewer_nodes():
+    """A figure a + b/n^2: its error b/n^2 follows from that with 20 nodes."""
+    scene = scene_of()
+    rows = {number: row_of(1.0 + 3.0 / 28**2) for number in (0, 1)}
+    sensitivity = Sensitivity(scene, "cpu", rows, 1e-3)
+    change = sensitivity._change(rows, {number: row_of(1.0 + 3.0 / 20**2) for number in (0, 1)})
+    assert sensitivity.estimate({"nodes": change}).nodes == pytest.approx(3.0 / 28**2 / (1.0 + 3.0 / 28**2), rel=1e-12)
+
+
+def test_without_friction_nothing_is_said_of_it():
+    assert list(changes_of(scene_of(contact={"friction": 0.0}))) == ["nodes"]
+
+
+def test_an_interrupt_leaves_the_results_without_their_error(tmp_path, monkeypatch):
+    def changes(self, watch):
+        interrupts.request()
+        watch(None)
+
+    interrupts = Interrupts()
+    monkeypatch.setattr("warpknit.runner.watch.Interrupts", lambda: interrupts)
+    monkeypatch.setattr(Sensitivity, "changes", changes)
+    scene = scene_of(variants={"count": 2, "standard_error": 0.0})
+    result = run_scene(scene, out=tmp_path, device="cpu")
+    assert result.exit_code == 130
+    summary = load_run(tmp_path).summary
+    assert summary["stop_reason"] == "steady" and summary["quality"]["estimated_error"] is None
+    assert run_scene(scene, out=tmp_path, device="cpu", resume=True).exit_code == 0  # the results are there

@@ -1,0 +1,142 @@
+"""How means over meshes change with what a scene does not know: nodes, friction, and an overshoot of the load.
+
+Each change runs on two of the meshes. It is compared with the same two, so that their scatter drops out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError
+from ..knit.lapping import KnitError
+from ..results.row import Row, Values
+from ..scene import Scene
+from ..scene.options import Stage
+from ..solve.simulate import Progress, Simulation
+from ..solve.variant_models import VariantModels
+from .history import row_of
+from .summary import Estimate
+from .variants import Watched, watched
+
+MESHES = 2  # by which a change is measured
+COARSENING = 1.4  # nodes a loop of the run over those of the comparison
+ORDER = 2  # of the errors of discretisation: they fall with the square of the nodes
+NODES = "nodes"
+FRICTIONS = {"friction_half": 0.5, "friction_double": 2.0}  # factors by which it is uncertain
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One that is run again."""
+
+    change: str  # name of what is changed
+    number: int
+    model: Any
+
+
+class Change(Values):
+    """Changes of the means by figure, `strain_weft`, as fractions of them; of `active_percent` of all contacts."""
+
+
+def changes_of(scene: Scene) -> dict[str, Scene]:
+    """Scenes by what they change: the nodes a loop, and with these, which cost less, one thing more each."""
+    friction, overshoot, nodes = scene.contact.friction, scene.variants.overshoot, fewer_nodes(scene)
+    coarse = replace(scene, model=replace(scene.model, nodes_per_loop=nodes))
+    found = {NODES: coarse}
+    if friction > 0.0:
+        for name, factor in FRICTIONS.items():
+            found[name] = replace(coarse, contact=replace(scene.contact, friction=factor * friction))
+    if overshoot > 0.0:
+        found["overshoot"] = replace(coarse, stages=(_overshot(scene.stages[0], overshoot), *scene.stages))
+    return found
+
+
+def fewer_nodes(scene: Scene) -> int:
+    """Nodes a loop of the comparison."""
+    return round(scene.model.nodes_per_loop / COARSENING)
+
+
+def _overshot(stage: Stage, overshoot: float) -> Stage:
+    """The first load step, further by a share of its strains and tensions."""
+    names = ("strain_weft", "strain_warp", "tension_weft", "tension_warp")
+    driven = {name: (1.0 + overshoot) * value for name in names if (value := getattr(stage, name)) is not None}
+    return replace(stage, name="overshoot", **driven)
+
+
+class Sensitivity:
+    """Runs the changes of a scene on two meshes that have been run."""
+
+    def __init__(self, scene: Scene, device: str, rows: Mapping[int, Row], scale: float) -> None:
+        """rows: the last one of each mesh, by number; scale [N/m]: of a small tension."""
+        self.scene, self.device, self.scale = scene, device, scale
+        self.numbers = list(rows)[:MESHES]
+        self.rows = {number: rows[number] for number in self.numbers}
+        self.seen = self._watched(rows)
+
+    def _watched(self, rows: Mapping[int, Row]) -> Watched:
+        return watched(self.scene.stages[-1].by_tension, list(rows.values()), self.scale)
+
+    def changes(self, watch: Callable[[Progress], None]) -> dict[str, Change]:
+        """Changes of the means by name; of those whose meshes run to the end. watch: called at every check, may raise to stop."""
+        found: dict[str, dict[int, Row]] = {}
+        for meshes in _groups(self._meshes()):
+            simulation = Simulation(meshes[0].model, worlds=[mesh.model for mesh in meshes])
+            simulation.watch = watch
+            last = {record.world: row_of(record) for record in simulation.run()}
+            for world, mesh in enumerate(meshes):
+                if world not in simulation.failures:
+                    found.setdefault(mesh.change, {})[mesh.number] = last[world]
+        before = {name: self.rows if name == NODES else found.get(NODES, {}) for name in found}
+        changes = {name: self._change(before[name], rows) for name, rows in found.items()}
+        return {name: change for name, change in changes.items() if change is not None}
+
+    def _meshes(self) -> Iterator[Mesh]:
+        """The meshes of each change whose loops fit."""
+        for name, scene in changes_of(self.scene).items():
+            variants = VariantModels(scene, self.device)
+            for number in self.numbers:
+                with suppress(KnitError, ModelError):
+                    yield Mesh(name, number, variants.model(number))
+
+    def _change(self, before: Mapping[int, Row], after: Mapping[int, Row]) -> Change | None:
+        """From the rows of some meshes to other rows of the same; None where no mesh is in both."""
+        if not (both := before.keys() & after.keys()):
+            return None
+        first, second = (self._watched({number: rows[number] for number in sorted(both)}).values for rows in (before, after))
+        relative = (second - first).mean(axis=0) / self.seen.scale
+        return Change(**dict(zip(self.seen.names, relative.tolist(), strict=True)))
+
+    def estimate(self, changes: Mapping[str, Change]) -> Estimate:
+        """Estimated errors of the means: of their number of meshes, of nodes and of friction, root of the sum of squares."""
+        seen = self.seen
+        parts = {"standard_error": seen.values.std(axis=0, ddof=1) / math.sqrt(len(seen.values)) / seen.scale}
+        values = {name: np.array([change[figure] for figure in seen.names]) for name, change in changes.items()}
+        if NODES in values:
+            parts["nodes"] = np.abs(values[NODES]) / self._change_of_error
+        if friction := [values[name] for name in FRICTIONS if name in values]:
+            parts["friction"] = np.sqrt(np.mean(np.square(friction), axis=0))
+        weft, warp, active, stress = np.sqrt(sum(part**2 for part in parts.values())).tolist()
+        largest = {name: float(part.max()) for name, part in parts.items()}
+        tension = max(weft, warp)
+        return Estimate(max(tension, active, stress), 100.0 * active, tension, None, stress, None, **largest)
+
+    @property
+    def _change_of_error(self) -> float:
+        """Change of a figure with fewer nodes over its error with those of the scene (Richardson)."""
+        return float((self.scene.model.nodes_per_loop / fewer_nodes(self.scene)) ** ORDER - 1.0)
+
+
+def _groups(meshes: Iterable[Mesh]) -> list[list[Mesh]]:
+    """Those that can run side by side."""
+    groups: dict[tuple[int, ...], list[Mesh]] = {}
+    for place, mesh in enumerate(meshes):
+        scene = mesh.model.scene
+        alone = () if scene.model.of_kind.own_loops else (place,)
+        groups.setdefault((mesh.model.node_count, len(scene.stages), *alone), []).append(mesh)
+    return list(groups.values())
