@@ -14,7 +14,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from warpknit.measure import table
 from warpknit.reflection.table import LeastTension, LossRow
 from warpknit.results import row
-from warpknit.runner import answers, summary, variants
+from warpknit.runner import answers, other_model, summary, variants
 
 PAGE = Path(__file__).parent / "reference" / "summary.md"
 FIELD = re.compile(r"^    (\w+): .*?  # (.*)$")
@@ -22,7 +22,7 @@ KEY = re.compile(r'^ {8,12}"?(\w+)"?[=:] ?.*?,  # (.*)$')
 TABLE = re.compile(r'^ {8}(?:values\[)?"?(\w+)"?(?:\]? = \{|=Values\()$')
 GROUPS = ("", "scene", "model", "solver", "quality", "mesh", "contacts", "wire", "hook")
 MAPS = {"map": "map.csv", "details": "map_details.csv"}
-TOP = ("version", "device", "stop_reason", "message", "warnings", "variants", "jumps", "answers", "stages")
+TOP = ("version", "device", "stop_reason", "message", "warnings", "variants", "spatial_model", "jumps", "answers", "stages")
 OF_CLASS = {
     "active": "share of the active pairs of a class",
     "force": "contact force that half of the pairs of a class reach",
@@ -158,6 +158,12 @@ The section `variants` of `summary.json`, of a run with `variants.count` above 1
 In `history.csv` the columns `p10_...` and `p90_...` are the same percentiles of each record.
 `variants.csv` has the rows of each mesh.
 
+## spatial_model
+
+The section `spatial_model` of `summary.json`, of a planar tile whose comparison takes seconds: means of the spatial model under the same load.
+
+{spatial_table}
+
 ## history.csv and map.csv
 
 The columns of `history.csv`, one row for each record, and of the tables of a map. `x` marks a column.
@@ -183,6 +189,7 @@ def page() -> str:
         answers_table=answers_table(),
         means_table=meanings_table(answers_rows(variants.Means)),
         spread_table=meanings_table(answers_rows(variants.Spread)),
+        spatial_table=meanings_table(answers_rows(other_model.SpatialMeans)),
         history_table=history_table(),
         reflection_table=_table(("name", "meaning"), [(f"`{name}`", words) for name, words in commented(LossRow, FIELD).items()]),
     )

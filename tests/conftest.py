@@ -49,6 +49,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.fast)
 
 
+@pytest.fixture(autouse=True)
+def no_comparison_with_the_spatial_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the three spatial meshes that a planar tile is compared with, but for their own test."""
+    monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 0.0)
+
+
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A worker a core for `-n auto`; none where tests are asked for by name, which are run sooner than workers start."""
     return 0 if CORES == 1 or any("::" in argument for argument in config.args) else CORES

@@ -99,3 +99,26 @@ def test_an_interrupt_leaves_the_results_without_their_error(tmp_path, monkeypat
     summary = load_run(tmp_path).summary
     assert summary["stop_reason"] == "steady" and summary["quality"]["estimated_error"] is None
     assert run_scene(scene, out=tmp_path, device="cpu", resume=True).exit_code == 0  # the results are there
+
+
+def test_a_planar_tile_is_compared_with_meshes_of_the_spatial_model(tmp_path, monkeypatch):
+    table = {
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"boundary": "periodic"},
+        "load": STRAINS,
+        "solver": {"preset": "draft"},
+        "output": {"frames": 2, "usd": False, "figures": False},
+    }
+
+    def of(kind: str, **tables: object) -> Scene:
+        return load_scene(table | {"model": {"boundary": "periodic", "kind": kind}} | tables)
+
+    monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 1e7)
+    run_scene(of("planar"), out=tmp_path / "planar", device="cpu")
+    expected = ends(of("spatial", variants={"count": 3, "standard_error": 0.0, "sensitivity": False}), tmp_path / "spatial")
+    found = load_run(tmp_path / "planar").summary["spatial_model"]
+    assert [found[name] for name in FIGURES] == pytest.approx(expected.mean(axis=0).tolist(), rel=1e-12)
+    monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 1e6)  # it takes more
+    run_scene(of("planar"), out=tmp_path / "planar", device="cpu", force=True)
+    assert "spatial_model" not in load_run(tmp_path / "planar").summary

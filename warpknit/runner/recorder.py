@@ -8,6 +8,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_slides, with_sums, write_history
 from .interrupts import Interrupted
+from .other_model import spatial_means
 from .probes import Probes
 from .progress_display import Display
 from .run_directory import CommandResult
@@ -143,8 +145,7 @@ class Recorder:
                 except Interrupted:
                     estimate = Estimate(warning=ResultWarning("W45", "the error was not estimated: interrupted"))
                     code, message = INTERRUPTED, "the results are complete; only their error was not estimated"
-                if estimate is not None:
-                    summary = self._write_summary(reason, message, estimate)
+                summary = self._write_summary(reason, message, estimate)
             self.frames.close(complete=code == 0)
         self._reserve.unlink(missing_ok=True)
         if self.rows:
@@ -159,9 +160,14 @@ class Recorder:
         """Run and record the simulation."""
         return self.watch.run(self._write_record)
 
-    def _estimate(self) -> Estimate | None:
-        """Estimated error of the last record of a finished run. Raises `Interrupted`."""
-        return self.error_estimator(self._last) if self.error_estimator is not None and self._last is not None else None
+    def _estimate(self) -> Estimate:
+        """Estimated error of the last record of a finished run, and what the spatial model gives. Raises `Interrupted`."""
+        estimate = Estimate()
+        if self.error_estimator is not None and self._last is not None:
+            estimate = self.error_estimator(self._last)
+        with self.watch.interrupts.handled():
+            spatial = spatial_means(self.scene, lambda _progress: self.watch.interrupts.check())
+        return replace(estimate, spatial_model=spatial)
 
     def _write_record(self, record: Record) -> None:
         """Write the state, the USD frame, the maps and last the row of a record, which counts from then on."""

@@ -122,9 +122,12 @@ class Sensitivity:
         if friction := [values[name] for name in FRICTIONS if name in values]:
             parts["friction"] = np.sqrt(np.mean(np.square(friction), axis=0))
         weft, warp, active, stress = np.sqrt(sum(part**2 for part in parts.values())).tolist()
-        largest = {name: float(part.max()) for name, part in parts.items()}
         tension = max(weft, warp)
-        return Estimate(max(tension, active, stress), 100.0 * active, tension, None, stress, None, **largest)
+        largest = {name: float(part.max()) for name, part in parts.items()}
+        return Estimate(
+            max(tension, active, stress), 100.0 * active, tension, stress=stress, standard_error=largest["standard_error"],
+            nodes=largest.get("nodes"), friction=largest.get("friction"),
+        )  # fmt: skip
 
     @property
     def _change_of_error(self) -> float:

@@ -22,6 +22,7 @@ from ..results.row import Columns, Row, Values, plain, valued
 from .answers import Answers, answers_of
 from .branches import jumps_of
 from .history import ends_of
+from .other_model import SpatialMeans
 from .run_directory import Tree
 from .variants import OF_ONE_PATH, Means, variant_warnings
 from .warnings_of import warnings_of
@@ -46,6 +47,7 @@ class Estimate:
     standard_error: float | None = None  # part of means: the largest standard error as a fraction
     nodes: float | None = None  # part of means: the largest error of the nodes a loop
     friction: float | None = None  # part of means: the largest change with half and with twice the friction (root mean square)
+    spatial_model: SpatialMeans | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class Summary:
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records between which the mesh jumps to another
     # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
     variants: Means | None = None  # with `variants.count` above 1: how single meshes lie about the means
+    spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model under its load
     answers: Answers | None = None  # what a designer asks, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 
@@ -91,6 +94,7 @@ class Summary:
             "solver": plain(self.solver),
             **last,
             **({} if self.variants is None else {"variants": plain(self.variants)}),
+            **({} if self.spatial_model is None else {"spatial_model": plain(self.spatial_model)}),
             "jumps": self.jumps,
             "answers": plain(self.answers),
             "stages": stages,
@@ -110,6 +114,7 @@ class Summary:
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
             variants=Means(**vars(valued(tree["variants"]))) if "variants" in tree else None,
+            spatial_model=SpatialMeans(**tree["spatial_model"]) if "spatial_model" in tree else None,
             answers=tree["answers"] and valued(tree["answers"]),
         )
 
@@ -201,6 +206,7 @@ def run_summary(
         estimate=estimate,
         jumps=[(before.index, after.index) for before, after in jumps],
         variants=variants,
+        spatial_model=estimate.spatial_model,
         answers=answers_of(model, rows, jumps),
     )
 

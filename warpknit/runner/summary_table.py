@@ -11,6 +11,7 @@ from ..base.text import alike, celsius, duration, engineering, is_at_grips, perc
 from ..results.finding import Finding, warning_lines
 from ..results.row import Row, Values
 from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_rows, unreached_text
+from .other_model import SpatialMeans
 from .strength import assumed_note
 from .summary import Estimate, Summary
 from .variants import Means
@@ -51,12 +52,22 @@ def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
         yield from (Finding(*row) for row in answer_rows(answers, end.yield_stress_Pa, gave_up=ends_at_top))
     if result.estimate.error is not None:
         yield Finding("estimated error", short_percent(result.estimate.error), where=_error_parts(result.estimate))
+    if (other := result.spatial_model) is not None:
+        yield _spatial_finding(other)
     yield Finding("time steps", f"{solver.steps:,} of {model.nodes:,} nodes")
     before = f"; before it {duration(solver.compile_s, 3)} to compile the kernels" if solver.compile_s > 1.0 else ""
     yield Finding("wall time", f"{duration(solver.wall_s, 3)} {TIMED}", where=before)
     yield Finding("stopped", result.stop_reason)
     yield from warning_lines(result.other_warnings)
     yield Finding("results in", str(directory))
+
+
+def _spatial_finding(other: SpatialMeans) -> Finding:
+    """What the spatial model gives under the load of a planar tile."""
+    tension = " / ".join(alike((other.tension_weft_N_per_m, other.tension_warp_N_per_m), "N/m"))
+    strain = " / ".join(percent(one, 2) for one in (other.strain_weft, other.strain_warp))
+    stress, active = engineering(other.stress_max_Pa, "Pa"), percent(0.01 * other.active_percent)
+    return Finding("in the spatial model", f"{strain}, {tension}, {active} active, {stress} (mean of {other.meshes} meshes)")
 
 
 def _error_parts(estimate: Estimate) -> str:

@@ -231,11 +231,11 @@ class VariantsRecorder(Recorder):
             **spreads([rows[-1] for rows in whole.values()]),
         )
 
-    def _estimate(self) -> Estimate | None:
+    def _estimate(self) -> Estimate:
         """Errors of the means, from changes of two of the meshes."""
         whole = {number: rows[-1] for number, rows in self._whole_members().items()}
         if self.variants is None or len(whole) < 2 or not self.scene.variants.sensitivity:
-            return None
+            return Estimate()
         sensitivity = Sensitivity(self.scene, self.meshes.models.device, whole, self._small_tension)
         with self.watch.interrupts.handled():
             self.display.stage(f"how sure, by {MESHES} meshes", number=1, of=1)

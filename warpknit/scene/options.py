@@ -389,8 +389,9 @@ class Variants(Table):
     friction: values.Fraction = key("Standard deviation of the logarithm of `contact.friction` between the meshes.", 0.0)
     seed: values.Seed = key("Of the first mesh; the others have the ones after it.", 0)
     sensitivity: values.Flag = key(
-        "Run two of the meshes of a run again with other nodes, and with half and twice the friction: the estimated error of the"
-        " means (`quality.estimated_error`).",
+        "How sure a run is. Two of its meshes run again with fewer nodes, and with half and twice the friction: the estimated"
+        " error of the means (`quality.estimated_error`). A planar tile is compared with three meshes of the spatial model"
+        " (`spatial_model`), where that takes seconds.",
         True,
     )
     overshoot: values.Fraction = key(

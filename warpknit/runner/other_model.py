@@ -1,0 +1,88 @@
+"""What the spatial model gives under the load of a planar tile, as the mean of a few meshes; where that takes seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import ModelError, SceneError
+from ..knit.lapping import KnitError
+from ..mesh.layout import mesh_nodes
+from ..results.row import Row, Values
+from ..scene import Scene
+from ..solve.simulate import Progress, Simulation
+from ..solve.variant_models import VariantModels
+from .history import row_of
+
+MESHES = 3
+NODE_STEPS = 1.5e7  # of all meshes, some 5 s on two cores; a comparison that needs more is left out
+FEWEST_STEPS = 1_000  # that a mesh takes
+FIGURES = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
+
+
+class SpatialMeans(Values):
+    """Means over meshes of the spatial model under the same load."""
+
+    meshes: int  # how many
+    strain_weft: float  # strain in weft
+    strain_warp: float  # strain in warp
+    tension_weft_N_per_m: float  # tension in weft
+    tension_warp_N_per_m: float  # tension in warp
+    active_percent: float  # share of the active pairs
+    stress_max_Pa: float  # largest stress
+
+
+class _TooLong(Exception):
+    """The comparison needs more node-steps than it may take."""
+
+
+def spatial_means(scene: Scene, watch: Callable[[Progress], None]) -> SpatialMeans | None:
+    """Means of the spatial model; None for it, for meshes that are no tiles, and where it does not come to an end in time.
+
+    watch: called at every check, may raise to stop.
+    """
+    other = _spatial(scene)
+    if other is None or MESHES * mesh_nodes(other) * FEWEST_STEPS > NODE_STEPS:
+        return None
+    try:
+        variants = VariantModels(other)
+        models = [variants.model(number) for number in variants.take(MESHES)]
+        simulation = Simulation(models[0], worlds=models)
+        ends = _ends(simulation, models[0].node_count, watch)
+    except (KnitError, ModelError, _TooLong):
+        return None
+    if len(ends) < MESHES:
+        return None
+    return SpatialMeans(meshes=MESHES, **{name: float(np.mean([row[name] for row in ends])) for name in FIGURES})
+
+
+def _spatial(scene: Scene) -> Scene | None:
+    """The scene in the spatial model; None where it is in it, has no tile, or keys that this model lacks."""
+    is_tile = scene.model.boundary == "periodic" and scene.solver.drive == "relax"
+    if not scene.variants.sensitivity or scene.model.of_kind.own_loops or not is_tile:
+        return None
+    try:
+        return scene.changed(
+            {
+                "model.kind": "spatial",
+                "variants.count": MESHES,
+                "variants.standard_error": 0.0,
+                "variants.sensitivity": False,
+            }
+        )
+    except SceneError:
+        return None
+
+
+def _ends(simulation: Simulation, nodes: int, watch: Callable[[Progress], None]) -> list[Row]:
+    """The last row of each mesh that converges."""
+
+    def check(progress: Progress) -> None:
+        watch(progress)
+        if nodes * sum(drive.progress.steps for drive in simulation.drives) > NODE_STEPS:
+            raise _TooLong
+
+    simulation.watch = check
+    last = {record.world: row_of(record) for record in simulation.run()}
+    return [row for world, row in last.items() if world not in simulation.failures]
