@@ -160,7 +160,8 @@ In `history.csv` the columns `p10_...` and `p90_...` are the same percentiles of
 
 ## spatial_model
 
-The section `spatial_model` of `summary.json`, of a planar tile whose comparison takes seconds: means of the spatial model under the same load.
+The section `spatial_model` of `summary.json`, of a planar tile:
+means of the spatial model under the same load, where they take seconds.
 
 {spatial_table}
 
