@@ -28,10 +28,12 @@ from warpknit.solve.variant_models import VariantModels
 KNITS = ("tricot", "reverse-locknit", "atlas", "queens-cord", "locknit", "satin", "sharkskin", "open-tricot")
 STRAIN = {"strain_weft": 0.06, "strain_warp": 0.06}
 MESHES, OF_BAND, OF_CASES = 64, 16, 16
+BY_TENSION = "by 2 N/m"
+COUNTS = {"as it is": MESHES, BY_TENSION: MESHES, "4 x 4 repeats": 4, "8 x 8 repeats": 2}  # of other cases: OF_CASES
 Tables = dict[str, dict[str, Any]]
 CASES: dict[str, Tables] = {
     "as it is": {},
-    "by 2 N/m": {"load": {"strain_weft": None, "strain_warp": None, "tension_weft": 2.0, "tension_warp": 2.0}},
+    BY_TENSION: {"load": {"strain_weft": None, "strain_warp": None, "tension_weft": 2.0, "tension_warp": 2.0}},
     "3 levels": {"output": {"frames": 3}},
     "24 levels": {"output": {"frames": 24}},
     "1.5 times the nodes": {"model": {"nodes_per_loop": 42}},
@@ -39,6 +41,8 @@ CASES: dict[str, Tables] = {
     "tolerance 1e-4": {"solver": {"residual_tolerance": 1e-4, "precision": "double"}},
     "2 x 2 repeats": {"knit": {"repeats": [2, 2]}},
     "3 x 3 repeats": {"knit": {"repeats": [3, 3]}},
+    "4 x 4 repeats": {"knit": {"repeats": [4, 4]}},
+    "8 x 8 repeats": {"knit": {"repeats": [8, 8]}},
     "friction 0": {"contact": {"friction": 0.0}},
     "friction 0.1": {"contact": {"friction": 0.1}},
     "friction 0.3": {"contact": {"friction": 0.3}},
@@ -69,7 +73,7 @@ class Row:
     active_percent: float
     stress_max_Pa: float
     std_stress_Pa: float
-    inside_percent: float | None  # of other meshes within the band of the first ones, both tensions
+    inside_percent: float | None  # of other meshes within the band of the first ones: both tensions, or strains where these drive
     steps: float  # of a mesh
     wall_s: float  # of all, with their models
 
@@ -112,9 +116,9 @@ def solved(scene: Scene, count: int) -> tuple[NDArray[np.float64], int]:
 
 
 def inside(values: NDArray[np.float64]) -> float:
-    """[%] of the meshes behind the first ones that lie in the band of these, the mean of weft and warp."""
-    low, high = range_of(values[:OF_BAND, :2])
-    others = values[OF_BAND:, :2]
+    """[%] of the meshes behind the first ones that lie in the band of these, the mean of weft and warp. values: (mesh, side)."""
+    low, high = range_of(values[:OF_BAND])
+    others = values[OF_BAND:]
     return 100.0 * float(np.mean((low <= others) & (others <= high)))
 
 
@@ -122,14 +126,14 @@ def row_of(knit: str, case: str, count: int) -> Row:
     begin = time.perf_counter()
     values, failed = solved(scene_of(knit, case), count)
     mean, std = values.mean(axis=0), values.std(axis=0, ddof=1)
-    largest = np.abs(mean[:2]).max() if "N/m" not in case else np.abs(mean[2:4]).max()
-    scattered = std[:2] if "N/m" not in case else std[2:4]
+    sides = slice(2, 4) if case == BY_TENSION else slice(2)
+    largest, scattered = np.abs(mean[sides]).max(), std[sides]
     return Row(
         knit, case, len(values), failed, *mean[:2].tolist(), *std[:2].tolist(),
         error_percent=float(100.0 * scattered.max() / np.sqrt(len(values)) / largest),
         strain_weft=float(mean[2]), strain_warp=float(mean[3]), std_strain=float(std[2:4].max()),
         active_percent=float(mean[4]), stress_max_Pa=float(mean[5]), std_stress_Pa=float(std[5]),
-        inside_percent=inside(values) if len(values) > 2 * OF_BAND else None,
+        inside_percent=inside(values[:, sides]) if len(values) > 2 * OF_BAND else None,
         steps=float(mean[6]), wall_s=time.perf_counter() - begin,
     )  # fmt: skip
 
@@ -137,17 +141,18 @@ def row_of(knit: str, case: str, count: int) -> Row:
 def add(parser: argparse.ArgumentParser) -> None:
     add_directory(parser, "two cases of a tricot with four meshes")
     parser.add_argument("--knit", choices=KNITS, action="append", help="one of the knits; again for more")
+    parser.add_argument("--case", choices=list(CASES), action="append", help="one of the cases; again for more")
 
 
 def main() -> None:
     parser = new_parser(__doc__)
     add(parser)
     given = start_study(parser)
-    knits, cases = (KNITS[:1], list(CASES)[:2]) if given.quick else (given.knit or KNITS, list(CASES))
+    knits, cases = (KNITS[:1], list(CASES)[:2]) if given.quick else (given.knit or KNITS, given.case or list(CASES))
     rows = []
     for knit in knits:
         for case in cases:
-            count = 4 if given.quick else MESHES if case == "as it is" else OF_CASES
+            count = 4 if given.quick else COUNTS.get(case, OF_CASES)
             rows.append(row_of(knit, case, count))
             show_rows(rows[-1:])
             write_rows(table_path(given, "variants.csv"), rows)
