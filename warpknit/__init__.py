@@ -29,7 +29,7 @@ Errors are in `warpknit.errors`; each is one line that says what is wrong and wh
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from . import errors, measure, scene

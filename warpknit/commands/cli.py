@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from warpknit import __version__
 from warpknit.compute import DEFAULT_DEVICE
 from warpknit.compute.ranks import One, Ranks, join_ranks, started_as
 from warpknit.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, Diverged, WarpknitError
@@ -213,13 +214,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @click.group(cls=Program, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="warpknit", message="%(prog)s %(version)s")
+@click.version_option(__version__, message="%(prog)s %(version)s")
 @click.pass_context
 def main(context: click.Context) -> None:
     """Mechanics of knitted metal meshes, wire by wire and contact by contact.
 
-    SCENE is a TOML file. Exit status: 0 finished, 2 bad scene, key, value, unit, device or file, 3 diverged, 4 out of
-    memory or disk, 130 interrupted.
+    SCENE is a TOML file, or the name of a scene that ships with warpknit (see `warpknit new --list`).
+
+    Exit status: 0 finished, 2 bad scene, key, value, unit, device or file, 3 diverged, 4 out of memory or disk, 130 interrupted.
     """
     if not context.obj.is_first and context.invoked_subcommand != "run":
         context.exit()  # the first rank is enough
@@ -492,21 +494,27 @@ def view(run_dir: str, host: str, port: int, browser: bool) -> None:
 @click.option("--diameter", metavar="LENGTH", help='Diameter of a wire, such as "15 um".  [default: 30 um]')
 @click.option("--material", metavar="NAME", help="tungsten, molybdenum or gold.  [default: molybdenum]")
 @click.option("--knit", metavar="NAME", help="A knit of --list.  [default: double-atlas]")
-@click.option("--list", "as_list", is_flag=True, help="List the knits with their chains, and write nothing.")
+@click.option("--from", "source", metavar="NAME", help="Copy a scene of --list.")
+@click.option("--list", "as_list", is_flag=True, help="List the knits with their chains, and the scenes; write nothing.")
 @click.argument("file", metavar="[FILE]", required=False)
-def new(file: str | None, as_list: bool, force: bool, **values: str | None) -> None:
+def new(file: str | None, as_list: bool, source: str | None, force: bool, **values: str | None) -> None:
     """Write a scene to start from, with comments, to FILE.
 
-    FILE is named after the knit by default. On a terminal, without --knit, it asks for what the options leave open.
+    FILE is named after the knit or scene by default. On a terminal, without --knit, it asks for what the options leave open.
     """
     configure_logging(logging.WARNING)
-    from warpknit.commands.new import ask, checked_request, file_of, knit_list, new_command, on_terminal
+    from warpknit.commands.new import ask, checked_request, copy_scene, file_of, names_list, new_command, on_terminal
     from warpknit.runner.summary_table import print_table
 
     if as_list:
-        click.echo("\n".join(knit_list()))
+        click.echo("\n".join(names_list()))
         return
     given = {name: value for name, value in values.items() if value is not None}
+    if source is not None:
+        if given:
+            raise click.UsageError(f"--from: cannot be combined with --{min(given)}; change the copy.")
+        print_table(copy_scene(source, file_of(file or source, force=force)))
+        return
     request, path = checked_request(given), file_of(file, force=force) if file else None
     if "knit" not in given and on_terminal():
         request, path = ask(given, path, force=force)

@@ -23,6 +23,7 @@ from ..results.finding import Finding
 from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
 from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
+from ..scene.shipped import first_sentence, nearest_scene, shipped_scenes
 from ..scene.wire import Wire
 from .plan import Overview, overview_of
 from .run import naming_the_file
@@ -127,19 +128,32 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Findi
     return [Finding(*line) for line in lines]
 
 
+def copy_scene(name: str, path: Path) -> list[Finding]:
+    """Copy the scene of a name to a file; return the lines of its table. Raises `InputError`."""
+    if name not in shipped_scenes():
+        nearest = nearest_scene(Path(name))
+        raise InputError(f"--from: {name!r} is not a scene; " + (f"the nearest is {nearest}" if nearest else "see --list"))
+    text = shipped_scenes()[name].read_text(encoding="utf-8")
+    make_scene(tomllib.loads(text), path=path)  # raises where it needs a file beside it
+    with write_aside(path) as file:
+        file.write(text)
+    return [Finding("scene", str(path)), Finding("next", f"warpknit run {shlex.quote(str(path))}")]
+
+
 def _plated(wire: Wire) -> str:
     """The coating of the wire, in words."""
     return "" if wire.plating is None else f", plated with {exact(wire.plating.thickness, 'm')} of {wire.plating.material}"
 
 
-def knit_list() -> list[str]:
-    """The knits by name, with chains and a line about each."""
-    width = max(map(len, NAMED_KNITS)) + 2
+def names_list() -> list[str]:
+    """The knits by name, with chains and a line about each, then the scenes."""
+    width = max(map(len, (*NAMED_KNITS, *shipped_scenes()))) + 2
     lines = ["Knits, their bars from back to front:", ""]
     for knit in NAMED_KNITS.values():
         lines.append(f"{knit.name:<{width}}{'  '.join(f'[{bar}]' if ' ' in str(bar) else str(bar) for bar in knit.bars)}")
         lines.append(f"{'':<{width}}{knit.about}")
-    return lines
+    lines += ["", "Scenes, for warpknit run NAME:", ""]
+    return lines + [f"{name:<{width}}{first_sentence(path)}" for name, path in shipped_scenes().items()]
 
 
 T = TypeVar("T")

@@ -37,6 +37,7 @@ from warpknit.scene.options import TREATMENT_KEYS, Contact, ModelOptions, Solver
 from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
 from warpknit.scene.presets import PRESETS, Preset
 from warpknit.scene.scene import Override, Overrides, Scene, SceneFile, checked_file, resolved_toml
+from warpknit.scene.shipped import file_of_scene, nearest_scene
 from warpknit.scene.stages import file_diameter, hook_of, hook_stages, mesh_stages, wire_file
 from warpknit.scene.units import has_unit, is_quantity, shown
 from warpknit.scene.values import Links
@@ -230,7 +231,8 @@ def load_scene(
             strain_warp = 0.1
         ''')
 
-    source: a string with a line break is TOML, as is one with "=" that is no file; other strings are paths. A scene is changed.
+    source: a string with a line break is TOML, as is one with "=" that is no file; other strings are paths, or names of scenes
+        that ship with the package, such as "atlas_patch". A file comes before a name. A scene is changed.
     overrides: values of dotted keys, as a mapping, or a list of "key=value" strings (the value is TOML, else a plain string) and
         of (key, value) pairs. A strain set this way takes the place of the file's tension in that direction, and so for other
         ways to say the same.
@@ -257,7 +259,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
     if not isinstance(source, str | os.PathLike) or (isinstance(source, str) and not source):
         raise scene_error(IN_CODE, "", f"{shown(source)} is not a scene", "give a path, TOML text, a dict or a scene")
     is_text = isinstance(source, str) and ("\n" in source or ("=" in source and not os.path.exists(source)))
-    path, expected = (IN_CODE, "give a scene in TOML") if is_text else (Path(source), "give a scene file in TOML")
+    path, expected = (IN_CODE, "give a scene in TOML") if is_text else (file_of_scene(Path(source)), "give a scene file in TOML")
     try:
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
         return path, tomllib.loads(text)
@@ -266,6 +268,8 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
         raise scene_error(path, "", f"invalid TOML ({fault})", quoted or expected) from error
     except OSError as error:
         wrong = "a directory" if path.is_dir() else (error.strerror or "unreadable").lower()
+        if (name := nearest_scene(path)) is not None:
+            expected += f", or the name of a scene, such as {name}"
         raise scene_error(path, "", wrong, expected) from error
     except UnicodeDecodeError as error:
         wrong = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"
