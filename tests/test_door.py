@@ -62,7 +62,7 @@ def test_the_model_is_of_the_kind_that_the_scene_asks_for() -> None:
 def test_the_door_lists_its_names_and_imports_little() -> None:
     """Exactly these, and nothing heavy until it is asked for."""
     names = {"load_scene", "build_model", "initial_state", "Simulation", "run", "run_map", "make_report", "load_run"}
-    assert set(dir(warpknit)) == names | {"measure", "scene", "errors", "Run", "Scene", "__version__"}
+    assert set(dir(warpknit)) == names | {"wires_from_arrays", "measure", "scene", "errors", "Run", "Scene", "__version__"}
     heavy = ("warp", "numpy", "scipy", "pydantic", "matplotlib", "pandas")
     code = f"import sys, warpknit; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

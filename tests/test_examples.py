@@ -4,6 +4,7 @@ import doctest
 import inspect
 import os
 import re
+import runpy
 import subprocess
 import sys
 import textwrap
@@ -81,6 +82,64 @@ def test_the_study_uses_several_processes(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
     diameters, tensions = np.array([line.split() for line in done.stdout.splitlines()], dtype=float).T
     assert diameters.tolist() == [12, 15, 20, 27] and np.all(np.diff(tensions) > 0.0)
+
+
+SCRIPTS = ROOT / "docs" / "examples"
+MOLYBDENUM = 320e9  # [Pa]
+
+
+@pytest.fixture
+def rows(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> list:
+    """The lines of numbers that a script prints, as lists of floats."""
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(SCRIPTS / f"{request.param}.py"))
+    lines = [re.findall(r"(?<![\w.])-?\d+\.?\d*", line) for line in capsys.readouterr().out.splitlines()]
+    return [[float(number) for number in line] for line in lines if line]
+
+
+@pytest.mark.parametrize("path", sorted(SCRIPTS.glob("*.py")), ids=lambda path: path.stem)
+def test_a_script_is_short(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) < 40
+
+
+@pytest.mark.parametrize("rows", ["tile_under_tension"], indirect=True)
+def test_a_tile_is_given_its_tension(rows: list) -> None:
+    tension, weft, warp, active, stress = np.array(rows).T
+    assert tension[[0, -1]].tolist() == [0.0, 2.0]
+    assert all(np.all(np.diff(column) > 0.0) for column in (tension, weft, warp, stress)) and np.all(np.diff(active) >= 0.0)
+
+
+@pytest.mark.parametrize("rows", ["map_as_array"], indirect=True)
+def test_a_map_is_an_array(rows: list) -> None:
+    """(warp, weft) in %: most contacts close at the largest strain in weft."""
+    active = np.array([row for row in rows if len(row) == 3][1:4])
+    assert active.shape == (3, 3) and active[0, 0] == 0.0
+    assert np.all(np.diff(active, axis=1) >= 0.0) and rows[-1][:2] == [active.max(), 12.0]
+
+
+@pytest.mark.parametrize("rows", ["study_over_diameter"], indirect=True)
+def test_thinner_wire_bears_more_stress(rows: list) -> None:
+    """At equal tensions; more tension gives more stress."""
+    diameter, tension, _, stress = (column.reshape(3, 3) for column in np.array(rows).T)
+    assert diameter[:, 0].tolist() == [20.0, 25.0, 30.0] and tension[0].tolist() == [0.5, 1.0, 2.0]
+    assert np.all(np.diff(stress, axis=0) < 0.0) and np.all(np.diff(stress, axis=1) > 0.0)
+
+
+@pytest.mark.parametrize("rows", ["wires_from_arrays"], indirect=True)
+def test_a_weave_is_softer_than_straight_wires(rows: list) -> None:
+    """Three by three wires touch at nine crossings; straight ones would carry EA times the strain, over their pitch."""
+    *_, (load, tension, crossings, force) = rows[1:]
+    straight = MOLYBDENUM * np.pi / 4 * (100e-6) ** 2 * 1e-3 / 1e-3  # [N/m]
+    assert (load, crossings) == (100.0, 9.0) and force > 0.0
+    assert 0.3 * straight < tension < straight
+
+
+@pytest.mark.parametrize("rows", ["measure_and_force"], indirect=True)
+def test_a_stretched_patch_is_stiffer_across(rows: list) -> None:
+    strain, tension, deflection, stiffness = np.array(rows).T
+    assert strain.tolist() == [0.0, 3.0, 6.0] and np.all(np.diff(tension) > 0.0)
+    assert np.all(np.diff(stiffness) > 0.0)
+    assert deflection * stiffness == pytest.approx(100.0, rel=0.02)  # [uN]
 
 
 DOCTESTS = [path for path in sorted((ROOT / "warpknit").rglob("*.py")) if ">>> " in path.read_text(encoding="utf-8")]

@@ -36,6 +36,10 @@ def test_values_of_numpy_and_paths_are_taken() -> None:
     [
         ({"wire": {"diameter": "15 kg"}}, "scene: wire.diameter: '15 kg'"),
         ({"wire": {"diamter": 1}}, "scene: wire.diamter: unknown key; the nearest is wire.diameter"),
+        ({"knit": {"name": "x"}}, "scene: knit.name: unknown key; the nearest is knit."),  # not the `name` of the scene
+        ({"wire": {"friction": 0.2}}, "scene: wire.friction: unknown key; the nearest is contact.friction"),
+        ({"wire": {"frictoin": 0.2}}, "scene: wire.frictoin: unknown key; the nearest is wire."),
+        ({"diameter": "15 um"}, "scene: diameter: unknown key; the nearest is wire.diameter"),
         ({"load": 3}, "scene: load: 3"),
         ({1: {"diameter": "17 um"}}, "scene: the key 1 "),
         ({"wire": {1: "17 um"}}, "scene: wire: the key 1"),

@@ -14,6 +14,7 @@ Scenes are changed in code, and states are computed without files:
 | name | |
 |---|---|
 | `load_scene` | a `Scene` from a file, text or a dict; `scene.changed` |
+| `wires_from_arrays` | the table `[wires]` of centre lines in NumPy arrays |
 | `run`, `run_map`, `make_report` | the commands, into a directory; they return a `Run` |
 | `load_run` | the `Run` of a directory: summary, tables, states and observables as arrays |
 | `build_model`, `initial_state`, `Simulation` | the same states without files, record by record |
@@ -39,9 +40,11 @@ if TYPE_CHECKING:
     from .scene import Scene, load_scene
     from .solve.model import build_model, initial_state
     from .solve.simulate import Simulation
+    from .wires.arrays import wires_from_arrays
 
 _DOOR = {
     "load_scene": "scene",
+    "wires_from_arrays": "wires.arrays",
     "build_model": "solve.model",
     "initial_state": "solve.model",
     "Simulation": "solve.simulate",
@@ -70,6 +73,7 @@ __all__ = [
     "run",
     "run_map",
     "scene",
+    "wires_from_arrays",
 ]
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import measure
-from ..base.files import write_aside, write_table
+from ..base.files import write_table
 from ..compute.memory import available_memory
 from ..errors import INTERRUPTED, OutOfResources, RunDirectoryError
 from ..measure import MeshModel
@@ -21,7 +21,7 @@ from ..measure.table import Record
 from ..results.finding import ResultWarning
 from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Columns, Row, write_json
-from ..scene import Scene, resolved_toml
+from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from .branches import with_work
 from .checkpoint import Checkpoint
@@ -30,7 +30,7 @@ from .interrupts import Interrupted
 from .other_model import spatial_means
 from .probes import Probes
 from .progress_display import Display
-from .run_directory import CommandResult
+from .run_directory import CommandResult, write_scene
 from .summary import Estimate, PanelValues, Summary, cord_summary, report_panel, run_summary
 from .variants import Means
 from .watch import LoopResult, Watch
@@ -111,8 +111,7 @@ class Recorder:
         if checkpoint is not None:
             self._take_up(checkpoint.rows)
         else:
-            with write_aside(out / "scene.toml") as file:
-                file.write(resolved_toml(self.scene))
+            write_scene(out, self.scene)
             self.model.layout().save(out / "layout.npz")
         self._reserve = out / ".reserve"
         self._reserve.write_bytes(bytes(RESERVED_DISK))

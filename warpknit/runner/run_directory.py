@@ -12,12 +12,13 @@ from typing import Any, Generic, TypeAlias, TypeVar
 
 from ..base.files import write_aside
 from ..errors import RunDirectoryError
-from ..scene.scene import RESOLVED
+from ..scene.scene import RESOLVED, Scene, resolved_toml
 from ..scene.units import shown
+from ..scene.wire_file import WireArrays
 
 Tree: TypeAlias = Mapping[str, Any]  # of a JSON file
 Result = TypeVar("Result")
-OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "layout.npz", "scene.usda", "wires.topology.usdc",
+OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "wires.npz", "layout.npz", "scene.usda", "wires.topology.usdc",
         "wires.manifest.usda", "states", "frames", "figures", "checkpoint", "vtk", "tables", "panel",
         "variants", "variants.csv", "map.csv", "map.json", "map_details.csv", "reflection.csv", "reflection.npz",
         "trade.csv", "trade_knobs.csv", "trade.json",
@@ -97,13 +98,21 @@ def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None 
         raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
 
 
-def open_directory(out: Path, resolved: str, *, keep: bool) -> None:
-    """Make `out` with the scene `resolved`; remove earlier results unless `keep`."""
+def write_scene(out: Path, scene: Scene) -> None:
+    """Write scene.toml with every default, and beside it wires that are in no file."""
+    if scene.wires is not None and isinstance(scene.wires.file, WireArrays):
+        with write_aside(out / WireArrays.name, "wb") as file:
+            file.write(scene.wires.file.data)
+    with write_aside(out / "scene.toml") as file:
+        file.write(resolved_toml(scene))
+
+
+def open_directory(out: Path, scene: Scene, *, keep: bool) -> None:
+    """Make `out` with the scene; remove earlier results unless `keep`."""
     if not keep:
         clear(out)
     make_directory(out)
-    with write_aside(out / "scene.toml") as file:
-        file.write(resolved)
+    write_scene(out, scene)
 
 
 def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, command: str | None = None) -> None:

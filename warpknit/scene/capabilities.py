@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
 from warpknit.errors import SceneError
@@ -106,7 +105,7 @@ def _is_knit(case: Case) -> bool:
 
 def _wires(case: Case) -> Iterable[Place]:
     wires = case.scene.wires
-    return [] if wires is None else [(("wires", "file"), PurePath(wires.file).name)]
+    return [] if wires is None else [(("wires", "file"), wires.file_name)]
 
 
 def _panel(case: Case) -> Iterable[Place]:

@@ -66,10 +66,14 @@ def unknown_key(file: object, location: Location, more: Sequence[str] = ()) -> S
     depth = unknown_depth(location)
     assert depth is not None
     above, below = location[: depth + 1], dotted(location[depth + 1 :])
-    nearest = _nearest_key(above) + ("." if below[:1] not in ("", "[") else "") + below
+    key, is_close = _nearest_key(above)
+    nearest = key + ("." if below[:1] not in ("", "[") else "") + below
     tables = {location[0], nearest.split(".")[0]}
-    which = " ([wire] is one wire, [wires] a file of wires)" if tables == WIRE_TABLES else ""
-    return scene_error(file, dotted(location), "unknown key", f"the nearest is {nearest}{which}", more)
+    note = " ([wire] is one wire, [wires] a file of wires)" if tables == WIRE_TABLES else ""
+    if not is_close:
+        table = dotted(above[:-1])
+        note += f"; {f'[{table}]' if table else 'a scene'} has {', '.join(_fields(above[:-1]))}"
+    return scene_error(file, dotted(location), "unknown key", f"the nearest is {nearest}{note}", more)
 
 
 def unknown_depth(location: Location) -> int | None:
@@ -128,19 +132,20 @@ def _fields(location: Location) -> list[str]:
     return list(keys_of(_table_at(location)))
 
 
-def _nearest_key(location: Location) -> str:
-    """The known key most like the unknown one: in its own table when one there is close, else anywhere."""
+def _nearest_key(location: Location) -> tuple[str, bool]:
+    """The known key nearest to an unknown one, and whether it is close.
+
+    The same word in another table comes first, then the nearest key of the same table.
+    """
     *above, last = location
     unknown = str(last).lower()
+    elsewhere = [key for key in known_keys() if key.endswith(f".{unknown}")]
+    if elsewhere and unknown not in _fields(()):  # a word at the top, such as `name`, belongs to the scene
+        return elsewhere[0], True
     here = _fields(tuple(above))
     close = difflib.get_close_matches(unknown, here, n=1, cutoff=0.7)
-    if not close:
-        elsewhere = {key.rsplit(".", 1)[-1]: key for key in reversed(known_keys())}
-        far = difflib.get_close_matches(unknown, list(elsewhere), n=1, cutoff=0.75)
-        if far:
-            return elsewhere[far[0]]
-        close = difflib.get_close_matches(unknown, here, n=1, cutoff=0.0) or here[:1]
-    return dotted((*above, close[0]))
+    nearest = close or difflib.get_close_matches(unknown, here, n=1, cutoff=0.0) or here[:1]
+    return dotted((*above, nearest[0])), bool(close)
 
 
 def _nested(location: Location) -> str | None:

@@ -39,7 +39,7 @@ from warpknit.scene.presets import PRESETS, preset_like, tight_knits
 from warpknit.scene.units import si_text
 from warpknit.scene.values import Name, exclusive
 from warpknit.scene.wire import Wire
-from warpknit.scene.wire_file import WireFile, WiresTable
+from warpknit.scene.wire_file import WireArrays, WireFile, WiresTable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +151,7 @@ class Scene:
         if self.hook is not None:
             mesh = "two hooked wires"
         elif self.wires is not None:
-            mesh = f"wires of {Path(self.wires.file).name}"
+            mesh = f"wires of {self.wires.file_name}"
         wire = f"{self.wire.material} {exact(self.wire.diameter, 'm')}"
         stages = "1 stage" if len(self.stages) == 1 else f"{len(self.stages)} stages"
         return f"<Scene {self.name!r}: {wire}, {mesh}, {self.model.kind}, {self.model.boundary}, {stages}>"
@@ -235,7 +235,10 @@ RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene
 
 
 def resolved_toml(scene: Scene) -> str:
-    """The scene as a TOML file with every default written out, in SI units; it loads to an equal scene."""
+    """The scene as a TOML file with every default written out, in SI units; it loads to an equal scene.
+
+    Wires from arrays are in the file wires.npz, which a run writes beside it.
+    """
     import tomli_w
 
     left_out: list[str] = []
@@ -254,7 +257,8 @@ def resolved_toml(scene: Scene) -> str:
     for name in ("sweep", "reflection"):
         if getattr(scene, name) is not None:
             table[name] = _written(getattr(scene, name), name, left_out)
-    return f"{RESOLVED} {', '.join(left_out)}\n\n" + tomli_w.dumps(table)
+    digest = "" if scene.wires is None else f"# SHA-256 of the wires: {scene.wires.digest}\n"
+    return f"{RESOLVED} {', '.join(left_out)}\n{digest}\n" + tomli_w.dumps(table)
 
 
 def _written(value: Any, place: str, left_out: list[str]) -> Any:
@@ -262,7 +266,7 @@ def _written(value: Any, place: str, left_out: list[str]) -> Any:
     if isinstance(value, tuple):
         return [_written(entry, f"{place}[{index}]", left_out) for index, entry in enumerate(value)]
     if not isinstance(value, Table):
-        return value
+        return value.name if isinstance(value, WireArrays) else value
     table = {}
     for name, entry in keys_of(type(value)).items():
         content, below = getattr(value, name), f"{place}.{name}"

@@ -248,8 +248,16 @@ def load_scene(
             return source
         if source.is_as_written:
             return source.changed(overrides, preset, command=command, ranks=ranks)
-    path, table = (source.path, tomllib.loads(resolved_toml(source))) if isinstance(source, Scene) else _read(source)
+    path, table = (source.path, _table_of(source)) if isinstance(source, Scene) else _read(source)
     return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)
+
+
+def _table_of(scene: Scene) -> dict[str, Any]:
+    """The table of a scene with every default."""
+    table = tomllib.loads(resolved_toml(scene))
+    if scene.wires is not None:
+        table["wires"]["file"] = scene.wires.file
+    return table
 
 
 def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Mapping[str, Any]]:

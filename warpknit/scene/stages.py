@@ -29,6 +29,7 @@ from warpknit.scene.wire_file import (
     USD,
     WITH_WIDTHS,
     WITHOUT_UNIT,
+    WireArrays,
     WireFile,
     WireFileError,
     WiresTable,
@@ -195,8 +196,10 @@ def file_diameter(source: Source, file: SceneFile) -> float | None:
     is_given = "diameter" in source.table.get("wire", {})
     if table is None or table.widths is False or (is_given and table.widths is None):
         return None
-    path = source.path.parent / table.file
-    radius, fault = _file_radius(source, path, table) if path.suffix.lower() in WITH_WIDTHS else (None, "")
+    path = _place_of(source, table)
+    radius, fault = None, ""
+    if isinstance(path, Path) and path.suffix.lower() in WITH_WIDTHS:
+        radius, fault = _file_radius(source, path, table)
     if fault and not table.widths:
         raise scene_error(source.path, "wire.diameter", f"missing: {path.name!r} has {fault}", "write one")
     if radius is None:
@@ -210,6 +213,11 @@ def file_diameter(source: Source, file: SceneFile) -> float | None:
         instead = f"use wires thicker than their plating, of at most {exact(MOST_THICKNESS, 'm')}"
         raise scene_error(source.path, "wires.file", wrong, instead)
     return file.wire.with_thickness(thickest).diameter
+
+
+def _place_of(source: Source, table: WiresTable) -> Path | WireArrays:
+    """The file of wires, relative to the scene."""
+    return table.file if isinstance(table.file, WireArrays) else source.path.parent / table.file
 
 
 def _file_radius(source: Source, path: Path, table: WiresTable) -> tuple[np.ndarray | None, str]:
@@ -230,7 +238,7 @@ def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> 
     table = file.wires
     if table is None:
         return None
-    path = source.path.parent / table.file
+    path = _place_of(source, table)
     try:
         data = checked_bytes(path)
     except WireFileError as error:
@@ -249,7 +257,7 @@ def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> 
     return as_object(
         WireFile,
         table,
-        file=str(path.resolve()),
+        file=path if isinstance(path, WireArrays) else str(path.resolve()),
         widths=has_widths,
         digest=hashlib.sha256(data).hexdigest(),
         node_spacing=wire.diameter if table.node_spacing is None else table.node_spacing,

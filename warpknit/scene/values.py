@@ -363,7 +363,8 @@ Threading = Annotated[
         Text(r"\.{0,4096}\|[|.]{0,4096}", "'|' for a threaded and '.' for an empty guide, at least one '|', such as '|.'")
     ),
 ]
-FileName = Annotated[str, BeforeValidator(Text(r"[^\x00-\x1f\x7f]{1,400}", "the name of a file"))]
+FILE_NAME = Text(r"[^\x00-\x1f\x7f]{1,400}", "the name of a file")
+FileName = Annotated[str, BeforeValidator(FILE_NAME)]
 Name = Annotated[
     str,
     BeforeValidator(Text(r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]{1,100}", "a name of 1 to 100 characters that can name a directory")),

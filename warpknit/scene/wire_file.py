@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import stat
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
 
 from warpknit.base.text import either
 from warpknit.errors import BadValue
@@ -29,13 +32,35 @@ class WireFileError(BadValue):
         super().__init__(key, wrong, instead)
 
 
+@dataclass(frozen=True, repr=False)
+class WireArrays:
+    """Centre lines in memory, as the bytes of an .npz file."""
+
+    data: bytes
+    name = "wires.npz"  # of the copy that a run keeps beside its scene.toml
+    suffix = ".npz"
+
+    def __repr__(self) -> str:
+        return f"<{self.name} in memory>"
+
+
+class FileOrArrays(values.Text):
+    """The name of a file, or `WireArrays`."""
+
+    def __call__(self, value: Any) -> Any:
+        return value if isinstance(value, WireArrays) else super().__call__(value)
+
+
+WireSource = Annotated[str | WireArrays, BeforeValidator(FileOrArrays(values.FILE_NAME.pattern, values.FILE_NAME.allowed))]
+
+
 @dataclass(frozen=True, kw_only=True)
 class WiresTable(Table):
     """[wires], in place of [knit]: a file of centre lines and how it is read."""
 
-    file: values.FileName = key(
+    file: WireSource = key(
         "File name relative to the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`, of at most 256"
-        " MiB and two million points.",
+        " MiB and two million points. In Python also arrays: `warpknit.wires_from_arrays`.",
         compare=False,  # where it is: what is in it is compared
     )
     unit: values.LengthUnit | None = key(
@@ -88,6 +113,11 @@ class WiresTable(Table):
         "Time code of an animated USD stage, such as the `scene.usda` of a run.", None, left_out="the first"
     )
 
+    @property
+    def file_name(self) -> str:
+        """The name of the file, without its folder."""
+        return self.file.name if isinstance(self.file, WireArrays) else PurePath(self.file).name
+
 
 @dataclass(frozen=True, kw_only=True)
 class WireFile(WiresTable):
@@ -105,12 +135,14 @@ class WireFile(WiresTable):
         return max(8, round(self.loop_length / self.node_spacing))
 
     @property
-    def path(self) -> Path:
-        return Path(self.file)
+    def path(self) -> Path | WireArrays:
+        return self.file if isinstance(self.file, WireArrays) else Path(self.file)
 
 
-def checked_bytes(path: Path) -> bytes:
+def checked_bytes(path: Path | WireArrays) -> bytes:
     """Contents of a file of wires, after a check of its size. Raises `WireFileError`."""
+    if isinstance(path, WireArrays):
+        return path.data
     instead = f"name a file of wires: {either(SUFFIXES)}"
     if path.suffix.lower() not in SUFFIXES:
         raise WireFileError(f"ends in {path.suffix}" if path.suffix else "has no suffix", instead)

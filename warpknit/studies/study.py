@@ -71,7 +71,7 @@ def run_trade(
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
     name = find_device(device, nodes=lambda: mesh_nodes(scene))
     base = build_model(scene, name)
-    open_directory(out, resolved, keep=keep)
+    open_directory(out, scene, keep=keep)
     return _Study(load, base, of_reference, name, out, progress or Display()).run()
 
 

@@ -107,7 +107,7 @@ def run_map(
     variants = VariantModels(scene) if scene.variants.count > 1 else None
     first = mesh_of(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
     _refuse_beyond_memory(first)
-    open_directory(out, resolved, keep=keep)
+    open_directory(out, scene, keep=keep)
     return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
 
 

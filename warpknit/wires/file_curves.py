@@ -26,7 +26,7 @@ import numpy as np
 
 from warpknit.base.text import engineering, exact
 from warpknit.scene.units import QuantityError, si
-from warpknit.scene.wire_file import USD, WireFileError, checked_bytes
+from warpknit.scene.wire_file import USD, WireArrays, WireFileError, checked_bytes
 from warpknit.wires.bases import (
     BASES,
     MOST,
@@ -56,10 +56,10 @@ SAME_WIDTH = 1e-3  # relative difference of widths along a wire that is none
 STAGE_PATIENCE = 300.0  # [s] that a stage may take to read
 
 
-def read_npz(path: Path, interpolation: str, *, closed: bool = False) -> CurveFile:
+def read_npz(path: Path | WireArrays, interpolation: str, *, closed: bool = False) -> CurveFile:
     """The wires of an NPZ file; interpolation: a key of `bases.polyline`. Raises `BadFile`, OSError."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(io.BytesIO(path.data) if isinstance(path, WireArrays) else path) as archive:
             arrays = _arrays(archive)
     except FAULTS as error:
         raise BadFile(f"a file that is no archive of arrays ({type(error).__name__}: {str(error)[:60]})") from error
@@ -254,7 +254,9 @@ def read_bcc(path: Path, interpolation: str) -> CurveFile:
     return CurveFile(tuple(curves))
 
 
-def curves_in(path: Path, interpolation: str, closed: bool, unit: float | None, time: float | None) -> tuple[CurveFile, float]:
+def curves_in(
+    path: Path | WireArrays, interpolation: str, closed: bool, unit: float | None, time: float | None
+) -> tuple[CurveFile, float]:
     """What stands in a file, and the metres in its unit. Raises `WireFileError`."""
     checked_bytes(path)
     suffix = path.suffix.lower()
@@ -275,7 +277,9 @@ def stated_radius(path: Path, *, time: float | None = None) -> tuple[np.ndarray 
     return None if found.radius is None else found.radius * metres, found.no_radius
 
 
-def _reader(path: Path, suffix: str, interpolation: str, closed: bool, time: float | None) -> CurveFile:
+def _reader(path: Path | WireArrays, suffix: str, interpolation: str, closed: bool, time: float | None) -> CurveFile:
+    if isinstance(path, WireArrays):
+        return read_npz(path, interpolation, closed=closed)
     if suffix in USD:
         return read_usd(path, interpolation, time=time)
     if suffix == ".bcc":

@@ -20,7 +20,7 @@ import numpy as np
 
 from warpknit.base.text import engineering, exact
 from warpknit.scene.messages import scene_error
-from warpknit.scene.wire_file import WireFileError
+from warpknit.scene.wire_file import WireArrays, WireFileError
 from warpknit.wires.bases import BadFile, Curve, CurveFile
 from warpknit.wires.centre_lines import Wires, repeated
 from warpknit.wires.directors import transported
@@ -248,7 +248,7 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
 
 
 @contextmanager
-def _one_line(scene: Path, path: Path) -> Iterator[None]:
+def _one_line(scene: Path, path: Path | WireArrays) -> Iterator[None]:
     """Raise faults of the file at `path` as a `SceneError`, with its name where the fault is its own."""
     try:
         yield
@@ -258,7 +258,7 @@ def _one_line(scene: Path, path: Path) -> Iterator[None]:
 
 
 def _read(
-    path: Path,
+    path: Path | WireArrays,
     node_spacing: float,
     unit: float | None,
     interpolation: str,

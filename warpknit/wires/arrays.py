@@ -1,0 +1,61 @@
+"""Centre lines in NumPy arrays, as a file of wires in memory."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from warpknit.errors import InputError
+from warpknit.scene.wire_file import WireArrays
+from warpknit.wires.bases import BadFile, check_count, check_points
+
+
+def wires_from_arrays(points: Sequence[ArrayLike], *, closed: bool | Sequence[bool] = False, **keys: Any) -> dict[str, Any]:
+    """The table `[wires]` of centre lines in arrays, for `load_scene`.
+
+        s = np.linspace(-2e-3, 2e-3, 81)                                           # [m]
+        wave = 0.06e-3 * np.cos(2e3 * np.pi * s)
+        weft, warp = np.stack([s, 0 * s, wave], axis=1), np.stack([0 * s, s, -wave], axis=1)
+        load_scene({"wires": wires_from_arrays([weft, warp]), "wire": {"diameter": "0.1 mm"}, "load": {"strain_weft": 0.01}})
+
+    points: of each wire (point, 3) [m]: x along weft, y along warp, z across the mesh. A smooth curve passes through them.
+    closed: whether the ends of a wire are joined: of all wires, or (wire,). A wire whose last point repeats its first is closed.
+    keys: other keys of `[wires]`, such as node_spacing="50 um" or period=["1.2 mm", "1 mm"]; see docs/scenes.md.
+
+    The wires are read as an .npz file of the same arrays is (docs/how-to/wires_from_a_file.md); runs keep a copy, wires.npz.
+
+    Raises `InputError`, with the number of the wire, for points that are not (point, 3) finite numbers.
+    """
+    wires = [_points_of(number, wire) for number, wire in enumerate(points, start=1)]
+    if not wires:
+        raise InputError("wires_from_arrays: no wires; give a list of arrays (point, 3), one for each wire")
+    count = f"{len(wires)} wire{'s' if len(wires) > 1 else ''}"
+    rings = np.broadcast_to(closed, len(wires)) if np.ndim(closed) == 0 else np.asarray(closed)
+    if rings.shape != (len(wires),) or rings.dtype != bool:
+        raise InputError(f"wires_from_arrays: closed {closed!r} does not fit {count}; give one boolean, or one for each wire")
+    try:
+        check_count(sum(map(len, wires)))
+    except BadFile as error:
+        raise InputError(f"wires_from_arrays: {error}; give fewer points") from error
+    archive = io.BytesIO()
+    np.savez(archive, points=np.concatenate(wires), counts=[len(wire) for wire in wires], closed=rings)
+    return {"file": WireArrays(archive.getvalue()), "unit": "m", **keys}
+
+
+def _points_of(number: int, points: ArrayLike) -> np.ndarray:
+    """(point, 3) [m] points of a wire. Raises `InputError`."""
+    wrong = "is not an array of numbers"
+    try:
+        array = np.asarray(points, dtype=np.float64)
+        if array.ndim == 2 and array.shape[1] == 3 and len(array) > 0:
+            return check_points(array)
+        wrong = f"has shape {array.shape}"
+    except BadFile as error:
+        wrong = f"has {error}"
+    except (TypeError, ValueError):
+        pass
+    raise InputError(f"wires_from_arrays: wire {number} {wrong}; give finite numbers (point, 3) in m")
