@@ -92,7 +92,7 @@ def summary_rows() -> list[tuple[str, str]]:
 def panel_keys() -> dict[str, str]:
     """Keys of the section `panel`."""
     found = commented(summary.report_panel, KEY) | commented(summary.cord_values, KEY)
-    return {name: words for name, words in sorted(found.items(), key=lambda one: one[0].startswith("surface."))}
+    return dict(sorted(found.items(), key=lambda one: one[0].startswith("surface.")))
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

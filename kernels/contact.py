@@ -47,7 +47,7 @@ def closest_point_tolerance(unit: wp.float32):
 
 
 @wp.func
-def closest_point_tolerance(unit: wp.float64):  # noqa: F811  (an overload)
+def closest_point_tolerance(unit: wp.float64):
     return CLOSEST_POINT_DOUBLE
 
 

@@ -56,5 +56,5 @@ def count_of(x: wp.float64, unit: wp.float32) -> wp.int32:
 
 
 @wp.func
-def count_of(x: wp.float64, unit: wp.float64) -> wp.float64:  # noqa: F811  (an overload)
+def count_of(x: wp.float64, unit: wp.float64) -> wp.float64:
     return x / unit

@@ -74,7 +74,7 @@ MODULES = sorted(name for name in FILES if name)  # without the door, warpknit/_
 
 def layer(name: str) -> int:
     placed = {member: number for number, members in enumerate(LAYERS) for member in members}
-    return placed[name] if name in placed else placed[name.split(".")[0]]
+    return placed[name] if name in placed else placed[name.split(".", maxsplit=1)[0]]
 
 
 def statements(tree: ast.AST, inside: bool = False, *, types: bool = False):

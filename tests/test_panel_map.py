@@ -129,7 +129,7 @@ def test_tension_one_way_hangs_straight_that_way() -> None:
     surface = find_surface(
         flat_map(outline, spacing, tension), held_rim(outline, spacing), np.eye(2), np.zeros((n, 2)), np.zeros(2), focal
     )
-    x, y = surface.point.T
+    _, y = surface.point.T
     inner = np.abs(y) < 0.3 * side  # away from the edges along weft, by more than side sqrt(0.002)
     expected = (0.25 * side**2 + y**2) / (4.0 * focal)
     assert surface.height[inner] == pytest.approx(expected[inner], abs=0.02 * side**2 / (4.0 * focal))

@@ -5,6 +5,7 @@ import re
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from warpknit.results.finding import Finding, ResultWarning
@@ -30,7 +31,7 @@ def test_rows_of_a_file_are_those_that_were_written(tmp_path: Path) -> None:
 def test_columns_have_nan_where_a_row_has_no_number() -> None:
     columns = columns_of([{"stage": "load", "a": 1, "b": None}, {"stage": "more", "a": 2.5}])
     assert columns["stage"].tolist() == ["load", "more"] and columns["a"].tolist() == [1.0, 2.5]
-    assert all(value != value for value in columns["b"].tolist())
+    assert np.isnan(columns["b"]).all()
 
 
 def test_values_come_back_from_json() -> None:

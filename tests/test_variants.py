@@ -128,9 +128,10 @@ def test_loops_that_do_not_fit_are_replaced_by_those_of_the_next_seed(monkeypatc
     models = VariantModels(scene_of(2))
     assert models.take(2) == [1, 3]
     assert sorted(models.refused) == [0, 2]
+    monkeypatch.setattr(module, "build_model", lambda scene, device: refuse_even_seeds(scene.variant(0), device))
+    models = VariantModels(scene_of(2))
     with pytest.raises(KnitError):
-        monkeypatch.setattr(module, "build_model", lambda scene, device: refuse_even_seeds(scene.variant(0), device))
-        VariantModels(scene_of(2)).take(2)
+        models.take(2)
 
 
 # --- runs

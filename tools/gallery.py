@@ -90,7 +90,7 @@ def warpknit(*words: str, timeout: float = 2 * LIMIT) -> subprocess.CompletedPro
     """The command line, without progress; compilation needs more than the limit."""
     quiet = ["--quiet"] if words[0] != "plan" else []
     return subprocess.run(
-        [sys.executable, "-m", "warpknit", *words, *quiet], cwd=ROOT, capture_output=True, text=True, timeout=timeout
+        [sys.executable, "-m", "warpknit", *words, *quiet], cwd=ROOT, check=False, capture_output=True, text=True, timeout=timeout
     )
 
 

@@ -107,7 +107,7 @@ def test_a_card_in_another_equilibrium_than_the_path_is_told(stress, strain, sam
     assert same or point.stress.endswith("another equilibrium than under equal tensions")
     told = branches_at(2.0, row, (), card)
     assert same == (told == "") and (
-        same or "364 MPa under equal tensions" in told and f"{1e-6 * stress:.0f} MPa on the card" in told
+        same or ("364 MPa under equal tensions" in told and f"{1e-6 * stress:.0f} MPa on the card" in told)
     )
 
 

@@ -193,7 +193,7 @@ def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
 
 def test_a_tension_within_reach_is_the_prestress_of_the_card(reports):
     out, found, _ = reports
-    page, card, _ = found["0.06 N/m"]
+    _, card, _ = found["0.06 N/m"]
     assert card["values"]["prestress1"] == pytest.approx(0.06, rel=5e-3)
     assert card["values"]["prestress2"] == pytest.approx(0.06, rel=5e-3)
     with open(out / "material_card.csv", newline="", encoding="utf-8") as file:
@@ -231,9 +231,9 @@ def test_card_service_table_and_marker_have_one_source(reports):
     assert f"strains of {strains} in weft / warp, with {share} of the contacts active" in page
     assert f"<th>prestrain1</th><td>{100 * values['prestrain1']:.1f}</td>" in page
     assert f"<th>active</th><td>{100 * values['active']:.1f}</td>" in page
-    assert MARKERS == [
+    assert [
         (f"60 mN/m: {strains}, {share} active", (values["prestrain1"], values["prestrain2"]), 100 * values["active"])
-    ]
+    ] == MARKERS
 
 
 def test_service_points_are_equilibria_and_not_interpolated(reports):

@@ -1,5 +1,6 @@
 """Pictures of a report against the tension."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -97,7 +98,7 @@ def test_labels_of_the_axis_of_tension_do_not_overlap(least: float, tmp_path, mo
     labels = [label for label in labels if label.get_text() and low <= label.get_position()[0] <= high]
     boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
     assert len(boxes) > 1
-    assert all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
 
 
 @pytest.mark.parametrize("count", [4, 10])

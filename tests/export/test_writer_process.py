@@ -28,8 +28,10 @@ STAGE = StageOptions(
 )
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 # The program with every run large enough for a writer process.
-PROGRAM = "import sys; from warpknit.export import writer_process as w; w.PROCESS_NODES = 0; " \
-          "from warpknit.commands.cli import main; main(sys.argv[1:])"  # fmt: skip
+PROGRAM = (
+    "import sys; from warpknit.export import writer_process as w; w.PROCESS_NODES = 0; "
+    "from warpknit.commands.cli import main; main(sys.argv[1:])"
+)
 
 
 @pytest.fixture
@@ -204,7 +206,7 @@ def test_interrupted_and_killed_runs_leave_no_process_and_a_whole_stage(
     out = tmp_path / "run"
     run = start(out, *FRAMES)
     writer = writer_of(run)
-    wait_until(lambda: (out / "frames" / "wires.000003.usdc").exists())
+    wait_until((out / "frames" / "wires.000003.usdc").exists)
     os.kill(run.pid, number)
     assert run.wait() == (130 if number == signal.SIGINT else -signal.SIGKILL)
     wait_until(lambda: is_gone(writer.pid))
@@ -223,7 +225,7 @@ def test_run_whose_writer_is_killed_ends_with_4(tmp_path: Path) -> None:
     """One line, at once: not at the next record."""
     run = start(tmp_path / "run", "--quiet", "--set", "output.frames=40")
     writer = writer_of(run)
-    wait_until(lambda: (tmp_path / "run" / "frames" / "wires.000001.usdc").exists())
+    wait_until((tmp_path / "run" / "frames" / "wires.000001.usdc").exists)
     writer.kill()
     assert run.wait(120) == 4
     assert run.stderr is not None

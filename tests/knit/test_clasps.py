@@ -110,7 +110,7 @@ def test_structure_holds_when_proportions_vary_by_five_percent(seed):
     assert len(knitted.clasps) == 12 and len(knitted.rhombus.clasps) == 12
 
 
-@pytest.mark.parametrize("wale, course", [(0.9e-3, 0.7e-3), (1.5e-3, 1.0e-3), (2.2e-3, 1.0e-3)])
+@pytest.mark.parametrize(("wale", "course"), [(0.9e-3, 0.7e-3), (1.5e-3, 1.0e-3), (2.2e-3, 1.0e-3)])
 def test_structure_holds_at_other_spacings(wale, course):
     knitted = knit_cloth(Knit(PAPER, wale_spacing=wale, course_spacing=course), FINE)
     assert len(knitted.clasps) == 12 and len(knitted.rhombus.clasps) == 12

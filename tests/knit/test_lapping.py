@@ -25,7 +25,7 @@ def test_double_atlas_has_one_wire_on_each_needle_bars_alternating():
 
 
 @pytest.mark.parametrize(
-    "name, size, kinds",
+    ("name", "size", "kinds"),
     [
         ("pillar", (1, 2), {"open"}),
         ("closed pillar", (1, 1), {"closed"}),

@@ -1,5 +1,7 @@
 """Openings, the rhombus, and the deepest point of a lens."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,7 @@ def test_repeat_of_the_double_atlas_has_two_large_openings():
     assert np.abs(apart) == pytest.approx(0.5 * knitted.size, rel=1e-3)  # staggered: half a repeat across and up
 
 
-@pytest.mark.parametrize("merge, bodies", [(True, 12), (False, 16)])
+@pytest.mark.parametrize(("merge", "bodies"), [(True, 12), (False, 16)])
 def test_rhombus_of_the_double_atlas(merge, bodies):
     """4 primary portions with 3 bodies each: 12 bodies, 24 pairs, all different, all on the edge of one opening."""
     knitted = cloth("paper", merge_lenses=merge)
@@ -64,7 +66,7 @@ def test_deepest_point_of_a_rectangle_lies_on_its_middle_line():
     """Depth of a 3 x 1 rectangle is 1/2, all along its middle third."""
     t = np.linspace(0.0, 1.0, 41)[:-1]
     corners = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [0.0, 1.0], [0.0, 0.0]])
-    outline = np.concatenate([a + t[:, None] * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)])
+    outline = np.concatenate([a + t[:, None] * (b - a) for a, b in itertools.pairwise(corners)])
     assert polygon_area(outline) == pytest.approx(3.0)
     point = deepest_point([outline])
     assert point[1] == pytest.approx(0.5, abs=0.01) and 0.49 < point[0] < 2.51

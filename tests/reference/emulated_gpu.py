@@ -29,8 +29,8 @@ import warp as wp
 from warp._src import codegen, types
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from reference.gpu_cases import CASES, COMPILED, DEVICE, SHARED, scene_of  # noqa: E402
-from reference.thread_ranks import run_ranks  # noqa: E402
+from reference.gpu_cases import CASES, COMPILED, DEVICE, SHARED, scene_of
+from reference.thread_ranks import run_ranks
 
 LOOP = "{name}_cpu_kernel_forward<wp_linear_contiguous>(*dim, task_index, _wp_args);"
 # a stride that shares no factor with the number of threads visits each of them once

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from reference import emulated_block  # noqa: E402
+from reference import emulated_block
 
 # steps of the cases of gpu_cases.py
 STEPS = {

@@ -63,7 +63,7 @@ def table_of_wires(shapes: Sequence[np.ndarray], closed: bool = False, natural: 
         before = np.where(before > 0, before, spacing)
         edge = np.where(np.hypot(*edge.T)[:, None] > 0, edge, [[spacing, 0.0]])
         angle = np.arctan2(b[:, 0] * e[:, 1] - b[:, 1] * e[:, 0], np.sum(b * e, axis=1))
-        for name, value in dict(
+        for name, value in dict(  # noqa: C408
             x=shape[wrap, 0], y=shape[wrap, 1], z=0 * length, rest_x=edge[:, 0], rest_y=edge[:, 1], rest_length=length,
             rest_bow=np.zeros(len(wrap)), rest_turn=angle, rest_angle=angle, hinge_length=0.5 * (length + before),
             node_length=node_length, curve=np.zeros((len(wrap), CURVE_COEFFICIENTS)),

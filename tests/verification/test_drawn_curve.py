@@ -93,7 +93,7 @@ def test_the_planar_curve_is_the_one_that_bodies_touch(planar):
 
 def test_the_curve_in_space_is_the_one_that_wires_touch_on(spatial):
     """|p - q| = d - overlap, and the mark stands at the strongest contact, half of that from either wire."""
-    reading, frame = spatial
+    reading, _ = spatial
     t, thickness = reading.touching, reading.length_factor * reading.model.rods.section.thickness
     assert reading.length_factor > 1.002
     assert len(t.force) >= 2
@@ -133,7 +133,7 @@ def test_drawn_curves_pass_through_the_nodes(planar):
 
 
 def test_edges_of_open_wires_go_on_straight(spatial):
-    reading, frame = spatial
+    reading, _ = spatial
     layout = reading.model.layout()
     edges = edges_of(layout, reading.position, reading.gradient)
     ends, begins = layout.wire_start[1:] - 1, layout.wire_start[:-1]

@@ -253,7 +253,7 @@ def test_friction_in_the_plane_needs_a_relaxation_and_is_on_the_books() -> None:
 
 
 def test_a_frozen_state_has_no_new_friction() -> None:
-    model, state, stepper, _, _ = pressed(0.2, True)
+    _, state, stepper, _, _ = pressed(0.2, True)
     stepper.evaluate_contact()
     before = state.pair_body_x.numpy().copy()
     state.steering.set(status=1.0)

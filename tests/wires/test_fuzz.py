@@ -140,7 +140,7 @@ def test_stages_of_other_words(originals, changes):
 @pytest.mark.parametrize("seed", range(3))
 def test_damaged_stages(originals, seed):
     rng = np.random.default_rng(seed)
-    folder, data = originals
+    folder, _ = originals
     stage = Usd.Stage.Open(str(folder / "a.usda"))
     stage.GetRootLayer().Export(str(folder / "a.usdc"))
     content = bytearray((folder / "a.usdc").read_bytes())

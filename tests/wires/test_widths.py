@@ -134,8 +134,8 @@ def test_the_radius_of_a_pattern_is_that_of_its_wires(tmp_path):
     table = {"wires": {"file": str(tmp_path / "cell.pyp")}, "model": {"boundary": "periodic"}, "load": {"strain_warp": 0.01}}
     scene = load_scene(table)
     assert scene.wire.diameter == pytest.approx(2e-3 * samples.RADIUS) and scene.wires.node_spacing == scene.wire.diameter
+    samples.write_csv(tmp_path / "plain.csv", samples.patch())
     with pytest.raises(SceneError, match="wires.widths: true .* 'plain.csv', which has no widths"):
-        samples.write_csv(tmp_path / "plain.csv", samples.patch())
         load_scene({"wires": {"file": str(tmp_path / "plain.csv"), "widths": True}})
 
 

@@ -53,7 +53,7 @@ def tile(nodes: int, precision: str, device: str) -> Model:
 def without_bodies(model: Model) -> Model:
     """The same wires, free of contact."""
     none, places = np.zeros(0, np.int32), np.zeros((0, 2))
-    pairs = {name: none for name in ("pair_wire", "pair_seed", "pair_table", "pair_low", "pair_high", "pair_side")}
+    pairs = dict.fromkeys(("pair_wire", "pair_seed", "pair_table", "pair_low", "pair_high", "pair_side"), none)
     panel = dataclasses.replace(
         model.panel, body_rest=places, body_origin=places, pair_shift=places, rhombus_bodies=none, **pairs
     )

@@ -21,6 +21,7 @@ import sys
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 KERNELS = Path(__file__).parents[2] / "kernels"
 ALLOWED_IMPORTS = {"typing", "warp"}
@@ -117,7 +118,7 @@ def array_faults(direction: str, effects: Effects) -> Iterator[str]:
 class KernelFile:
     """A kernel file, and what its functions do to their arrays."""
 
-    known: dict[Path, KernelFile] = {}
+    known: ClassVar[dict[Path, KernelFile]] = {}
 
     def __init__(self, path: Path) -> None:
         source = path.read_text(encoding="utf-8")

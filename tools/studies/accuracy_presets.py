@@ -67,7 +67,7 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
         levels = (LEVELS,) if file == "atlas_cell.toml" else ()
         return run_point(lambda: scene_of(file, *overrides, *levels, *keys), watch=lambda _progress: None)
 
-    nodes = 30 if quick else TRUE_NODES.get(name.split()[0], TRUE_NODES["cell"])
+    nodes = 30 if quick else TRUE_NODES.get(name.split(maxsplit=1)[0], TRUE_NODES["cell"])
     tolerance, softening = 1e-4, 64.0
     if name.startswith("patch"):
         tolerance, softening = 1e-3, 300.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -107,7 +108,7 @@ def run(treatment: str, parameter: str, value: float, *overrides: str) -> Finish
     d = scene.wire.diameter
     most = np.max(arcs, axis=0) / d if arcs else [math.nan, math.nan]
     slides = [0.0, 0.0]
-    for a, b in zip(states, states[1:], strict=False):
+    for a, b in itertools.pairwise(states):
         if a.is_closed and b.is_closed:
             slides[0] += abs(b.arc_left - a.arc_left)
             slides[1] += abs(b.arc_right - a.arc_right)

@@ -141,7 +141,7 @@ class _Unit:
             return float(np.linalg.norm(right(s)[:2] - centre))
 
         # the left wire is a circle about its centre: the right one lies inside it, by 1 - depth at its deepest
-        best = minimize_scalar(lambda s: depth(s), bounds=(0.0, self.length), method="bounded", options={"xatol": 1e-12})
+        best = minimize_scalar(depth, bounds=(0.0, self.length), method="bounded", options={"xatol": 1e-12})
         place = right(best.x)[:2] - centre
         arc_left = np.arctan2(place[1], place[0]) + 0.5 * self.length
         return 1.0 - depth(best.x) - self.span, float(arc_left), float(best.x)

@@ -127,10 +127,8 @@ def by_other(code: str, case: str, numerics: Numerics) -> Solved:
 def solved_of(case: str, result: dict[str, Any]) -> Solved:
     """Forces of levels behind the first relaxation: of the contact on one wire (hook), of the pull (knot)."""
     ends = np.array(result["force"])
-    if case == "hook":
-        force = np.linalg.norm(ends[:, 0].sum(axis=1), axis=1)
-    else:
-        force = 0.5 * (ends[:, 0, 1, 0] - ends[:, 0, 0, 0])
+    is_hook = case == "hook"
+    force = np.linalg.norm(ends[:, 0].sum(axis=1), axis=1) if is_hook else 0.5 * (ends[:, 0, 1, 0] - ends[:, 0, 0, 0])
     if len(force) < LEVELS or not np.isfinite(force).all():
         raise RuntimeError("diverged")
     return Solved(force[-LEVELS:], np.array(result["cpu_s"]), result["setup_s"], result["steps"], sum(result["nodes"]))
@@ -186,7 +184,7 @@ def show_times(rows: list[Row]) -> None:
 def draw(path: Path, rows: list[Row]) -> None:
     """Error against processor time, and the force of each code's finest run against displacement or size of the loop."""
     figure, panels = new_figure(11.0, 8.0, 2, 2)
-    distance, first, last = knot_shortening()
+    _, first, last = knot_shortening()
     shares = np.arange(1, LEVELS + 1) / LEVELS
     loop = (first + (last - first) * shares) / (2.0 * np.pi) / RADIUS  # R/h
     for (speed, force), case in zip(panels, ("hook", "knot"), strict=True):

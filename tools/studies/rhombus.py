@@ -109,7 +109,7 @@ def rows_of(varied: str, value: str, scene: Scene, strains: tuple[float, ...], c
         strain = float(r.gradient[0, 0] - 1.0)
         force = rhombus_forces(r)
         if curve is not None:
-            behind = max(behind if behind == behind else 0.0, abs(force.sum() - curve.at(strain)) / curve.at(LOADED))
+            behind = max(0.0 if np.isnan(behind) else behind, abs(force.sum() - curve.at(strain)) / curve.at(LOADED))
         near = np.flatnonzero(np.isclose(strain, strains, atol=1e-6))
         if not len(near):
             continue

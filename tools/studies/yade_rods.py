@@ -8,6 +8,7 @@ is at a node.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
@@ -87,7 +88,7 @@ def place(problem: Problem) -> list[list[int]]:
         if problem.straight:
             for node, turn in zip(nodes, node_frames(np.tile([1.0, 0.0, 0.0], (len(points), 1))), strict=True):
                 O.bodies[node].state.ori = turn
-        for first, second in zip(nodes, nodes[1:]):  # noqa: B905
+        for first, second in itertools.pairwise(nodes):
             O.bodies.append(gridConnection(first, second, RADIUS, material=outer))
         rods.append(nodes)
     return rods

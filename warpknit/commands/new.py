@@ -113,7 +113,6 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Findi
     with write_aside(path) as file:
         file.write(text)
     wire, knit = scene.wire, request.named
-    wales, courses = request.spacings
     lines = (
         ("scene", str(path)),
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),

@@ -116,7 +116,7 @@ class Steering:
             c.STATUS_EVALUATING,
             c.STATUS_ACCEPTING,
             c.STATUS_WAITING,
-        )  # fmt: skip
+        )
     )
 
     def __init__(self, array: wp.array | np.ndarray, world: int | None = None) -> None:

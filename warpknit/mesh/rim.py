@@ -6,11 +6,12 @@ held all along its outline every station is given; with net nodes at a pitch onl
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sparse
+from scipy import sparse
 
 from ..base.text import engineering
 from ..errors import ModelError
@@ -155,7 +156,7 @@ def build_rim(panel: Panel, scene: Scene) -> Rim:
     corners = _corners(outline)
     ends = np.append(corners, corners[0] + outline.length)
     arcs, given = [], []
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in itertools.pairwise(ends):
         spans = max(1, round((end - begin) / (options.grip_pitch or end - begin)))
         pieces = max(STATIONS_AT_LEAST if options.cord else 1, round((end - begin) / spans / spacing))
         place = np.arange(spans * pieces)

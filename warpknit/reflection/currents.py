@@ -27,7 +27,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sparse
+from scipy import sparse
 
 from .green import SHORTEST, PieceKernel
 from .thin_wires import ThinWires

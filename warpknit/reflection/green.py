@@ -21,7 +21,7 @@ axes, so that powers add up exactly. f is even in h and is interpolated by a pol
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sparse
+from scipy import sparse
 from scipy.special import wofz
 
 from .waves import mode_decay

@@ -169,7 +169,7 @@ def work_steps(force: NDArray[np.float64], place: NDArray[np.float64], jumps: ND
     """
     work = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(place, axis=0), axis=1)
     ends = [0, *(np.flatnonzero(jumps) + 1).tolist(), len(force)]
-    for begin, end in zip(ends, ends[1:], strict=False):
+    for begin, end in pairwise(ends):
         if end - begin > 2:
             work[begin : end - 1] = _along_branch(force[begin:end], place[begin:end])
     return work

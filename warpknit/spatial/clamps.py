@@ -10,8 +10,8 @@ the stations, so that the wires see a smooth strain, as they do when the load ch
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sparse
 import warp as wp
+from scipy import sparse
 from scipy.interpolate import RBFInterpolator
 from scipy.sparse.linalg import splu
 
