@@ -30,7 +30,7 @@ copyright = author
 version = release = warpknit.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_click", "sphinx_copybutton"]
-exclude_patterns = ["_build", "static"]
+exclude_patterns = ["_build", "changelog.d", "static"]
 html_math_renderer = "mathml"
 nb_execution_mode = "off"  # notebooks are kept with their outputs: python tools/notebooks.py
 nb_mime_priority_overrides = [("html", "text/html", 0)]
