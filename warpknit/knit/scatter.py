@@ -73,7 +73,7 @@ def lenses_of_scattered(scattered: Knitted, repeat: Knitted, bunches: Sequence[S
     for column in range(columns):
         for row in range(rows):
             for bunch in bunches:
-                lenses = [_counterpart(lens, (column, row), columns, scattered, repeat, corners) for lens in bunch]
+                lenses = [_counterpart(lens, (column, row), scattered, repeat, corners) for lens in bunch]
                 if any(lens is None for lens in lenses):
                     return None
                 found.append([lens for lens in lenses if lens is not None])
@@ -113,7 +113,7 @@ def _copied_thread(scattered: Knitted, thread: int, repeat: Knitted) -> tuple[in
 
 
 def _counterpart(
-    lens: Lens, place: tuple[int, int], columns: int, scattered: Knitted, repeat: Knitted, corners: dict[Key, _Corners]
+    lens: Lens, place: tuple[int, int], scattered: Knitted, repeat: Knitted, corners: dict[Key, _Corners]
 ) -> Lens | None:
     """The lens of scattered loops between the corners of a lens of the repeat, moved right and up by some repeats (place)."""
     low, high = (

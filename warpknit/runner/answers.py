@@ -17,7 +17,7 @@ from itertools import groupby, pairwise
 
 from .. import measure
 from ..measure import MeshModel
-from ..measure.contact_classes import ContactClass, classes_of
+from ..measure.contact_classes import classes_of
 from ..mechanics.driven_strain import TOLERANCE
 from ..mesh.tight_loops import tension_error
 from ..results.row import Row, Values
@@ -125,7 +125,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     yields = _yielding_row(rows, limit, inner)
     known = rows if yields is None else rows[: yields + 1]  # what is loaded further does not change the best tension
     best = best_tension(Rows(known, jumps, run.tolerance), limit, inner)
-    service = [_service_share(run, tension, around, classes) for tension in wanted for around in _passages(rows, tension, error)]
+    service = [_service_share(run, tension, around) for tension in wanted for around in _passages(rows, tension, error)]
     return Answers(
         contacts=[
             ClassAnswer(
@@ -223,7 +223,7 @@ def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | 
     return passages or [None]
 
 
-def _service_share(run: Rows, tension: float, around: Jump | None, classes: Sequence[ContactClass]) -> Service:
+def _service_share(run: Rows, tension: float, around: Jump | None) -> Service:
     """The share between two rows, or in one that is given twice; None: the mesh does not reach the tension.
 
     `resolved`: whether both rows have the same share. Within a jump there is no state.
