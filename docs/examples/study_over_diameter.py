@@ -16,7 +16,7 @@ tile = warpknit.load_scene(
         "output": {"frames": 1},
     }
 )
-print("diameter [um]   tension [N/m]   active contacts [%]   largest stress [MPa]")
+print("     diameter   tension [N/m]   active contacts [%]   largest stress [MPa]")
 for diameter in ("20 um", "25 um", "30 um"):
     scene = tile.changed({"wire.diameter": diameter})
     worlds = [scene.changed({"load.tension_weft": tension, "load.tension_warp": tension}) for tension in TENSIONS]
