@@ -106,12 +106,3 @@ def test_help_shows_every_name_with_its_text() -> None:
     for name in ("load_scene", "run", "run_map", "make_report", "load_run", "build_model", "initial_state", "class Simulation"):
         assert name in page
     assert "own measures by name" in page and "Raises SceneError" in page
-
-
-def test_the_wheel_has_every_package_and_its_types() -> None:
-    """setuptools finds no package by itself: `warpknit.kernels` stands beside the others."""
-    root = Path(warpknit.__file__).parent
-    packages = {".".join(("warpknit", *path.parent.relative_to(root).parts)) for path in root.rglob("__init__.py")}
-    settings = (root.parent / "pyproject.toml").read_text(encoding="utf-8")
-    assert [name for name in sorted(packages) if f'"{name}",' not in settings] == []
-    assert (root / "py.typed").is_file() and 'warpknit = ["py.typed"]' in settings

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -109,12 +110,21 @@ def environment(folder: Path, *package: object) -> Path:
     return program
 
 
+def files_in(folder: str) -> list[Path]:
+    """All files in a folder of the project, but for what Python leaves beside its modules."""
+    return [path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+
+
 @pytest.mark.slow
 def test_the_distributions_are_valid_and_small(distributions: list[Path]) -> None:
     python(sys.executable, "-m", "twine", "check", "--strict", *distributions, folder=distributions[0].parent)
     sdist, wheel = sorted(distributions, key=lambda path: path.suffix)
     assert wheel.name == f"warpknit-{__version__}-py3-none-any.whl" and sdist.name == f"warpknit-{__version__}.tar.gz"
     assert wheel.stat().st_size <= WHEEL_LIMIT
+    folders = {"warpknit": "warpknit", "kernels": "warpknit/kernels", "scenes": "warpknit/scenes"}
+    files = {f"{place}/{path.relative_to(ROOT / name).as_posix()}" for name, place in folders.items() for path in files_in(name)}
+    with zipfile.ZipFile(wheel) as archive:
+        assert {name for name in archive.namelist() if ".dist-info/" not in name} == files
 
 
 @pytest.mark.slow
