@@ -1,6 +1,6 @@
-"""docs/reference/summary.md: keys of results from the code that writes them, their meanings from the comments behind them.
+"""Reference pages from the code that writes the results: docs/reference/summary.md (keys) and warnings.md.
 
-python docs/summary_keys.py        writes it
+python docs/summary_keys.py        writes both
 """
 
 from __future__ import annotations
@@ -9,14 +9,17 @@ import inspect
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any, get_args, get_origin, get_type_hints
 
 from warpknit.measure import table
 from warpknit.reflection.table import LeastTension, LossRow
 from warpknit.results import row
+from warpknit.results.warning_kinds import INPUT, INVALID, KINDS, LIMITED
 from warpknit.runner import answers, other_model, summary, variants
 
 PAGE = Path(__file__).parent / "reference" / "summary.md"
+WARNINGS_PAGE = PAGE.with_name("warnings.md")
 FIELD = re.compile(r"^    (\w+): .*?  # (.*)$")
 KEY = re.compile(r'^ {8,12}"?(\w+)"?[=:] ?.*?,  # (.*)$')
 TABLE = re.compile(r'^ {8}(?:values\[)?"?(\w+)"?(?:\]? = \{|=Values\()$')
@@ -196,5 +199,55 @@ def page() -> str:
     )
 
 
+WARNINGS = """# Warnings
+
+Generated from `warpknit/results/warning_kinds.py`, by `python docs/summary_keys.py`.
+
+A warning has a code, a fact and an advice. The three gravest print below the table; `--verbose`, `summary.json` and
+`map.json` have all.
+
+{contents}
+
+## What is always so
+
+These limits hold for every run of a kind, so no run prints them.
+
+- **Tight knits have several equilibria.** A tricot or a locknit may find another one under the same load with other nodes or
+  load levels. `warpknit plan --verbose` shows the measured accuracy of the preset. Compare with
+  `model.nodes_per_loop = 40` and other `output.frames`. [How exact are the results?](../how-to/accuracy.md)
+- **A gripped patch drops cut pieces of wire** that hold no clasp, or are shorter than a quarter of a loop. `--verbose` and
+  `model.notes` in `summary.json` have their number.
+- **Load levels may take several increments** where a larger one did not converge: `solver.notes`.
+- **A map and a material card are at the temperature of `[load]`.** They do not run the load steps of `[[path]]`. For another
+  temperature use `--set load.temperature`.
+
+## The warnings
+
+{sections}
+"""
+RANKS = {
+    INVALID: "**Do not use the result** before these are clear:",
+    LIMITED: "**Use the result with care:**",
+    INPUT: "**Check the scene:**",
+}
+WIDTH = 130  # of a line
+
+
+def _links(rank: int) -> str:
+    """A list of the warnings of a rank."""
+    return "\n".join(f"- [{code}](#{code.lower()}) {kind.title}" for code, kind in KINDS.items() if kind.rank == rank)
+
+
+def warnings_page() -> str:
+    """The text of docs/reference/warnings.md."""
+    sections = (
+        f"({code.lower()})=\n### {code}: {kind.title}\n\n{fill(kind.meaning, WIDTH)}\n\n**Advice.** {kind.advice}"
+        for code, kind in KINDS.items()
+    )
+    contents = "\n\n".join(f"{words}\n\n{_links(rank)}" for rank, words in RANKS.items())
+    return WARNINGS.format(contents=contents, sections="\n\n".join(sections))
+
+
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
+    WARNINGS_PAGE.write_text(warnings_page(), encoding="utf-8")

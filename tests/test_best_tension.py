@@ -2,8 +2,9 @@
 
 import pytest
 
+from reference.in_words import table_of
 from reference.two_classes import CLOSES, LIMIT, SLOPE, found, row
-from warpknit.runner.answers_table import answer_rows
+from warpknit.runner.answers_table import answer_findings
 
 
 def test_what_one_record_shows_is_not_the_best_tension(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,10 +28,10 @@ def test_a_range_of_drift_tells_jumps_and_an_unknown_end(monkeypatch: pytest.Mon
     assert [one["tension_weft_N_per_m"] for one in best["low_between"]] == pytest.approx([0.3, 0.4]) and best["low_jump"]
     (jump,) = best["jumps"]
     assert [one["tension_weft_N_per_m"] for one in jump] == pytest.approx([0.5, 0.6])
-    text = dict(answer_rows(found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[5], rows[6])]), LIMIT))["  may drift"]
+    text = table_of(answer_findings(found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[5], rows[6])]), LIMIT))["  valid"]
     assert text == (
-        "from 400 mN/m (-20 %; not 300 mN/m, where the mesh jumps) to at least 600 mN/m (+20 %), where the records end;"
-        " the mesh jumps between 500 mN/m and 600 mN/m"
+        "from 400 mN/m (-20 %; not 300 mN/m, a snap-through) to 600 mN/m (+20 %), the end of the load;"
+        " snap-through between 500 mN/m and 600 mN/m"
     )
 
 
@@ -45,8 +46,8 @@ def test_both_ends_of_a_range_of_drift_are_told_where_they_are_unknown(monkeypat
     sides = {end: [one["tension_weft_N_per_m"] for one in best[f"{end}_between"]] for end in ("low", "high")}
     assert sides == {"low": pytest.approx([0.2, 0.3]), "high": pytest.approx([0.5, 0.6])}
     assert (best["low_jump"], best["high_jump"], best["jumps"]) == (False, True, [])
-    text = dict(answer_rows(answers, LIMIT))["  may drift"]
-    assert text == "from 300 mN/m (-25 %; not 200 mN/m) to 500 mN/m (+25 %; not 600 mN/m, where the mesh jumps)"
+    text = table_of(answer_findings(answers, LIMIT))["  valid"]
+    assert text == "from 300 mN/m (-25 %; not 200 mN/m) to 500 mN/m (+25 %; not 600 mN/m, a snap-through)"
 
 
 def test_a_range_goes_on_in_the_next_stage_that_loads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,8 +59,8 @@ def test_a_range_goes_on_in_the_next_stage_that_loads(monkeypatch: pytest.Monkey
     assert whole["low"]["tension_weft_N_per_m"] == pytest.approx(0.615) and whole["stages"] == 1
     assert staged.changed(stage="load", stages=1) == whole
     assert (staged["stage"], staged["stages"]) == ("more", 2)
-    text = dict(answer_rows(found(two, monkeypatch), LIMIT))["best tension"]
-    assert " in stage 'more', the middle of its range: " in text
+    text = table_of(answer_findings(found(two, monkeypatch), LIMIT))["best tension"]
+    assert " in 'more': " in text
 
 
 def test_the_widest_range_of_all_stages_counts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,7 +146,7 @@ def test_a_range_of_one_record_is_called_so(monkeypatch: pytest.MonkeyPatch) -> 
         one.active_percent = one.active_A_percent = one.active_B_percent = 100.0 * (k > 3)
     answers = found(rows, monkeypatch, jumps=[(rows[3], rows[4]), (rows[4], rows[5])])
     assert answers["best"]["low"] == answers["best"]["high"]
-    assert dict(answer_rows(answers, LIMIT))["  may drift"] == "unknown: a single record has this share"
+    assert table_of(answer_findings(answers, LIMIT))["  valid"] == "in one record, 400 mN/m"
 
 
 def test_stresses_at_the_grips_do_not_decide_which_tension_is_best(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,8 +162,8 @@ def test_stresses_at_the_grips_do_not_decide_which_tension_is_best(monkeypatch: 
     assert answers["best"]["active_percent"] == pytest.approx(25.0) and answers["best"]["stress_max_Pa"] <= LIMIT
     assert answers["first_yield"]["tension_weft_N_per_m"] == pytest.approx(0.3)  # at 0.233 N/m
     assert answers["first_yield_interior"] is None
-    text = dict(answer_rows(answers, LIMIT))
-    assert text["  away from the grips"] == "not up to 600 mN/m" and text["first yield at"].startswith(
+    text = table_of(answer_findings(answers, LIMIT))
+    assert text["  away from the grips"] == "none up to 600 mN/m" and text["first yield"].startswith(
         "between 200 mN/m and 300 mN/m"
     )
 

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from warpknit import errors
 from warpknit.commands.cli import main
 from warpknit.knit.lapping import KnitError
-from warpknit.results.finding import ResultWarning
+from warpknit.results.finding import Finding, ResultTable, ResultWarning
 from warpknit.results.row import Row, Values
 from warpknit.runner import progress_display
 from warpknit.runner.progress_display import Display, NotebookBar, StageLines, TerminalBar, progress_for
@@ -32,11 +32,11 @@ END = Row(
     tension_weft_N_per_m=0.019, tension_warp_N_per_m=0.018, strain_weft=0.1, strain_warp=0.1, temperature_K=293.15,
 )  # fmt: skip
 SUMMARY = Summary(
-    scene=Values(),
+    scene=Values(name="atlas_cell", load="strain 10 %", by_tension=[False, False]),
     stop_reason="steady",
-    model=Values(kind="planar", kind_reason="", source="knit", boundary="periodic", nodes=216),
+    model=Values(kind="planar", kind_reason="the default", source="knit", boundary="periodic", nodes=216),
     solver=Values(steps=12345, wall_s=3.21, compile_s=0.0),
-    other_warnings=(ResultWarning("W04", "the wire is beyond its yield stress"),),
+    other_warnings=(ResultWarning("W04", "The wire yields."),),
     stages=(END,),
 )
 
@@ -165,17 +165,23 @@ def test_a_run_that_diverged_prints_the_table_of_its_records(behind):
     behind.outcome = SimpleNamespace(exit_code=3, summary=summary, message="why it ended")
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 3 and result.stderr == "warpknit: why it ended\n"
-    assert "last record in stage" in result.stdout and "four, at 20 degC (2 stages" in result.stdout
-    assert "148 MPa" in result.stdout and "the wire is beyond its yield stress" in result.stdout and "somewhere" in result.stdout
+    assert "did not converge" in result.stdout and "four, at 20 degC, the last of 2" in result.stdout
+    assert "148 MPa" in result.stdout and "W04  " in result.stdout and "somewhere" in result.stdout
 
 
 def test_a_finished_run_prints_a_short_table(behind):
     result = invoke("run", CELL, "--out", "somewhere")
     assert result.exit_code == 0
-    texts = ("66.7 % (16 of 24 pairs", "19 mN/m / 18 mN/m", "148 MPa, 7 % of the elastic limit", "12,345", "3.21 s", "steady")
-    assert all(text in result.stdout for text in texts)
-    assert "the wire is beyond its yield stress" in result.stdout
-    assert "somewhere" in result.stdout
+    texts = ("66.7 %  (16 of 24 pairs", "19 mN/m weft, 18 mN/m warp", "148 MPa, 7 % of yield", "12,345", "3.21 s", "converged")
+    assert all(text in result.stdout for text in texts) and "somewhere" in result.stdout
+    assert result.stdout.count("\n") == 7 and "W04  " in result.stdout
+    every = invoke("run", CELL, "--out", "somewhere", "--verbose").stdout
+    assert "10.00 % weft, 10.00 % warp" in every and "10.00 % weft" not in result.stdout
+
+
+def test_a_quiet_run_prints_nothing(behind):
+    assert invoke("run", CELL, "--quiet").output == ""
+    assert invoke("run", CELL, "--quiet", "--verbose").exit_code == 2
 
 
 def test_options_reach_the_run(behind):
@@ -189,8 +195,10 @@ def test_options_reach_the_run(behind):
 
 
 def test_plan_prints_text_or_one_json_object(behind):
-    behind.outcome = SimpleNamespace(as_dict=lambda: {"nodes": 216}, lines=lambda: ["216 nodes", "24 pairs"])
-    assert invoke("plan", CELL).stdout == "216 nodes\n24 pairs\n"
+    table = ResultTable((Finding("nodes", "216", short=True), Finding("pairs", "24")))
+    behind.outcome = SimpleNamespace(as_dict=lambda: {"nodes": 216}, table=lambda: table)
+    assert invoke("plan", CELL).stdout == "nodes  216\n"
+    assert invoke("plan", CELL, "--verbose").stdout == "nodes  216\npairs  24\n"
     assert json.loads(invoke("plan", CELL, "--json").stdout) == {"nodes": 216}
     assert behind.calls[0][0][1] is None
 

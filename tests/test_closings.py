@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from reference.in_words import table_of
 from reference.two_classes import CLOSES, LIMIT, SLOPE, STRAIN, found, row
 from warpknit.runner.answers import closing
-from warpknit.runner.answers_table import answer_rows
+from warpknit.runner.answers_table import answer_findings
 from warpknit.runner.branches import Rows
 
 
@@ -17,9 +18,9 @@ def test_a_closing_is_the_record_behind_it(levels: int, is_known: bool, monkeypa
     low, high = (one["tension_weft_N_per_m"] for one in closes["between"])
     assert low <= CLOSES["A"] < high == closes["tension_weft_N_per_m"]
     assert closes["resolved"] == is_known
-    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
-    assert text.startswith("between 200 mN/m and 300 mN/m, strain 4.0 % / 2.0 % and 6.0 % / 3.0 %") == (levels == 10)
-    assert text.startswith("240 mN/m, strain 4.8 % / 2.4 % (10 pairs)") == (levels in (50, 100))
+    text = table_of(answer_findings(answers, LIMIT))["  class A"]
+    assert text.startswith("closes between 200 mN/m and 300 mN/m, strain 4.0 % / 2.0 % and 6.0 % / 3.0 %") == (levels == 10)
+    assert text.startswith("closes at 240 mN/m, strain 4.8 % / 2.4 % (10 pairs)") == (levels in (50, 100))
 
 
 @pytest.mark.parametrize(("tension", "share"), [(0.1, 0.0), (0.25, None), (0.35, 25.0), (0.65, None), (0.75, 100.0)])
@@ -32,8 +33,8 @@ def test_a_share_between_two_records_is_theirs_or_unknown(
     assert point["active_percent"] == share and point["resolved"] == (share is not None)
     assert point["state"]["strain_weft"] == pytest.approx(STRAIN * tension)
     if tension == 0.25:
-        text = dict(answer_rows(answers, LIMIT))["active at 250 mN/m"]
-        assert text == "between 0.0 % and 25.0 %, records at 200 mN/m and 300 mN/m; more output.frames narrow it"
+        text = table_of(answer_findings(answers, LIMIT))["active at 250 mN/m"]
+        assert text == "between 0.0 % and 25.0 % (records at 200 mN/m and 300 mN/m; more load levels, output.frames, narrow it)"
 
 
 def test_each_stage_that_passes_the_service_tension_has_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,8 +47,8 @@ def test_each_stage_that_passes_the_service_tension_has_its_share(monkeypatch: p
     for records in (rows, [*rows, *held]):
         answers = found(records, monkeypatch, service=0.4)
         assert [(one["stage"], one["active_percent"]) for one in answers["service"]] == [("load", 25.0), ("unload", 100.0)]
-        texts = [text for heading, text in answer_rows(answers, LIMIT) if heading == "active at 400 mN/m"]
-        assert texts == ["25.0 %, strain 8.0 % / 4.0 %, in stage 'load'", "100.0 %, strain 8.0 % / 4.0 %, in stage 'unload'"]
+        texts = [line.text for line in answer_findings(answers, LIMIT) if line.name == "active at 400 mN/m"]
+        assert texts == ["25.0 %, strain 8.0 % / 4.0 %, in 'load'", "100.0 %, strain 8.0 % / 4.0 %, in 'unload'"]
 
 
 @pytest.mark.parametrize("opens", [False, True])
@@ -81,7 +82,7 @@ def test_a_compressed_mesh_has_no_service_state(monkeypatch: pytest.MonkeyPatch)
         one.tension_weft_N_per_m, one.tension_warp_N_per_m = one.tension_weft_N_per_m + 0.4, one.tension_warp_N_per_m - 0.4
     answers = found(rows, monkeypatch, service=0.3)
     assert answers["service"][0]["state"] is None
-    assert dict(answer_rows(answers, LIMIT))["active at 300 mN/m"].startswith("compressed in weft or warp")
+    assert table_of(answer_findings(answers, LIMIT))["active at 300 mN/m"].startswith("compressed in weft or warp")
 
 
 def test_what_closes_under_a_held_tension_is_told_by_the_temperature(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,8 +93,10 @@ def test_what_closes_under_a_held_tension_is_told_by_the_temperature(monkeypatch
     for one in rows[:5]:
         one.temperature_K = 293.15
     rows[6].force_B_N, rows[6].active_B_percent = 1e-3, 100.0
-    closes = dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts B close at"]
-    assert closes.startswith("between 20 degC and -20 degC at 500 mN/m") and "open again at 500 mN/m and -60 degC" in closes
+    closes = table_of(answer_findings(found(rows, monkeypatch), LIMIT))["  class B"]
+    assert (
+        closes.startswith("closes between 20 degC and -20 degC at 500 mN/m") and "open again at 500 mN/m and -60 degC" in closes
+    )
 
 
 def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,7 +106,7 @@ def test_a_class_that_opens_again_is_said_to(monkeypatch: pytest.MonkeyPatch) ->
         one.force_A_N, one.active_A_percent = 0.0, 0.0
     answers = found(rows, monkeypatch)
     assert answers["contacts"][0]["closes"]["opens"]["tension_weft_N_per_m"] == pytest.approx(0.4)
-    assert "open again at 400 mN/m" in dict(answer_rows(answers, LIMIT))["contacts A close at"]
+    assert "open again at 400 mN/m" in table_of(answer_findings(answers, LIMIT))["  class A"]
 
 
 def test_a_class_that_opened_again_has_its_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,11 +121,11 @@ def test_a_class_that_opened_again_has_its_ranges(monkeypatch: pytest.MonkeyPatc
     assert np.array(ends) == pytest.approx(np.array([[0.05, 0.15], [0.25, 0.25]]))
     assert [one["to"]["stage"] for one in ranges["A"]] == ["load", "cold"] and not any(one["lasts"] for one in ranges["A"])
     assert [one["closed_percent"] for one in ranges["A"]] == [50.0, 100.0] and len(ranges["B"]) == 1
-    text = dict(answer_rows(answers, LIMIT))
-    assert "open again at 200 mN/m in stage 'cold', in all closed 2 times (" in text["contacts A close at"]
-    assert "open again at 600 mN/m in stage 'cold' (" in text["contacts B close at"]
-    alone = dict(answer_rows(found(rows[:15], monkeypatch), LIMIT))["contacts A close at"]
-    assert alone == "between 200 mN/m and 250 mN/m, strain 4.0 % / 2.0 % and 5.0 % / 2.5 % (10 pairs)"
+    text = table_of(answer_findings(answers, LIMIT))
+    assert "open again at 200 mN/m in 'cold', closed 2 times (" in text["  class A"]
+    assert "open again at 600 mN/m in 'cold' (" in text["  class B"]
+    alone = table_of(answer_findings(found(rows[:15], monkeypatch), LIMIT))["  class A"]
+    assert alone == "closes between 200 mN/m and 250 mN/m, strain 4.0 % / 2.0 % and 5.0 % / 2.5 % (10 pairs)"
 
 
 def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,12 +136,10 @@ def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
     closes = answers["contacts"][0]["closes"]
     assert closes["tension_weft_N_per_m"] == pytest.approx(0.24)
     assert closes["first_touch"]["tension_weft_N_per_m"] == pytest.approx(0.1)
-    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
-    assert text == "240 mN/m, strain 4.8 % / 2.4 % (10 pairs)"
+    text = table_of(answer_findings(answers, LIMIT))["  class A"]
+    assert text == "closes at 240 mN/m, strain 4.8 % / 2.4 % (10 pairs)"
     rows[12].active_A_percent = 70.0
-    assert (
-        "(70 % of 10 pairs there, 100 % at the end)" in dict(answer_rows(found(rows, monkeypatch), LIMIT))["contacts A close at"]
-    )
+    assert "(70 % of 10 pairs there, 100 % at the end)" in table_of(answer_findings(found(rows, monkeypatch), LIMIT))["  class A"]
 
 
 def test_a_service_tension_of_the_first_record_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,8 +172,8 @@ def test_a_closing_below_first_yield_is_told_before_one_beyond(monkeypatch: pyte
     closes = answers["contacts"][0]["closes"]
     assert closes["tension_weft_N_per_m"] == pytest.approx(0.3) and closes["first_touch"] is None
     assert closes["opens"]["tension_weft_N_per_m"] == pytest.approx(0.8)
-    text = dict(answer_rows(answers, LIMIT))["contacts A close at"]
-    assert text.startswith("between 200 mN/m and 300 mN/m, ") and ", open again at 800 mN/m, in all closed 2 times" in text
+    text = table_of(answer_findings(answers, LIMIT))["  class A"]
+    assert text.startswith("closes between 200 mN/m and 300 mN/m, ") and ", open again at 800 mN/m, closed 2 times" in text
 
 
 def test_a_service_tension_is_that_of_the_load_and_not_of_heat_behind(monkeypatch: pytest.MonkeyPatch) -> None:

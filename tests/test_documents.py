@@ -119,6 +119,7 @@ def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
     left_out = {name for name in columns if f"| `{name}` |" not in summary_keys.history_table()}
     assert left_out == {name for name in columns if re.match(r"(active|force)_[B-Z]_", name)}
     assert summary_keys.PAGE.read_text(encoding="utf-8") == summary_keys.page(), "python docs/summary_keys.py"
+    assert summary_keys.WARNINGS_PAGE.read_text(encoding="utf-8") == summary_keys.warnings_page(), "python docs/summary_keys.py"
 
 
 def paths_of(part: dict[str, Any], before: str = "") -> Iterator[str]:

@@ -28,7 +28,7 @@ LAYERS = (
     # what everything may use
     {"errors", "base", "kernels"},
     # the pattern, and the form in which results leave
-    {"knit", "results.frame", "results.row", "results.finding"},
+    {"knit", "results.frame", "results.row", "results.warning_kinds", "results.finding"},
     {"scene", "wires"},
     {"compute"},
     {"mesh"},

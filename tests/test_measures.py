@@ -70,7 +70,7 @@ def test_the_largest_contact_force_is_one_value(tmp_path: Path) -> None:
     [_, row] = read_rows(tmp_path / "run" / "history.csv", Row)
     assert summary["contacts"]["active"] == 0 and row.contact_force_max_N > 1e-6
     assert summary["contacts"]["force_max_N"] == row.contact_force_max_N
-    shown = table_of(summary_findings(Summary.of(summary), tmp_path))["largest contact force"]
+    shown = table_of(summary_findings(Summary.of(summary)))["  largest force"]
     assert shown == engineering(row.contact_force_max_N, "N")
 
 

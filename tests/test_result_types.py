@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.results.finding import Finding, ResultWarning
+from warpknit.results.finding import Finding, ResultTable, ResultWarning
 from warpknit.results.row import Row, Values, columns_of, plain, read_rows, valued, write_rows
+from warpknit.results.warning_kinds import KINDS
 
 HOST = Path(__file__).parents[1] / "warpknit"
 
@@ -49,11 +50,23 @@ def test_a_finding_in_words() -> None:
 
 
 def test_a_warning_is_one_line_with_what_to_do() -> None:
-    assert str(ResultWarning("W38", "several equilibria", "compare")) == "several equilibria: compare"
-    assert str(ResultWarning("W04", "the wire would yield")) == "the wire would yield"
+    """The advice is that of its kind, unless it has its own."""
+    own, line = ResultWarning("W18", "Snap-through.", "Compare."), str(ResultWarning("W18", "Snap-through."))
+    assert str(own) == "W18 Snap-through. Compare." and line == f"W18 Snap-through. {KINDS['W18'].advice}"
+    assert str(ResultWarning.of(line)) == line and ResultWarning.of(line).code == "W18"
+    assert str(ResultWarning.of("of an older version")) == "of an older version"
 
 
-def test_every_warning_has_a_code() -> None:
-    """W and two digits, given where the warning is made; one that is read from a file has none."""
-    found = [code for path in HOST.rglob("*.py") for code in re.findall(r'ResultWarning\(\s*"(.*?)"', path.read_text())]
-    assert len(found) > 50 and all(re.fullmatch(r"(W\d\d)?", code) for code in found)
+def test_every_kind_of_warning_is_used_and_declared() -> None:
+    """A code is given where the warning is made, and declared once."""
+    found = {code for path in HOST.rglob("*.py") for code in re.findall(r'ResultWarning\(\s*"(.+?)"', path.read_text())}
+    assert found == set(KINDS)
+
+
+def test_a_short_table_has_the_gravest_warnings_and_the_number_of_the_others() -> None:
+    """W01 and W06 are invalid results, W05 and W18 limits, W24 is about the input."""
+    warnings = tuple(ResultWarning(code, code) for code in ("W24", "W05", "W01", "W18", "W06"))
+    table = ResultTable((Finding("a", "1", short=True), Finding("b", "2")), warnings, "map.json")
+    short, every = ([line.name for line in table.lines(verbose=verbose)] for verbose in (False, True))
+    assert short == ["a", "W01", "W06", "W05", ""] and every == ["a", "b", "W01", "W06", "W05", "W18", "W24"]
+    assert [line.text for line in table.lines()][-1] == "2 more warnings: --verbose, or map.json"

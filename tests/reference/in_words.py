@@ -11,6 +11,11 @@ def in_words(warnings_of: Callable[..., Iterable[ResultWarning]]) -> Callable[..
     return lambda *given: [str(warning) for warning in warnings_of(*given)]
 
 
+def codes(warnings: Iterable[ResultWarning]) -> list[str]:
+    """Codes of warnings."""
+    return [warning.code for warning in warnings]
+
+
 def table_of(findings: Iterable[Finding]) -> dict[str, str]:
     """Texts of a table by their names; of several of one name the last."""
     return {finding.name: finding.text for finding in findings}

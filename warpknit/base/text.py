@@ -42,6 +42,16 @@ def alike(values: Sequence[float], unit: str, digits: int = 3) -> list[str]:
     return [f"{_filled(number, shown)} {prefixed}" for number, prefixed in numbers]
 
 
+def sides_text(values: Sequence[float], unit: str, digits: int = 3) -> str:
+    """A quantity in weft and warp in words; once where both print alike.
+
+    >>> sides_text([5.4, 5.39], "N/m"), sides_text([2.0, 2.0], "N/m")
+    ('5.40 N/m weft, 5.39 N/m warp', '2 N/m')
+    """
+    weft, warp = alike(values, unit, digits)
+    return weft if weft == warp else f"{weft} weft, {warp} warp"
+
+
 def _filled(number: str, digits: int) -> str:
     """A number with zeros behind the point, up to so many digits."""
     if "e" in number or not float(number):
@@ -62,6 +72,15 @@ def either(options: Sequence[str]) -> str:
     'a, b or c'
     """
     return " or ".join(part for part in (", ".join(options[:-1]), options[-1]) if part)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in words.
+
+    >>> listed(["A", "B", "C"])
+    'A, B and C'
+    """
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
 
 
 def both(one: str, other: str) -> str:

@@ -28,7 +28,7 @@ from warpknit.compute.ranks import One, Ranks, join_ranks, started_as
 from warpknit.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, Diverged, WarpknitError
 
 if TYPE_CHECKING:
-    from warpknit.results.finding import Finding
+    from warpknit.results.finding import ResultTable
     from warpknit.runner.run_directory import CommandResult
     from warpknit.scene import Scene
 
@@ -123,8 +123,11 @@ class Asked:
     resume: bool = False
     force: bool = False
     quiet: bool = False
+    verbose: bool = False
 
     def __post_init__(self) -> None:
+        if self.quiet and self.verbose:
+            raise click.UsageError("--quiet: cannot be combined with --verbose; give one of them.")
         if self.resume and self.force:
             raise click.UsageError(
                 "--resume: cannot be combined with --force; --resume continues the run in DIR, --force replaces it."
@@ -132,6 +135,7 @@ class Asked:
 
 
 SCENE_OPTIONS = (
+    click.option("--verbose", is_flag=True, help="Print every row of the table and every warning."),
     click.option("--device", metavar="cpu|cuda:N", help=f"Default: {DEFAULT_DEVICE}."),
     click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
     click.option(
@@ -143,8 +147,9 @@ SCENE_OPTIONS = (
     ),
     click.argument("scene", metavar="SCENE"),
 )
+QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 RESULT_OPTIONS = (
-    click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed."),
+    QUIET,
     click.option("--force", is_flag=True, help="Replace finished results in DIR."),
     click.option("--resume", is_flag=True, help="Continue an interrupted command in DIR."),
     click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
@@ -259,12 +264,19 @@ def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False
     return int(result.exit_code)
 
 
-def finished(lines: Iterable[Finding], directory: Path) -> int:
-    """Print the table of a finished command; return its exit status."""
-    from warpknit.results.finding import Finding
+def show(table: ResultTable, asked: Asked) -> None:
+    """Print the table of a command, unless it is quiet."""
     from warpknit.runner.summary_table import print_table
 
-    print_table([*lines, Finding("results in", str(directory))])
+    if not asked.quiet:
+        print_table(table.lines(verbose=asked.verbose))
+
+
+def finished(table: ResultTable, directory: Path, asked: Asked) -> int:
+    """Print the table of a finished command and where its results are; return its exit status."""
+    from warpknit.results.finding import Finding
+
+    show(table.with_lines([Finding("results", str(directory), short=True)]), asked)
     return FINISHED
 
 
@@ -291,10 +303,10 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
     if not ranks.is_first:
         return int(result.exit_code)
     from warpknit.reflection.study import read_findings
-    from warpknit.runner.summary_table import print_table, summary_findings
+    from warpknit.runner.summary_table import summary_table
 
     if result.summary and (result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.stages)):
-        print_table([*summary_findings(result.summary, directory), *read_findings(directory, loaded)])
+        show(summary_table(result.summary, directory, read_findings(directory, loaded)), asked)
     return FINISHED if result.exit_code == FINISHED else unfinished(result, asked)
 
 
@@ -307,13 +319,13 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
     from warpknit.commands.run import map_command, naming_the_file
     from warpknit.reflection.study import read_findings
     from warpknit.runner.progress_display import progress_for
-    from warpknit.studies.map_table import map_findings
+    from warpknit.studies.map_table import map_table
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
     if result.exit_code != FINISHED:
         return unfinished(result, asked)
-    return finished([*map_findings(result.summary), *read_findings(directory, loaded)], directory)
+    return finished(map_table(result.summary, *read_findings(directory, loaded)), directory, asked)
 
 
 @main.command()
@@ -328,7 +340,7 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     from warpknit.commands.run import naming_the_file
     from warpknit.runner.progress_display import progress_for
     from warpknit.studies.study import run_trade
-    from warpknit.studies.trade_table import trade_findings
+    from warpknit.studies.trade_table import trade_table
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = run_trade(
@@ -337,14 +349,14 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
         )  # fmt: skip
     if result.exit_code != FINISHED:
         return unfinished(result, asked)
-    return finished(trade_findings(result.summary), directory)
+    return finished(trade_table(result.summary), directory, asked)
 
 
 @main.command()
 @on_scene(
     click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
     click.option("--force", is_flag=True, help="Replace finished results in DIR."),
-    click.option("--quiet", is_flag=True, help="No progress, no log; results and warnings are printed."),
+    QUIET,
     click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]"),
     click.option("--areal-mass", metavar="MASS", help='Compare with a measured mass, such as "10 g/m^2".'),
     click.option("--fit-curve", metavar="FILE", help="Fit the loops to the biaxial test in a CSV file."),
@@ -372,7 +384,7 @@ def report(
 
     A map of the same scene in DIR is reused.
     """
-    from warpknit.commands.report import ReportRequest, codes_of, report_command
+    from warpknit.commands.report import ReportRequest, codes_of, report_command, report_table
     from warpknit.commands.run import naming_the_file
     from warpknit.design.inputs import Known
     from warpknit.runner.progress_display import progress_for
@@ -389,20 +401,7 @@ def report(
         done = report_command(loaded, directory, request, force=asked.force, progress=progress, device=asked.device)
     if done.page is None:
         return unfinished(done.result, asked, resume=True)
-    from warpknit.results.finding import Finding, warning_lines
-    from warpknit.runner.summary_table import print_table
-    from warpknit.studies.map_table import map_findings
-
-    lines = [Finding("mesh", note) for note in done.notes] + list(done.page.answer_lines)
-    lines += map_findings(done.result.summary)
-    lines += [*done.page.reflection, Finding("map", done.page.sweep_text)]
-    if done.result.exit_code == FINISHED:
-        lines.append(Finding("material card", done.page.card_state))
-        lines += [Finding("", note) for note in done.page.file_notes]
-    lines += warning_lines(done.page.warnings)
-    if not done.page.earlier_kept:
-        lines.append(Finding("page", str(directory / "report.html")))
-    print_table(lines)
+    show(report_table(done, directory), asked)
     if done.result.exit_code != FINISHED:
         raise Diverged(done.result.message)
     return FINISHED
@@ -421,11 +420,14 @@ def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
 
     with naming_the_file(loaded):
         planned = make_plan(loaded, asked.device)
-    click.echo(json.dumps(planned.as_dict(), allow_nan=False) if as_json else "\n".join(planned.lines()))
+    if as_json:
+        click.echo(json.dumps(planned.as_dict(), allow_nan=False))
+    else:
+        show(planned.table(), asked)
 
 
 @main.command("reflect")
-@click.option("--quiet", is_flag=True, help="No progress; results are printed.")
+@QUIET
 @click.option(
     "--set",
     "overrides",
@@ -443,7 +445,9 @@ def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> int
     request = ReflectRequest(Path(run_dir), overrides)
     with progress_for(quiet=quiet) as progress:
         result = reflect_command(request, progress)
-    return finished(result.findings, request.directory)
+    from warpknit.results.finding import ResultTable
+
+    return finished(ResultTable(tuple(result.findings)), request.directory, Asked(run_dir, (), None, None, quiet=quiet))
 
 
 @main.command()

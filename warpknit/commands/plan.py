@@ -1,7 +1,7 @@
 """What a run would take, without running it: size, physics, memory, time step, steps, time.
 
     plan = make_plan(load_scene("scenes/atlas_patch.toml"))
-    print("\n".join(plan.lines()))
+    plan.as_dict(), list(plan.table().lines())
 
 Steps and time are measured on a small mesh of the scene (solve/sample_run.py); sizes are those of endless cloth for large meshes.
 """
@@ -22,17 +22,20 @@ from ..mechanics.protocols import Model
 from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
 from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
-from ..results.finding import ResultWarning
-from ..runner.cautions import release_cautions, scene_cautions, sweep_cautions
+from ..results.finding import Finding, ResultTable, ResultWarning
+from ..runner.cautions import cut_cautions, node_cautions, release_cautions, scene_cautions, sweep_cautions
 from ..runner.strength import assumed_text
 from ..runner.variants import MOST, first_meshes
 from ..scene import Scene
 from ..scene.capabilities import without_effect
+from ..scene.options import DEFAULT, GIVEN
 from ..solve.model import kind_of
 from ..solve.sample_run import Measured, measure_run, sample_model
 from ..studies.contact_map import levels_of_pairs
 from ..wires.file_report import WireReport, wire_report
 
+MESH = ("hook", "mesh", "contact", "wires", "hooks")  # rows on the mesh in the short table
+UNUSED = "without effect"  # keys of the scene
 HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
 
 
@@ -94,42 +97,49 @@ class Plan(Overview):
             "model": {"kind": self.scene.model.kind, "kind_reason": self.scene.kind_reason},
         }
 
-    def lines(self) -> list[str]:
-        """The plan as lines of text."""
-        model, is_ramp = self.scene.model, self.scene.solver.drive == "ramp"
-        step = f"{engineering(self.model.time_step, 's')}, limited by {self.model.limited_by}"
-        rows = [
-            ("scene", f"{self.scene.name}, on {self.device}"),
-            *self.mesh,
-            *_loads(self.scene),
-            ("model", f"{model.kind} ({self.scene.kind_reason})"),
-            ("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available"),
-            ("time step", step if is_ramp else "1, stable by fictitious masses"),
-            ("steps", _about(lambda steps: f"{rounded(steps):,}", self.run) + self._meshes_text),
-            *([] if self.map_s is None else [("sweep", self._sweep_text)]),
-            (
-                "time",
-                "not measured on a GPU"
-                if self.wall_s is None
-                else f"{_about(self._time, self.run)} on this CPU, kernels compiled",
-            ),
-            ("", _measured(self.run)),
-            *([] if self.scene.reflection is None else [("reflection", reflection_text(self.scene))]),
-            ("accuracy", self.accuracy),
-            ("physics", self.physics[0]),
-            *(("", sentence) for sentence in self.physics[1:]),
-            *(("warning", str(warning)) for warning in self.warnings),
-        ]
-        return [f"{heading:<11}{text}" for heading, text in rows]
+    def table(self) -> ResultTable:
+        """The plan as a table: cost, limits and physics; reasons where all rows are shown."""
+        return ResultTable(tuple(self._findings()), self.warnings, "plan --json")
+
+    def _findings(self) -> Iterator[Finding]:
+        model, solver, loads = self.scene.model, self.scene.solver, _loads(self.scene)
+        accuracy, *more_accuracy = self.accuracy.split("; ")
+        physics = [sentence.partition(": ") for sentence in self.physics]
+        names = dict.fromkeys(name for name, _, _ in physics if name != UNUSED)
+        more = f" and {len(loads) - 1} more load steps" if len(loads) > 1 else ""
+        yield Finding(self.scene.name, f"{loads[0][1]}{more}, on {self.device}", short=True)
+        yield from (Finding("  load step", text) for _, text in loads if more)
+        for heading, text in self.mesh:
+            yield Finding(heading, text, short=heading in MESH)
+        yield Finding(f"{model.kind} model", accuracy, short=True)
+        yield Finding("  chosen", self.scene.kind_reason, short=self.scene.kind_reason not in (GIVEN, DEFAULT))
+        yield from (Finding("  accuracy", text) for text in more_accuracy)
+        steps = _about(lambda steps: f"{rounded(steps):,}", self.run)
+        one = "" if self._meshes == 1 else f" for each of {self._meshes} meshes"
+        yield Finding("time", f"{self._time_text}, about {rounded(self.steps):,} steps{one}", short=True)
+        yield Finding("  steps", f"{steps}{self._meshes_text}")
+        yield Finding("  measured", _measured(self.run))
+        if self.map_s is not None:
+            yield Finding("map", self._sweep_text, short=True)
+        yield Finding("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available", short=True)
+        if solver.drive == "ramp":
+            step = f"{engineering(self.model.time_step, 's')}, limited by {self.model.limited_by}"
+            yield Finding("time step", step, short=True)
+        if self.scene.reflection is not None:
+            yield Finding("reflection", reflection_text(self.scene), short=True)
+        yield Finding("switched on", ", ".join(names), short=True)
+        yield from (Finding(UNUSED if name == UNUSED else f"  {name}", text, short=name == UNUSED) for name, _, text in physics)
+
+    @property
+    def _time_text(self) -> str:
+        return "time unknown on a GPU" if self.wall_s is None else f"{_about(self._time, self.run)} on this CPU"
 
     @property
     def _sweep_text(self) -> str:
         assert self.scene.sweep is not None and self.map_s is not None
         sweep, meshes = self.scene.sweep, self._meshes
         what = f"{len(sweep.pairs):,} pairs of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
-        return (
-            f"warpknit map solves {what} in about {duration(self.map_s)} of one core; all other values are for one run of [load]"
-        )
+        return f"warpknit map takes about {duration(self.map_s)} on one core for {what}"
 
     @property
     def _meshes_text(self) -> str:
@@ -152,7 +162,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     overview = overview_of(scene, device)
     run = measure_run(overview.model, overview.nodes, scene)
     failed = run.small.failure
-    failure = [ResultWarning("W59", f"a small mesh of this scene fails: {failed}")] if failed else []
+    failure = [ResultWarning("W59", f"A small mesh of this scene fails: {failed}.")] if failed else []
     warnings = (*overview.warnings, *failure)
     return Plan(**vars(overview) | {"warnings": warnings}, run=run, map_s=_map_time(scene, overview))
 
@@ -201,14 +211,16 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
         physics=(
             *kind.physics(model, bodies),
             *physics_of(scene, model.loading_time),
-            *(() if cloth is None else map(str, kind.limitations(scene, cloth))),
             *without_effect(scene),
         ),
-        mesh=mesh if file is None else tuple(file.rows()),
+        mesh=(*mesh, *(("  cut", note) for note in notes)) if file is None else tuple(file.rows()),
         accuracy=kind.accuracy(scene),
         file=file,
         warnings=(
-            *(ResultWarning("W03", note) for note in notes if file is None or note not in file.warnings),
+            *(() if file is None else file.warnings),
+            *(() if cloth is None else kind.limitations(scene, cloth)),
+            *(cut_cautions(model) if is_whole else ()),
+            *(node_cautions(scene.model.nodes_per_loop) if file is not None and bodies else ()),
             *scene_cautions(scene, cloth),
             *release_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),
@@ -243,9 +255,9 @@ def _measured(run: Measured) -> str:
     """On what steps and time were measured."""
     small, stages = run.small, len(run.small.model.scene.stages)
     if run.is_bound:
-        return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps came to no load"
+        return f"on {small.model.node_count:,} nodes: {small.steps:,} steps came to no load"
     part = "the whole load" if small.place >= stages else f"{percent(small.place / stages, 0)} of the load"
-    return f"measured on {small.model.node_count:,} nodes: {small.steps:,} steps to {part}"
+    return f"on {small.model.node_count:,} nodes: {small.steps:,} steps to {part}"
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:

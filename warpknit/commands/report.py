@@ -14,6 +14,7 @@ from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_f
 from ..design.report import write_report
 from ..errors import INTERRUPTED, Diverged, InputError, naming_arguments
 from ..reflection.study import read_findings
+from ..results.finding import Finding, ResultTable
 from ..results.row import Values, write_json
 from ..results.run import Run
 from ..runner.progress_display import Display
@@ -21,7 +22,7 @@ from ..runner.run_directory import CommandResult, read_summary
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
 from ..studies.contact_map import read_map
-from ..studies.map_table import MapSummary
+from ..studies.map_table import MapSummary, map_table
 from ..studies.sweep import run_map as sweep_scene
 from .reflect import check_reflection, with_reflection
 from .run import Directory, Source, carried_out
@@ -136,6 +137,22 @@ def report_command(
     if asked.tension is not None and page.card is None:
         return Report(CommandResult(Diverged.exit_code, summary, page.card_state), notes, page)
     return Report(CommandResult(0, summary), notes, page)
+
+
+def report_table(done: Report, directory: Path) -> ResultTable:
+    """The table of a report whose page is written."""
+    page, summary = done.page, done.result.summary
+    assert page is not None and summary is not None
+    of_map = map_table(summary)
+    lines = list(of_map.findings) + [Finding("mesh", note) for note in done.notes]
+    lines += [Finding("equal tensions", f"followed {page.path.end_text}"), *page.answer_lines, *page.reflection]
+    lines.append(Finding("map", page.sweep_text))
+    if done.result.exit_code == 0:
+        lines.append(Finding("material card", page.card_state, short=True))
+        lines += [Finding("", note) for note in page.file_notes]
+    where = "not written: the earlier report is kept" if page.earlier_kept else str(directory / "report.html")
+    lines.append(Finding("page", where, short=True))
+    return ResultTable(tuple(lines), (*of_map.warnings, *page.warnings), "report.html")
 
 
 def codes_of(cards: str | Sequence[str] | None) -> tuple[str, ...]:

@@ -10,12 +10,11 @@ import numpy as np
 from scipy.constants import inch
 
 from ..base.files import write_table
-from ..base.text import celsius, engineering, exact, percent
+from ..base.text import engineering, exact, percent
 from ..results.finding import ResultWarning
 from ..results.row import Row, write_json
 from ..runner.answers_table import ahead_texts
 from ..runner.branches import Event, Jump, state_of
-from ..runner.cautions import preset_cautions
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
 from ..scene import Scene
@@ -96,35 +95,26 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
     """Limits to the use of the card."""
     if not card.is_stable:
         yield _unstable(card)
-    others = {stage.temperature for stage in scene.stages[1:]} - {card.temperature}
-    if others:
-        given = " and ".join(f"{celsius(temperature)}" for temperature in sorted(others))
-        text = f"the material card is valid at {celsius(card.temperature)}, the temperature of [load], not at {given} of [[path]]"
-        yield ResultWarning("W51", text, "change it with --set load.temperature")
     if card.history is not None and card.difference > AGREEMENT:
         size, change = percent(2.0 * card.difference_step, 2), percent(card.difference, 0)
-        text = f"the stiffness of the material card depends on the size of a cycle: by {change} for cycles of {size} of strain"
-        yield ResultWarning("W52", text, "for larger changes of load use loading_C", link="; ")
+        text = f"The stiffness of the material card depends on the size of a cycle: by {change} for cycles of {size} strain."
+        yield ResultWarning("W52", text, "For larger changes of load use loading_C.")
     elif card.difference > AGREEMENT:
         yield ResultWarning(
             "W52",
-            "stiffness and expansion of the material card are uncertain: its differences disagree by"
-            f" {percent(card.difference, 0)} of the largest stiffness down to a strain step of {percent(LEAST_STEP, 3)}, as where"
-            " contacts close or part, or the mesh jumps, near this tension",
-            "choose another one",
-            link="; ",
+            f"Stiffness and expansion of the material card are uncertain by {percent(card.difference, 0)} of the largest"
+            f" stiffness, down to a strain step of {percent(LEAST_STEP, 3)}.",
         )
-    yield from preset_cautions(scene)
     if card.jumps:
-        yield ResultWarning("W53", f"on the way to the state of the material card {card.jumps}")
+        yield ResultWarning("W53", f"On the way to the state of the material card {card.jumps}.")
     if card.branch:
         yield ResultWarning("W54", card.branch)
     if card.shear_coupling > AGREEMENT:
         coupling = f"{percent(card.shear_coupling, 0)} of the largest stiffness"
-        yield ResultWarning("W55", f"shear is coupled to extension ({coupling}), which an orthotropic card cannot represent")
+        yield ResultWarning("W55", f"Shear and extension are coupled ({coupling}).")
     if beyond := exceeded_text(scene, card.stress_max):
         stress = engineering(card.stress_max, "Pa")
-        yield ResultWarning("W56", f"at the tension of the card the largest wire stress is {stress}, {beyond}")
+        yield ResultWarning("W56", f"At the tension of the card the largest wire stress is {stress}, {beyond}.")
 
 
 def ahead_of_card(card: MaterialCard, first_yield: Event | None, jumps: Sequence[Jump]) -> str:
@@ -144,20 +134,17 @@ def _unstable(card: MaterialCard) -> ResultWarning:
     """Warning for an unstable card: the unstable direction, and what to do."""
     row = card.softest
     value = f"C{row + 1}{row + 1} = {engineering(float(card.stiffness[row, row]), 'N/m')}"
-    text = f"the stiffness of the material card is not positive definite: it is unstable in {AXES[str(row + 1)]}, {value}"
+    text = f"The material card is unstable in {AXES[str(row + 1)]}, {value}"
     least = card.least_wave_stiffness
     if least > 0.0:
         return ResultWarning(
             "W50",
-            f"{text}. The prestressed mesh is stable, with {engineering(least, 'N/m')} against the softest plane wave",
-            "apply the prestress with its geometric stiffness to the FE model before any other load, or choose a larger"
-            " --tension",
+            f"{text}; with its prestress the mesh is stable ({engineering(least, 'N/m')} against the softest plane wave).",
+            "Apply the prestress with its geometric stiffness first in the FE model, or choose a larger --tension.",
         )
     return ResultWarning(
         "W50",
-        f"{text}, even with the prestress: the mesh has no stable state there",
-        "Choose a larger --tension, or strains of the contact map with more active contacts",
-        link=". ",
+        f"{text}, also with its prestress.",
     )
 
 
@@ -193,7 +180,7 @@ def mesh_values(scene: Scene) -> dict[str, str]:
 def validity(scene: Scene, model_warnings: Sequence[ResultWarning]) -> tuple[str, float, str, str]:
     """Row on whether the model is good for the mesh, with its warnings, which model it is and why, and what the mesh is."""
     said = "; ".join(map(str, model_warnings)) or "1 if the model is good for the knit, else 0"
-    mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *map(str, preset_cautions(scene))])
+    mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *filter(None, [scene.preset_caveat])])
     return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind} ({scene.kind_reason}); {mesh}"
 
 

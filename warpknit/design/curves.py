@@ -50,8 +50,7 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
 def missing_points(curves: Sequence[Row]) -> Iterator[ResultWarning]:
     """How many states of the curves are missing."""
     if missing := sum(point.tension_weft_N_per_m is None for point in curves):
-        where = "of the curves of tension against strain"
-        yield ResultWarning("W58", f"{missing} of {len(curves)} states {where} did not converge and are left out")
+        yield ResultWarning("W58", f"{missing} of {len(curves)} states of the curves of tension against strain are missing.")
 
 
 def _point(load: str, weft: float, warp: float, state: Observables | None, is_behind_jump: bool) -> Row:

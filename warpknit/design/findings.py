@@ -10,7 +10,7 @@ from ..measure import Observables
 from ..results.finding import Finding, ResultWarning
 from ..results.row import Row
 from ..runner.answers import Answers
-from ..runner.answers_table import answer_rows
+from ..runner.answers_table import answer_findings
 from ..runner.branches import Jump as RowJump
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
@@ -112,10 +112,7 @@ class Findings:
     def answer_lines(self) -> Iterator[Finding]:
         """The answers under equal tensions, for a terminal."""
         if self.answers is not None:
-            yield from (
-                Finding(*row) for row in answer_rows(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
-            )
-            yield Finding("equal tensions", f"followed {self.path.end_text}")
+            yield from answer_findings(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
         if self.heat_note:
             yield Finding("heat", self.heat_note)
         if self.no_heat and later_temperatures(self.scene):
@@ -145,5 +142,5 @@ class Findings:
     def warnings(self) -> list[ResultWarning]:
         """Limits to the use of the card and of the curves, for a terminal."""
         of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
-        limits = [] if self.limit_of_curves is None else [ResultWarning("W57", self.limit_of_curves)]
+        limits = [] if self.limit_of_curves is None else [ResultWarning("W57", f"{self.limit_of_curves}.")]
         return [*of_card, *self.branch_notes, *limits, *missing_points(self.curves)]

@@ -16,7 +16,7 @@ from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
 from ..results.finding import Finding, ResultWarning
 from ..results.row import Row
-from ..runner.answers_table import answer_rows
+from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
 from ..scene import Scene, Wire
 from ..studies.contact_map import (
@@ -117,7 +117,8 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     if answers is None:
         page.warning(found.equal_tension.text())
         return
-    page.table(answer_rows(answers, scene.wire.yield_stress, gave_up=path.gave_up))
+    lines = answer_findings(answers, scene.wire.yield_stress, gave_up=path.gave_up)
+    page.table([(line.name, line.text) for line in lines])
     of_one = "These are answers of one mesh of even loops; the map below is a mean. " if scene.variants.count > 1 else ""
     page.text(
         f"{of_one}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels,"

@@ -122,7 +122,7 @@ def two_equilibria(load: str, one: Row | MapRow, of_one: str, other: Row | MapRo
         strains = f"{percent(row.strain_weft)} / {percent(row.strain_warp)}"
         return f"strain {strains}, {percent(0.01 * row.active_percent)} active, {engineering(row.stress_max_Pa, 'Pa')} {where}"
 
-    return f"the mesh has two equilibria at {load}: {text(one, of_one)}; {text(other, of_other)}"
+    return f"The mesh has two equilibria at {load}: {text(one, of_one)}; {text(other, of_other)}."
 
 
 def map_cell(cells: Sequence[MapRow], tension: float | None) -> MapRow | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -47,12 +46,6 @@ FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % a
 # --- ramps
 STEP_MARGIN = 0.9  # time step over the bound
 LOADING_PERIODS = 10.0  # slowest periods of the default loading time of a ramp
-
-
-def few_nodes(nodes: int) -> Iterator[str]:
-    """Warning where a loop has few nodes."""
-    if nodes < FEWEST_NODES:
-        yield f"{nodes} nodes a loop are few: errors of tension and contact force may exceed 10 %"
 
 
 def slowest_rate(scene: Scene, loop_length: float) -> float:

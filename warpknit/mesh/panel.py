@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base.text import percent, short_repr
+from ..base.text import short_repr
 from ..errors import ModelError
 from ..kernels import clamp
 from ..kernels.bend import BOW
@@ -102,7 +102,6 @@ END_NODES = 1  # segments at the end of a wire that a contact point may not come
 SHORTEST = 5  # segments of a cut wire: with less, the two clamps would share a hinge
 SHORTEST_PIECE = 0.25  # loops of wire between two grips: what is shorter is part of the grips, and holds no loop
 NOT_HELD = "hold no clasp, or are shorter than a quarter of a loop"
-FRAGMENT_SHARE = 0.1  # of the wire, from which on fragments of less than a loop are told
 GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
 
@@ -235,21 +234,6 @@ def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
     return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6
 
 
-def _fragments(length: np.ndarray, loop: float, dropped: int) -> str:
-    """What the cut leaves: wires of less than a loop [m], of these lengths [wire] [m], where they are a part of the wire that
-    counts, and what it drops."""
-    is_short = length < loop
-    share, short = float(length[is_short].sum() / max(length.sum(), 1e-300)), int(np.count_nonzero(is_short))
-    if share < FRAGMENT_SHARE:
-        return f"{dropped} wire fragments at the edges {NOT_HELD}: dropped" if dropped else ""
-    also = f" (and {dropped} fragments that {NOT_HELD} are dropped)" if dropped else ""
-    return (
-        f"{short} of {len(length)} wires, {percent(share, 0)} of the wire, are fragments of less than a loop, clamped at both"
-        f" ends{also}: the grips count as much as the knit; for a tile of endless cloth give model.boundary = 'periodic', for a"
-        " patch more knit.repeats"
-    )
-
-
 def build_panel(
     cloth: Cloth, table: Table, *, repeats: tuple[int, int], outline: Outline | None, slack: float, set_fraction: float = 1.0
 ) -> Panel:
@@ -279,9 +263,8 @@ def build_panel(
         used = np.arange(len(strands.thread))
     else:
         used = np.unique(bodies.wire)
-        length = (strands.arc_end - strands.arc_begin)[used]
-        if note := _fragments(length, cloth.stitch_length, len(strands.thread) - len(used)):
-            notes.append(note)
+        if dropped := len(strands.thread) - len(used):
+            notes.append(f"{dropped} cut pieces of wire at the edges {NOT_HELD}; they are dropped")
     if len(bodies.clasp) == 0:
         raise ModelError(
             f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary; use more, or a larger panel.size"

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from ..base.text import engineering, rounded
 from ..knit.cloth import Cloth
-from ..mechanics.protocols import TOO_THICK
 from ..scene import Scene
 from ..scene.presets import PRESETS
 from .model import Model
@@ -24,12 +23,12 @@ def accuracy(scene: Scene) -> str:
     """Expected error of the settings of the scene."""
     name = scene.preset_in_force
     if name is None:
-        return "not known for these settings; `run --error PERCENT` chooses and checks settings on this scene"
+        return "accuracy unknown for these settings; run --error PERCENT chooses settings for an error"
     preset = PRESETS[name]
-    grips = ", more for short wires between grips" if scene.model.boundary == "gripped" and scene.hook is None else ""
+    grips = "; larger for short wires between grips" if scene.model.boundary == "gripped" and scene.hook is None else ""
     return (
-        f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh{grips}, for"
-        f" {rounded(preset.node_steps):,} node-steps a load level; `run --error` measures it on this scene"
+        f"preset {name}: within {preset.error_percent:g} % on the double atlas tile{grips};"
+        f" {rounded(preset.node_steps):,} node-steps a load level there; run --error PERCENT measures it on this scene"
     )
 
 
@@ -55,4 +54,4 @@ def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
     narrow = [clasp for clasp in repeat.clasps if clasp.lenses == 1 and sum(arm.clearance for arm in clasp.arms) < 2.0 * reach]
     if narrow:
         of_all = f"{2 * len(narrow)} of {2 * len(repeat.clasps)} pairs of a repeat"
-        yield f"at least {of_all} are active as knitted: {TOO_THICK}"
+        yield f"At least {of_all} are active as knitted."

@@ -39,7 +39,6 @@ from .numerics import choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
 SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
-INSTEAD = "use model.kind = 'spatial'"
 NODES_AT_CLAMP = 3  # at either end of a wire, of which clamps may cut the wire that they stand for
 
 
@@ -304,21 +303,18 @@ def slid_wires(scene: Scene, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Warning where wires slid along each other, which invalidates the result."""
     slid = max((row.get("slid_max_m") or 0.0 for row in rows), default=0.0) / scene.wire.diameter
     if slid > SLID:
-        text = f"this planar result is not valid: wires slid along each other by {slid:.2g} wire diameters"
-        yield ResultWarning("W01", text, INSTEAD, link="; ")
+        yield ResultWarning("W01", f"Wires slid along each other by {slid:.2g} diameters; the planar result is not valid.")
 
 
 def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[ResultWarning]:
     """Warning where wires in space touch long before the lenses of the plane close."""
-    share, loops = first_touch(scene), "tight loops"
+    share, loops = first_touch(scene), "Tight loops"
     if share >= TIGHT and scene.knit.scatter:
-        wire, loops = scene.wire, "the tightest of the scattered loops"
+        wire, loops = scene.wire, "The tightest of the scattered loops"
         share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
     if share < TIGHT:
         yield ResultWarning(
             "W02",
             f"{loops}: the planar model closes contacts too late, and its tension is too small (first touch at"
-            f" {percent(share, 0)} of the planar approach)",
-            INSTEAD,
-            link="; ",
+            f" {percent(share, 0)} of the planar approach).",
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.text import engineering
+from ..base.text import engineering, sides_text
 from ..results.finding import Finding
 from ..results.row import Values
 from .repeat import CLOSED, COMPUTED, OPEN
@@ -168,24 +168,23 @@ def shown_frequencies(rows: Sequence[LossRow]) -> list[float]:
 
 
 def reflection_findings(rows: Sequence[LossRow], limit: float, is_map: bool) -> Iterator[Finding]:
-    """Lines of the table: the loss of a record and the least tension, for a few of the frequencies."""
+    """Rows of the table: the loss of a record and the least tension, for a few of the frequencies."""
     for frequency in shown_frequencies(rows):
         record = shown_record(rows, frequency, limit, is_map)
-        yield _loss_finding(
-            frequency, {row.contacts: row for row in rows if (row.record, row.frequency_Hz) == (record, frequency)}
-        )
-        if least := least_tension(given_rows(rows, frequency), limit):
-            where = f", {least.loss:.3g} dB; at greater ones within {NEAR_BEST:g} dB"
-            yield Finding("  least tension, weft / warp", least.tension, "N/m", where=where)
-        else:
-            yield Finding("  least tension", f"none from which on the loss stays within {NEAR_BEST:g} dB")
+        of_state = {row.contacts: row for row in rows if (row.record, row.frequency_Hz) == (record, frequency)}
+        given = of_state.get(COMPUTED) or next(iter(of_state.values()))
+        least = least_tension(given_rows(rows, frequency), limit)
+        from_ = f"least tension {sides_text(least.tension, 'N/m')}" if least else "no least tension in these records"
+        name = f"reflection {engineering(frequency, 'Hz')}"
+        yield Finding(name, f"loss {_losses(given)}; {from_}", short=True)
+        for state in (OPEN, CLOSED):
+            if state in of_state and len(of_state) > 1:
+                yield Finding(f"  contacts {state}", _losses(of_state[state]))
+        if least:
+            yield Finding("  least tension", f"{least.loss:.3g} dB; within {NEAR_BEST:g} dB at larger tensions")
 
 
-def _loss_finding(frequency: float, of_state: dict[str, LossRow]) -> Finding:
-    """The loss of one record at a frequency [Hz]."""
-    given = of_state.get(COMPUTED) or next(iter(of_state.values()))
-    names = ("warp", "weft") if given.theta == given.phi == 0.0 else ("TE", "TM")
-    text = f"{given.loss_te_dB:.3f} dB {names[0]}, {given.loss_tm_dB:.3f} dB {names[1]}"
-    others = [(state, of_state[state]) for state in (OPEN, CLOSED) if state in of_state and len(of_state) > 1]
-    bounds = "; ".join(f"{state} {row.loss_te_dB:.3g} / {row.loss_tm_dB:.3g}" for state, row in others)
-    return Finding(f"reflection loss at {engineering(frequency, 'Hz')}", text, where=f" ({bounds})" if bounds else "")
+def _losses(row: LossRow) -> str:
+    """The losses of both polarisations."""
+    names = ("warp", "weft") if row.theta == row.phi == 0.0 else ("TE", "TM")
+    return f"{row.loss_te_dB:.3f} dB {names[0]}, {row.loss_tm_dB:.3f} dB {names[1]}"

@@ -17,10 +17,10 @@ import numpy as np
 from ..errors import ExportError, RunDirectoryError, naming_arguments, needing_extra
 from ..runner.run_directory import SUMMARIES, TABLES, Tree, directory_of, holds_killed_run
 from ..runner.summary import Summary
-from ..runner.summary_table import summary_findings
+from ..runner.summary_table import summary_table
 from ..scene import Scene, load_scene
-from ..studies.map_table import MapSummary, map_findings
-from .finding import Finding
+from ..studies.map_table import MapSummary, map_table
+from .finding import ResultTable
 from .frame import Frame, WireLayout
 from .table import AGAIN, Table, found, html_table, units
 
@@ -294,13 +294,14 @@ class Run:
         if shown:
             data = base64.b64encode(_smaller(shown[0])).decode()
             picture = f'<img alt="{escape(shown[0].stem)}" width="{PICTURE_WIDTH}" src="data:image/png;base64,{data}"/>'
-        return f"{html_table([(line.name, line.text) for line in self._findings()])}{picture}"
+        return f"{html_table([(line.name, line.text) for line in self._table.lines()])}{picture}"
 
-    def _findings(self) -> Iterator[Finding]:
+    @property
+    def _table(self) -> ResultTable:
         """The table that the command prints."""
         if "cells" in self.summary:
-            return map_findings(MapSummary.of(self.summary))
-        return summary_findings(Summary.of(self.summary), self.directory)
+            return map_table(MapSummary.of(self.summary))
+        return summary_table(Summary.of(self.summary), self.directory)
 
 
 def _smaller(picture: Path) -> bytes:

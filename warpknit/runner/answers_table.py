@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ..base.text import alike, between, both, celsius, engineering, exact, is_at_grips, percent, place_text
+from ..base.text import alike, between, both, celsius, engineering, exact, is_at_grips, listed, percent, place_text
 from ..mechanics.driven_strain import TOLERANCE
+from ..results.finding import Finding
 from ..results.row import Row, Values
-from .answers import HEATED, Answers, ClassAnswer, Heat, Service
+from .answers import HEATED, SERVICE_TENSIONS, Answers, ClassAnswer, Closing, Heat, Service
 from .best_tension import Best
 from .branches import Event
 from .history import mean_tension
@@ -17,11 +18,12 @@ LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about 
 LEAST_CHANGE = 1e-7  # of a strain
 LEAST_STRESS = 1e-9  # of the elastic limit: less is round-off
 SAME = 1e-9  # of a tension: round-off of a state found twice
-PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: more is told
+OPEN = "open"
+PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: it is shown too
 
 
-def answer_rows(answers: Answers, yield_stress: float, *, gave_up: bool = False) -> Iterator[tuple[str, str]]:
-    """Pairs of a heading and a text.
+def answer_findings(answers: Answers, yield_stress: float, *, gave_up: bool = False) -> Iterator[Finding]:
+    """The answers as rows.
 
     yield_stress [Pa]: elastic limit of the wire. gave_up: the relaxation did not converge beyond the largest tension.
     """
@@ -29,20 +31,56 @@ def answer_rows(answers: Answers, yield_stress: float, *, gave_up: bool = False)
     reached = f"up to {_tension(answers.largest_tension)}"
     if gave_up:
         reached += ", beyond which the relaxation did not converge"
+    of_mean = " (mean tension)" if " / " in _tension(answers.largest_tension) else ""
+    yield Finding("classes closed", _classes(answers.contacts), sure=of_mean, short=True)
     for one in answers.contacts:
-        name = f"contacts {one.name}" if len(answers.contacts) > 1 else "contacts"
-        yield f"{name} close at", f"{_closing(one, reached)} ({_pairs(one)})"
+        name = f"  class {one.name}" if len(answers.contacts) > 1 else "  contacts"
+        yield Finding(name, f"{_closing(one, reached)} ({_pairs(one)})")
     for point in answers.service:
         several = sum(one.tension_N_per_m == point.tension_N_per_m for one in answers.service) > 1
-        where = f", in stage '{point.stage}'" if several else ""
-        yield f"active at {exact(point.tension_N_per_m, 'N/m')}", _service(point, reached) + where
-    yield "first yield at", _yield(answers, yield_stress, reached)
+        where = f", in {point.stage!r}" if several else ""
+        is_asked = point.tension_N_per_m not in SERVICE_TENSIONS
+        yield Finding(f"active at {exact(point.tension_N_per_m, 'N/m')}", _service(point, reached) + where, short=is_asked)
+    yield Finding("first yield", _yield(answers, yield_stress, reached))
     if away := _inside(answers):
         inner = answers.first_yield_interior
-        yield f" {away}", f"not {reached}" if inner is None else _where(inner)
+        yield Finding(f" {away}", f"none {reached}" if inner is None else _where(inner))
     for stage in answers.heat:
         yield from _heat(stage)
     yield from _best(answers, gave_up)
+
+
+def _classes(contacts: Sequence[ClassAnswer]) -> str:
+    """At which mean tension each class closes: A and C below 0.1 N/m, B at 1.58 N/m; D open."""
+    if len(contacts) == 1:
+        return _closed_at(contacts[0].closes)
+    names: dict[str, list[str]] = {}
+    for one in contacts:
+        names.setdefault(_closed_at(one.closes), []).append(one.name)
+    closed = [f"{listed(group)} {text}" for text, group in names.items() if text != OPEN]
+    opened = [f"{listed(names[OPEN])} {OPEN}"] if OPEN in names else []
+    return "; ".join([", ".join(closed)] * bool(closed) + opened)
+
+
+def _closed_at(closes: Closing | None) -> str:
+    """Mean tension at which a class closes, in few words."""
+    if closes is None:
+        return OPEN
+    if closes.as_knitted:
+        found = "as knitted"
+    elif closes.resolved:
+        found = f"at {_mean(closes)}"
+    elif closes.slack and not closes.jump:
+        found = f"below {_mean(closes.between[1])}"
+    else:
+        low, high = (_mean(one) for one in sorted(closes.between, key=mean_tension))
+        found = f"at {low}" if low == high else f"at {low} to {high}"
+    return found if closes.opens is None else f"{found} (open again)"
+
+
+def _mean(state: Row) -> str:
+    """Mean tension of weft and warp."""
+    return engineering(max(mean_tension(state), 0.0), "N/m")
 
 
 def _service(point: Service, reached: str) -> str:
@@ -50,9 +88,9 @@ def _service(point: Service, reached: str) -> str:
     there, why = point.state, point.get("why", "")
     if sides := point.jump or point.get("between"):
         low, high = sides
-        where = "where the mesh jumps" if point.jump else "more output.frames narrow it"
+        where = "snap-through" if point.jump else "more load levels, output.frames, narrow it"
         share = between(*(percent(0.01 * one.active_percent) for one in (low, high)))
-        return f"{share}, records at {both(_tension(low), _tension(high))}; {where}"
+        return f"{share} (records at {both(_tension(low), _tension(high))}; {where})"
     if there is None or point.active_percent is None:
         return why or f"not reached; {reached}"
     return f"{percent(0.01 * point.active_percent)}, {_pair_of(there)}" + (f", {why}" if why else "")
@@ -96,7 +134,7 @@ def _tension(state: Row, digits: int = 3) -> str:
 def _pair_of(state: Row) -> str:
     """Strain of a state whose mean tension is known, after the tensions in weft and warp where they differ."""
     tension = _tension(state)
-    return f"mean of {tension} in weft / warp, {_strain(state)}" if " / " in tension else _strain(state)
+    return f"mean of {tension}, {_strain(state)}" if " / " in tension else _strain(state)
 
 
 def _strain(state: Row) -> str:
@@ -107,13 +145,13 @@ def _closing(one: ClassAnswer, reached: str) -> str:
     closes = one.closes
     if closes is None:
         some = f", {percent(0.01 * one.active_percent)} active" if one.active_percent else ""
-        return f"not closed {reached}{some}"
-    found = "closed as knitted" if closes.as_knitted else _where(closes)
+        return f"open {reached}{some}"
+    found = "closed as knitted" if closes.as_knitted else f"closes {_where(closes)}"
     if (opens := closes.opens) is None:
         return found
     heated = opens.temperature_K != closes.between[1].temperature_K
-    stage = f" in stage '{opens.stage}'" if opens.stage != closes.stage else ""
-    again = f", in all closed {len(one.closed)} times" if len(one.closed) > 1 else ""
+    stage = f" in {opens.stage!r}" if opens.stage != closes.stage else ""
+    again = f", closed {len(one.closed)} times" if len(one.closed) > 1 else ""
     at = f" and {celsius(opens.temperature_K)}" if heated else ""
     return f"{found}, open again at {_tension(opens)}{at}{stage}{again}"
 
@@ -131,11 +169,11 @@ def _where(one: Event) -> str:
     """The record in which something has happened; both records where they are far apart, or the mesh jumps between them."""
     low, high = one.between
     if one.resolved:
-        return f"{_tension(one)}, {_strain(one)}"
+        return f"at {_tension(one)}, {_strain(one)}"
     if one.slack and not one.jump:
-        return f"below {_tension(high)}, once the slack is taken up, {_strain(low)} to {_strain(high).removeprefix('strain ')}"
+        return f"below {_tension(high)} (the mesh is slack up to {_strain(high)})"
     tensions, strain = _both(low, high), both(_strain(low), _strain(high)).replace("and strain ", "and ")
-    return f"{'between' if ' and ' in tensions else 'at'} {tensions}, {strain}{', where the mesh jumps' if one.jump else ''}"
+    return f"{'between' if ' and ' in tensions else 'at'} {tensions}, {strain}{', a snap-through' if one.jump else ''}"
 
 
 def _both(low: Row, high: Row) -> str:
@@ -151,9 +189,9 @@ def _yield(answers: Answers, limit: float, reached: str) -> str:
     if found is None:
         peak = answers.largest_stress
         if peak.stress_max_Pa < LEAST_STRESS * limit:
-            return f"not {reached}: without stress"
+            return f"none {reached}: no stress"
         stress = engineering(peak.stress_max_Pa, "Pa")
-        return f"not {reached}: {stress}, {percent(peak.stress_max_Pa / limit, 0)} of the limit, {_place(peak)}"
+        return f"none {reached}: {stress}, {percent(peak.stress_max_Pa / limit, 0)} of yield, {_place(peak)}"
     return f"{'as knitted' if found.as_knitted else _where(found)}, {_place(found)}"
 
 
@@ -165,7 +203,7 @@ def _place(peak: Row) -> str:
     return f"{where}" if part is None else f"in the {part}, {where}"
 
 
-def _heat(stage: Heat) -> Iterator[tuple[str, str]]:
+def _heat(stage: Heat) -> Iterator[Finding]:
     begin, end = (Row(**{name: stage[name][k] for name in HEATED}) for k in (0, 1))
     by_tension = {one == "tension" for one in stage.held}
     held = "" if len(by_tension) > 1 else "tension held: " if True in by_tension else "frame held: "
@@ -176,13 +214,13 @@ def _heat(stage: Heat) -> Iterator[tuple[str, str]]:
     parts.append(f"stress {' to '.join(alike([one.stress_max_Pa for one in (begin, end)], 'Pa'))}")
     peak = stage.peak
     if peak.stress_max_Pa > PEAK_ON_THE_WAY * max(begin.stress_max_Pa, end.stress_max_Pa):
-        parts.append(f"{engineering(peak.stress_max_Pa, 'Pa')} at {celsius(peak.temperature_K)} on the way")
+        parts.append(f"largest {engineering(peak.stress_max_Pa, 'Pa')} at {celsius(peak.temperature_K)}")
     if stage.jump_between is not None:
         before, after = stage.jump_between
         there = between(*(celsius(one.temperature_K) for one in (before, after)))
         alone = f": {_change(begin, before)} up to there" if before.temperature_K != begin.temperature_K else ""
-        parts.append(f"the mesh jumps to another equilibrium {there}, which is not what heat alone does{alone}")
-    yield f"heat, {celsius(begin.temperature_K).split()[0]} to {celsius(end.temperature_K)}", held + ", ".join(parts)
+        parts.append(f"snap-through to another equilibrium {there}, which heat alone does not cause{alone}")
+    yield Finding(f"heat, {celsius(begin.temperature_K).split()[0]} to {celsius(end.temperature_K)}", held + ", ".join(parts))
 
 
 def _change(begin: Row, end: Row) -> str:
@@ -192,53 +230,60 @@ def _change(begin: Row, end: Row) -> str:
     return " / ".join(f"{change:+.{digits}f}" for change in changes) + " %"
 
 
-def _best(answers: Answers, gave_up: bool) -> Iterator[tuple[str, str]]:
+def _best(answers: Answers, gave_up: bool) -> Iterator[Finding]:
     best = answers.best
     is_short = gave_up and answers.first_yield_interior is None
     top = _tension(answers.largest_tension)
-    short = f"; not known beyond {top}, where the relaxation did not converge" if is_short else ""
+    unknown = f"; not known beyond {top}, where the relaxation did not converge" if is_short else ""
     if best is None:
-        yield "best tension", f"none: no tensile state with an active contact is below the elastic limit{short}"
+        yield Finding("best tension", f"none: no state in tension with an active contact is below yield{unknown}", short=True)
         return
-    low, high = best.low, best.high
-    begins, ends = best.open_low, best.open_high and not short
-    cut = " and ".join(["starts below the first record"] * begins + ["goes on beyond the last record"] * ends)
-    incomplete = f" (the range {cut})" if cut else ""
-    middle = "" if best.grows or low == high else f", the middle of its range{incomplete}"
-    stress = engineering(best.stress_max_Pa, "Pa")
     away = " away from the grips" if is_at_grips(best.stress_max_Pa, best.stress_with_grips_Pa) else ""
-    stage = f" in stage '{best.stage}'" if best.stages > 1 else ""
-    active = percent(0.01 * best.active_percent)
-    yield "best tension", f"{_tension(best)}{stage}{middle}: {active} active, {stress}{away}{short}"
-    share = f"stress{away} at {percent(best.stress_over_limit, 0)} of the elastic limit"
+    stage = f" in {best.stage!r}" if best.stages > 1 else ""
+    found = f"{percent(0.01 * best.active_percent, 0)} active, {engineering(best.stress_max_Pa, 'Pa')}{away}"
+    of_mean = " (mean)" if " / " in _tension(best) else ""
+    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, gave_up)}", short=True)
+    share = f"stress{away} at {percent(best.stress_over_limit, 0)} of yield"
     ahead = ahead_texts(best, answers.first_yield_interior, best.next_jump, _inside(answers))
-    yield "  margin", "; ".join((share, *([_at_grips(answers, best)] if away else []), *ahead))
+    yield Finding("  margin", "; ".join((share, *([_at_grips(answers, best)] if away else []), *ahead)))
+    low, high = best.low, best.high
     if low == high:
-        more = "beyond it the relaxation did not converge" if gave_up else "a larger load extends it"
-        yield "  may drift", f"unknown: a single record has this share{f'; {more}' if best.grows else ''}"
+        more = f"; {'beyond it the relaxation did not converge' if gave_up else 'a larger load extends it'}" if best.grows else ""
+        yield Finding("  valid", f"in one record, {_tension(best)}{more}{unknown}")
         return
-    of_mean = " of the mean" if " / " in _tension(best) else ""
     lowest, highest = (
-        f"{_tension(end)} ({percent(mean_tension(end) / mean_tension(best) - 1.0, 0, signed=True)}{of_mean}"
+        f"{_tension(end)} ({percent(mean_tension(end) / mean_tension(best) - 1.0, 0, signed=True)}"
         + (f"; {_sides(best, name)}" if best[f"{name}_between"] else "") + ")"
         for name, end in (("low", low), ("high", high))
     )  # fmt: skip
     if best.open_low:
-        lowest = f"at most {lowest}, where the records begin,"
+        lowest = f"{lowest}, the first record,"
     if best.open_high:
-        highest = f"at least {highest}, {'beyond which the relaxation did not converge' if gave_up else 'where the records end'}"
+        highest = f"{highest}, {'beyond which the relaxation did not converge' if gave_up else 'the end of the load'}"
     snaps = "; ".join(between(*map(_tension, jump)) for jump in best.jumps)
-    yield "  may drift", f"from {lowest} to {highest}{f'; the mesh jumps {snaps}' if snaps else ''}"
+    yield Finding("  valid", f"from {lowest} to {highest}{f'; snap-through {snaps}' if snaps else ''}{unknown}")
     error = answers.tension_error_percent
     nearest = min(abs(mean_tension(one) / mean_tension(best) - 1.0) for one in (low, high))
     if error is not None and nearest < 0.01 * error:
-        yield "  accuracy", f"tensions at this preset are within {error:g} %, more than it may drift: use a finer solver.preset"
+        yield Finding(
+            "  accuracy", f"tensions at this preset are within {error:g} %, more than this range: use a finer solver.preset"
+        )
+
+
+def _validity(best: Best, gave_up: bool) -> str:
+    """The range of tensions about the best one in few words."""
+    if best.low != best.high:
+        lowest = "at most " * best.open_low + _mean(best.low)
+        return f"valid from {lowest} to {'at least ' * best.open_high}{_mean(best.high)}"
+    if not best.grows:
+        return "valid in one record only"
+    return "beyond it the relaxation did not converge" if gave_up else "a larger load may be better"
 
 
 def _sides(best: Best, name: str) -> str:
     """The record beyond an end of the range of the best tension, which is not in it."""
     tensions = [_tension(one) for one in best[f"{name}_between"]]
-    return f"not {tensions[0] if name == 'low' else tensions[1]}{', where the mesh jumps' if best[f'{name}_jump'] else ''}"
+    return f"not {tensions[0] if name == 'low' else tensions[1]}{', a snap-through' if best[f'{name}_jump'] else ''}"
 
 
 def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None, inside: str = "") -> Iterator[str]:
@@ -255,7 +300,7 @@ def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None
     if first_yield.resolved and mean_tension(first_yield) >= (1.0 - SAME) * mean_tension(here):
         yield f"first yield{inside} at {_times(first_yield, here)}"
     if not first_yield.resolved and mean_tension(high) > mean_tension(here):
-        where = ", where the mesh snaps through" if first_yield.jump else ""
+        where = ", a snap-through" if first_yield.jump else ""
         yield f"first yield{inside} at {_span(low, high)}{where}, {_times(low, here)}"
 
 

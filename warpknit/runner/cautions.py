@@ -12,7 +12,7 @@ from ..base.text import celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
-from ..mechanics.numerics import FOLLOWED_INCREMENT, few_nodes
+from ..mechanics.numerics import FEWEST_NODES, FOLLOWED_INCREMENT
 from ..mesh.layout import smaller_scene
 from ..mesh.tight_loops import is_tight
 from ..results.finding import ResultWarning
@@ -23,6 +23,7 @@ from .strength import strength_text
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
 METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
+FRAGMENT_SHARE = 0.1  # of the wire: more in pieces of less than a loop is reported
 BARE_KELVIN = 100.0  # [K] a colder temperature without a unit was probably meant in degrees Celsius
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
@@ -33,7 +34,8 @@ FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields 
 def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Warnings, one line each."""
     yield from scene_cautions(model.scene, model.cloth)
-    yield from preset_cautions(model.scene)
+    if model.scene.wires is not None and model.panel.body_count:
+        yield from node_cautions(model.scene.model.nodes_per_loop)
     if model.scene.solver.drive == "ramp" and rows:
         yield from _about_ramp(rows)
 
@@ -41,27 +43,45 @@ def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
 def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
     """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
     if scene.is_empty:
-        yield ResultWarning("W21", "the scene file is empty: all values that no override gives are defaults")
+        yield ResultWarning("W21", "The scene file is empty.")
     if scene.even_chains:
-        yield ResultWarning("W22", f"chains in even numbers count half needles: {', '.join(scene.even_chains)}")
+        yield ResultWarning("W22", f"Chains in even numbers count half needles: {', '.join(scene.even_chains)}.")
     yield from _about_bars(scene)
     yield from _about_constants(scene)
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
-        yield ResultWarning("W24", "no load is given: [load] has neither strain nor tension nor temperature")
+        yield ResultWarning("W24", "No load is given.")
     if cloth is not None:
-        yield from (ResultWarning("W25", text) for text in few_nodes(scene.model.nodes_per_loop))
+        yield from node_cautions(scene.model.nodes_per_loop)
         yield from _about_tension(scene, cloth, scene.stages)
         yield from _about_strain(scene, cloth, scene.stages)
         if scene.model.of_kind.has_branches and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
 
 
+def node_cautions(nodes_per_loop: int) -> Iterator[ResultWarning]:
+    """Warning where a loop has few nodes."""
+    if nodes_per_loop < FEWEST_NODES:
+        yield ResultWarning("W25", f"{nodes_per_loop} nodes a loop are few; tension and contact force may be wrong by over 10 %.")
+
+
+def cut_cautions(model: MeshModel) -> Iterator[ResultWarning]:
+    """Warning where much of the wire of a patch is in pieces of less than a loop, which grips hold at both ends."""
+    panel, cloth = model.panel, model.cloth
+    if cloth is None or panel.boundary == "periodic":
+        return
+    length = panel.wire_length
+    is_short = length < cloth.stitch_length
+    share = float(length[is_short].sum() / max(length.sum(), 1e-300))
+    if share >= FRAGMENT_SHARE:
+        text = f"{np.count_nonzero(is_short)} of {len(length)} wires, {percent(share, 0)} of the wire, are shorter than a loop."
+        yield ResultWarning("W20", text)
+
+
 def _about_bars(scene: Scene) -> Iterator[ResultWarning]:
     """Bars that are given twice."""
     for first, second in combinations(range(len(scene.knit.bars)), 2):
         if scene.knit.bars[first] == scene.knit.bars[second]:
-            text = f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires"
-            yield ResultWarning("W23", text, "for one yarn of parallel wires set wire.ends", link="; ")
+            yield ResultWarning("W23", f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires.")
 
 
 def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
@@ -78,10 +98,9 @@ def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarnin
         least = 1.0 - FULLY_PLASTIC * wire.yield_stress / bent
         yield ResultWarning(
             "W36",
-            f"wire.set_fraction = {wire.set_fraction:g} is too small for the {strength_text(scene)}: the loops need a bending"
-            f" stress of {engineering(needed, 'Pa')}, the wire holds at most {engineering(held, 'Pa')}",
-            f"set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more",
-            link="; ",
+            f"wire.set_fraction = {wire.set_fraction:g} needs a bending stress of {engineering(needed, 'Pa')} in the loops;"
+            f" a wire with a {strength_text(scene)} holds {engineering(held, 'Pa')}.",
+            f"Set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more.",
         )
 
 
@@ -90,20 +109,6 @@ def _is_loaded(scene: Scene, stage: Stage) -> bool:
     pulled = stage.tension_weft is not None or stage.tension_warp is not None
     heated = stage.temperature != scene.wire.reference_temperature or any(stage.temperature_gradient)
     return strained or pulled or heated
-
-
-def preset_cautions(scene: Scene) -> Iterator[ResultWarning]:
-    """What `plan` says of the accuracy of tight knits, beside a result or a card of one."""
-    if scene.hook is not None or scene.wires is not None or not is_tight(scene):
-        return
-    if scene.preset_caveat:
-        yield ResultWarning("W37", f"preset {scene.preset_in_force}: {scene.preset_caveat}")
-    elif scene.model.of_kind.has_branches and not scene.depends_on_path:
-        yield ResultWarning(
-            "W38",
-            "a tight knit without friction has several equilibria under one load, and this is one of them",
-            "compare with other model.nodes_per_loop and output.frames",
-        )
 
 
 def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
@@ -126,8 +131,8 @@ def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterat
     if largest > most:
         yield ResultWarning(
             "W26",
-            f"the given tensions of weft and warp add up to {engineering(largest, 'N/m')}; with all wires straight and at"
-            f" their elastic limit of {engineering(wire.yield_stress, 'Pa')} the mesh carries {engineering(most, 'N/m')} at most",
+            f"The tensions of weft and warp add up to {engineering(largest, 'N/m')}; straight wires at their elastic limit of"
+            f" {engineering(wire.yield_stress, 'Pa')} carry {engineering(most, 'N/m')}.",
         )
 
 
@@ -149,8 +154,7 @@ def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterato
         if needed > most:
             yield ResultWarning(
                 "W27",
-                f"the strain of stage {load.name!r} is beyond that of straight wires: from one place of hooking to the next they"
-                f" would need {needed / longest:.3g} times the length at which they break, however they slide",
+                f"The strain of {load.name!r} needs wires {needed / longest:.3g} times as long as straight wires at break.",
             )
             return
 
@@ -163,18 +167,19 @@ def _about_constants(scene: Scene) -> Iterator[ResultWarning]:
     ):
         if not low <= value <= high:
             metals = f"{exact(low, unit)} to {exact(high, unit)}"
-            yield ResultWarning("W28", f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals})")
+            yield ResultWarning("W28", f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals}).")
     temperatures = [wire.reference_temperature, *(stage.temperature for stage in scene.stages)]
     for bare in sorted({temperature for temperature in scene.bare_temperatures if temperature < BARE_KELVIN}):
-        text = f"a temperature without a unit is in kelvin: {bare:g} is {celsius(bare)}"
-        yield ResultWarning("W29", text, f"write '{bare:g} degC' or '{bare:g} K'", link="; ")
+        text = f"A temperature without a unit is in kelvin: {bare:g} is {celsius(bare)}."
+        yield ResultWarning("W29", text, f"Write '{bare:g} degC' or '{bare:g} K'.")
     hottest, melting = max(temperatures), MATERIALS[wire.material].melting if wire.material in MATERIALS else float("inf")
     if hottest > melting:
-        yield ResultWarning("W30", f"{wire.material} melts at {celsius(melting)}, below the given {celsius(hottest)}")
+        text = f"{wire.material.capitalize()} melts at {celsius(melting)}, below the given {celsius(hottest)}."
+        yield ResultWarning("W30", text)
     for temperature in (min(temperatures), hottest):
         if not CONSTANTS_HOLD[0] <= temperature <= CONSTANTS_HOLD[1]:
-            text = f"the result uses stiffness, expansion and strength at 20 degC, which differ at {celsius(temperature)}"
-            yield ResultWarning("W31", text, "give wire.youngs_modulus, wire.expansion, wire.yield_stress")
+            text = f"Stiffness, expansion and strength are those at 20 degC, also at {celsius(temperature)}."
+            yield ResultWarning("W31", text)
 
 
 def _largest_change(scene: Scene) -> float:
@@ -188,16 +193,16 @@ def _about_increments(scene: Scene) -> Iterator[ResultWarning]:
     if not isinstance(frames, str) and largest > FOLLOWED_INCREMENT * frames * (1.0 + 1e-6) and is_tight(scene):
         yield ResultWarning(
             "W32",
-            f"load increments of {percent(largest / frames)} strain may skip to another equilibrium of a tight knit",
-            f"set output.frames = 'auto', or {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more",
+            f"Load increments of {percent(largest / frames)} may skip to another equilibrium of a tight knit.",
+            f"Set output.frames = {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more, or 'auto'.",
         )
 
 
 def _about_ramp(rows: Sequence[Row]) -> Iterator[ResultWarning]:
     moving = max((row.energy_kinetic_J / row.stored for row in rows if row.load_factor > 0.1 and row.stored > 0.0), default=0.0)
     if not rows[-1].steady and rows[-1].load_factor == 1.0:
-        text = f"the ramp did not reach equilibrium (residual {rows[-1].residual:.2g}), so the result is not static"
-        yield ResultWarning("W34", text, "raise solver.loading_time or solver.damping")
+        text = f"The ramp did not reach equilibrium (residual {rows[-1].residual:.2g}), so the result is not static."
+        yield ResultWarning("W34", text)
     if moving > QUASI_STATIC:
-        text = f"the load is too fast for a quasi-static result: the kinetic energy reached {moving:.2g} of the stored energy"
-        yield ResultWarning("W35", text, "raise solver.loading_time", link="; ")
+        text = f"The load is too fast for a quasi-static result: kinetic energy reached {moving:.2g} of the stored energy."
+        yield ResultWarning("W35", text)

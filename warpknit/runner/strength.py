@@ -29,7 +29,7 @@ def assumed_text(scene: Scene, key: str) -> str:
 def exceeded_text(scene: Scene, stress: float) -> str:
     """What a wire stress [Pa] exceeds, and what the wire would do; empty within the elastic limit."""
     if stress > scene.wire.tensile_strength:
-        return f"above the {strength_text(scene)}: the wire would break"
+        return f"above the {strength_text(scene)}"
     if stress > scene.wire.yield_stress:
-        return f"above the {limit_text(scene)}: the wire would yield"
+        return f"above the {limit_text(scene)}"
     return ""

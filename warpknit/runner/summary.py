@@ -109,8 +109,8 @@ class Summary:
             stop_reason=tree["stop_reason"],
             model=Values(**tree["model"]),
             solver=Values(**tree["solver"]),
-            model_warnings=tuple(ResultWarning("", text) for text in of_model),
-            other_warnings=tuple(ResultWarning("", text) for text in tree["warnings"] if text not in of_model),
+            model_warnings=tuple(map(ResultWarning.of, of_model)),
+            other_warnings=tuple(ResultWarning.of(text) for text in tree["warnings"] if text not in of_model),
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
             variants=Means(**vars(valued(tree["variants"]))) if "variants" in tree else None,
@@ -151,7 +151,8 @@ def run_summary(
     """The result of a run from its rows. `notes` come from the drive."""
     estimate, scene, panel, jumps = estimate or Estimate(), model.scene, model.panel, jumps_of(model, rows)
     stages = tuple(ends_of(rows))
-    warnings = [*(ResultWarning("W20", note) for note in notes), *warnings_of(model, rows)]
+    last = next((stage for stage in scene.stages if stages and stage.name == stages[-1].stage), scene.stages[0])
+    warnings = warnings_of(model, rows)
     if variants is not None:
         jumps = []
         warnings = [warning for warning in warnings if warning.code not in OF_ONE_PATH]
@@ -160,6 +161,8 @@ def run_summary(
         scene=Values(
             name=scene.name,  # name of the scene
             hash=scene.hash,  # hash of its values
+            load=last.text,  # load step of the last record, in words
+            by_tension=[*last.by_tension],  # whether it gives the tension in weft and warp, else the strain
         ),
         device=model.device,
         stop_reason=stop_reason,
@@ -183,6 +186,7 @@ def run_summary(
             bodies=panel.body_count,  # contact bodies, or in space places where two wires hook; of wires from a file also where
             # they cross or come near each other
             pairs=model.pair_count,  # two of each body
+            notes=[] if scene.wires is not None else list(panel.notes),  # how the mesh was cut
             rest_curve_error=model.curve_error / scene.wire.diameter,  # largest error of the contact curve in the reference
             # state, over d
         ),
@@ -201,6 +205,7 @@ def run_summary(
             preset_error_percent=scene.preset_error_percent,  # measured error of the preset; null if keys of the scene override
             # its settings
             drive=scene.solver.drive,  # `relax` or `ramp`
+            notes=list(notes),  # load levels that needed more than one increment, and overlaps as knitted
         ),
         stages=stages,
         estimate=estimate,

@@ -1,16 +1,17 @@
-"""The short table at the end of a run."""
+"""The table at the end of a run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import click
 
-from ..base.text import alike, celsius, duration, engineering, is_at_grips, percent, short_percent
-from ..results.finding import Finding, warning_lines
+from ..base.text import celsius, duration, engineering, is_at_grips, percent, short_percent, sides_text
+from ..results.finding import Finding, ResultTable
 from ..results.row import Row, Values
-from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_rows, unreached_text
+from ..scene.options import DEFAULT, GIVEN
+from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_findings, unreached_text
 from .other_model import SpatialMeans
 from .strength import assumed_note
 from .summary import Estimate, Summary
@@ -21,53 +22,89 @@ SIDES = ("weft", "warp")
 # contacts that are counted in pairs, and the others
 PLACES = {"knit": ("at clasps", "between stitches"), "wires": ("at crossings", "elsewhere")}
 LEAST_SPREAD = 5e-3  # of the mean of a figure: a smaller range is not shown
-TIMED = "for steps, checks and files"  # what the wall time of a run or map includes: neither the model nor compilation
+TIMED = "for steps, checks and files"  # part of the wall time; the others are the model and compilation
+STATES = {"steady": "converged", "finished": "finished, not in equilibrium", "diverged": "did not converge"}
+FOR_LOAD = 58  # columns of the load in the first line
 
 
-def summary_findings(result: Summary, directory: Path) -> Iterator[Finding]:
-    """The lines of the table of a run, for the measures that it has."""
-    end, model, solver, answers = result.end, result.model, result.solver, result.answers
-    yield from warning_lines(result.model_warnings)
-    yield from model_findings(model)
+def summary_table(result: Summary, directory: Path, reflection: Iterable[Finding] = ()) -> ResultTable:
+    """The table of a run, for the measures that it has, and of its reflection."""
+    findings = (*summary_findings(result), *reflection, Finding("results", str(directory), short=True))
+    return ResultTable(findings, result.model_warnings + result.other_warnings)
+
+
+def summary_findings(result: Summary) -> Iterator[Finding]:
+    """The rows of the table of a run."""
+    end, model, answers, variants = result.end, result.model, result.answers, result.variants
     diverged = result.stop_reason == "diverged"
-    if len(result.stages) > 1:
-        place = "last record in stage" if diverged else "at the end of stage"
-        at = "" if "temperature_K" not in end else f", at {celsius(end.temperature_K)}"
-        yield Finding(place, end.stage, where=f"{at} ({len(result.stages)} stages; summary.json has all)")
-        for stage in result.stages[:-1]:
-            yield from _earlier_stage(stage)
+    state, invalid = STATES.get(result.stop_reason, result.stop_reason), result.model_warnings
+    valid = f", not valid ({', '.join(warning.code for warning in invalid)})" if invalid else ""
+    yield heading(result.scene.name, result.scene.get("load", ""), state + valid)
+    yield from _earlier_steps(result)
     if diverged and answers is not None:
-        yield Finding("load not reached", unreached_text(answers))
-    if result.variants is not None:
-        yield from _variants_findings(result.variants)
+        yield Finding("load not reached", unreached_text(answers), short=True)
     here, between = PLACES.get(model.source, PLACES["wires"])
     if end.is_hook:
         yield from _hook_findings(end)
     elif "strain_weft" in end:
         yield from _mesh_findings(result, here, between)
     if "stress_max_Pa" in end:
-        yield from _stress_findings(end, end.is_hook or model.boundary == "gripped", result.variants)
+        yield from _stress_findings(end, end.is_hook or model.boundary == "gripped", variants)
     if answers is not None:
         ends_at_top = diverged and end.tension_warp_N_per_m == answers.largest_tension.tension_warp_N_per_m
-        yield from (Finding(*row) for row in answer_rows(answers, end.yield_stress_Pa, gave_up=ends_at_top))
+        yield from answer_findings(answers, end.yield_stress_Pa, gave_up=ends_at_top)
+    if variants is not None:
+        yield from _variants_findings(variants)
     if result.estimate.error is not None:
-        yield Finding("estimated error", short_percent(result.estimate.error), where=_error_parts(result.estimate))
-    if (other := result.spatial_model) is not None:
-        yield _spatial_finding(other)
-    yield Finding("time steps", f"{solver.steps:,} of {model.nodes:,} nodes")
-    before = f"; before it {duration(solver.compile_s, 3)} to compile the kernels" if solver.compile_s > 1.0 else ""
-    yield Finding("wall time", f"{duration(solver.wall_s, 3)} {TIMED}", where=before)
-    yield Finding("stopped", result.stop_reason)
-    yield from warning_lines(result.other_warnings)
-    yield Finding("results in", str(directory))
+        yield Finding("estimated error", short_percent(result.estimate.error), where=_error_parts(result.estimate), short=True)
+    if result.spatial_model is not None:
+        yield _spatial_finding(result.spatial_model)
+    yield from model_findings(model, _cost(result))
+    yield from _solver_findings(result)
+
+
+def heading(name: str, text: str, state: str) -> Finding:
+    """The first line: the scene, its load, and how it ended."""
+    return Finding(name, f"{text:{FOR_LOAD}}  {state}".strip(), short=True)
+
+
+def _earlier_steps(result: Summary) -> Iterator[Finding]:
+    """The load steps before the last one."""
+    if len(result.stages) > 1:
+        end = result.end
+        at = "" if "temperature_K" not in end else f", at {celsius(end.temperature_K)}"
+        yield Finding("load step", f"{end.stage}{at}", where=f", the last of {len(result.stages)}", short=True)
+        for stage in result.stages[:-1]:
+            yield from _earlier_stage(stage)
+
+
+def _cost(result: Summary) -> str:
+    """Size and cost of a run."""
+    steps, wall = f"{result.solver.steps:,} steps", duration(result.solver.wall_s, 3)
+    meshes = "" if result.variants is None else f" in each of {result.variants.count} meshes"
+    return f"{result.model.nodes:,} nodes{meshes}, {steps}, {wall}"
+
+
+def _solver_findings(result: Summary) -> Iterator[Finding]:
+    """What else is known of the computation."""
+    solver = result.solver
+    yield Finding("  wall time", f"{duration(solver.wall_s, 3)} {TIMED}")
+    if solver.compile_s > 1.0:
+        yield Finding("  compilation", duration(solver.compile_s, 3))
+    if solver.get("preset"):
+        known = result.answers and result.answers.tension_error_percent
+        yield Finding("  preset", solver.preset, where=f", tensions within {known:g} %" if known else "")
+    for note in (*(result.model.get("notes") or ()), *(solver.get("notes") or ())):
+        yield Finding("  note", note)
 
 
 def _spatial_finding(other: SpatialMeans) -> Finding:
     """What the spatial model gives under the load of a planar tile."""
-    tension = " / ".join(alike((other.tension_weft_N_per_m, other.tension_warp_N_per_m), "N/m"))
-    strain = " / ".join(percent(one, 2) for one in (other.strain_weft, other.strain_warp))
-    stress, active = engineering(other.stress_max_Pa, "Pa"), percent(0.01 * other.active_percent)
-    return Finding("in the spatial model", f"{strain}, {tension}, {active} active, {stress} (mean of {other.meshes} meshes)")
+    strain = f"{percent(other.strain_weft, 2)} weft, {percent(other.strain_warp, 2)} warp"
+    tension = sides_text((other.tension_weft_N_per_m, other.tension_warp_N_per_m), "N/m")
+    active, stress = percent(0.01 * other.active_percent), engineering(other.stress_max_Pa, "Pa")
+    text = f"strain {strain}; {tension}; {active} active; {stress} (mean of {other.meshes} meshes)"
+    return Finding("in the spatial model", text, short=True)
 
 
 def _error_parts(estimate: Estimate) -> str:
@@ -78,111 +115,125 @@ def _error_parts(estimate: Estimate) -> str:
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:
-    """How many meshes the figures are means of, how well these are known, and whether they are of one kind."""
-    error = "" if variants.standard_error is None else f", standard error {short_percent(variants.standard_error)}"
-    yield Finding("meshes", f"{variants.count}", where=f" with scattered loops{error}; in brackets: the range of eight in ten")
+    """The ranges of the figures over the meshes, and whether these are of one kind."""
+    figures = {
+        "strain": ("strain_weft", "strain_warp"),
+        "tension": ("tension_weft_N_per_m", "tension_warp_N_per_m"),
+        "active": ("active_percent",),
+        "stress": ("stress_max_Pa",),
+    }
+    ranges = [f"{name} {text}" for name, names in figures.items() if (text := _range(variants, names))]
+    within = f"8 in 10 have {'; '.join(ranges)}" if ranges else "all alike"
+    yield Finding(f"mean of {variants.count} meshes", within, short=True)
+    if variants.standard_error is not None:
+        yield Finding("  standard error", short_percent(variants.standard_error))
     if branch := variants.branch:
         name = branch.figure.removesuffix("_N_per_m").removesuffix("_Pa").replace("_", " ")
-        unit = "Pa" if branch.figure.endswith("Pa") else "N/m"
-        strain = branch.figure.startswith("strain")
-        here, others = (percent(one, 2) if strain else engineering(one, unit) for one in (branch.mean, branch.others))
-        text = (
-            f"{branch.count} of {variants.count} meshes: {name} {here}, not {others}; {engineering(branch.stress_max_Pa, 'Pa')}"
-        )
-        yield Finding("  on another branch", text)
+        here, others = (_shown(branch.figure, value) for value in (branch.mean, branch.others))
+        stress = engineering(branch.stress_max_Pa, "Pa")
+        text = f"{branch.count} of {variants.count} meshes: {name} {here} (others {others}), {stress}"
+        yield Finding("  other equilibrium", text, short=True)
 
 
-def _spread(variants: Means | None, *names: str, factor: float = 1.0, unit: str = "") -> str:
-    """The range of figures of the meshes, in brackets, in a unit or by a factor; empty where it is nothing."""
-    found = [variants[name] for name in names if variants is not None and name in variants]
+def _range(variants: Means, names: Sequence[str]) -> str:
+    """The range of eight meshes in ten, of a figure or of it in weft and warp; empty where it is nothing."""
+    found = [variants[name] for name in names if name in variants]
     if not any(one.p90 - one.p10 > LEAST_SPREAD * abs(one.mean) for one in found):
         return ""
-    if unit:
-        return f" ({' / '.join(' to '.join(alike((one.p10, one.p90), unit)) for one in found)})"
-    return f" ({' / '.join(f'{factor * one.p10:.3g} to {factor * one.p90:.3g}' for one in found)})"
+    texts = []
+    for name, one in zip(names, found, strict=False):
+        low, high = _shown(name, one.p10), _shown(name, one.p90)
+        number, _, unit = low.rpartition(" ")
+        texts.append(f"{number if high.endswith(f' {unit}') else low} to {high}")
+    return ", ".join(" ".join(one) for one in zip(texts, SIDES, strict=True)) if len(texts) == len(SIDES) else texts[0]
+
+
+def _shown(name: str, value: float) -> str:
+    """A figure of the meshes by its name."""
+    if name.endswith("percent") or name.startswith("strain"):
+        return f"{value if name.endswith('percent') else 100.0 * value:.3g} %"
+    return engineering(value, "Pa" if name.endswith("Pa") else "N/m")
 
 
 def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding]:
-    """Strain, contacts and tension of a mesh; here, between: where its contacts are that are counted in pairs, and the others."""
-    end, panel = result.end, result.end.get("panel") or {}
-    variants = result.variants
-    strains, tensions = (
-        tuple(f"{what}_{side}{unit}" for side in SIDES) for what, unit in (("strain", ""), ("tension", "_N_per_m"))
-    )
-    strain = " / ".join(percent(end[name], 2) for name in strains)
-    yield Finding("strain, weft / warp", strain, where=_spread(variants, *strains, factor=100.0))
-    others = end.get("elsewhere")
-    digits = "d" if variants is None else ".3g"  # means are no whole numbers
-    more = f"; {others:{digits}} more contact{'s' * (others != 1)} {between}" if others else ""
-    count = f"{end.active:{digits}} of {end.pairs} pairs" + (f" {here}" if others else "")
-    spread = _spread(variants, "active_percent")
-    yield Finding(
-        "active contacts", f"{end.active_percent:.3g} %", where=f"{spread}, {count}{more}" if spread else f" ({count}{more})"
-    )
+    """Strain, tension and contacts of a mesh; here, between: where its contacts are that are counted in pairs, and the others."""
+    end, panel, given = result.end, result.end.get("panel") or {}, result.scene.get("by_tension") or [True, False]
+    weft, warp = (percent(end[f"strain_{side}"], 2) for side in SIDES)
+    yield Finding("strain", f"{weft} weft, {warp} warp", short=any(given))
     zero = 0.0 if result.answers is None else result.answers.tension_tolerance_N_per_m
     least = max(LEAST_SHARE * max(map(abs, end.tension)), zero)
-    shown = tuple(part if abs(part) > least else 0.0 for part in end.tension)
-    yield Finding("tension, weft / warp", shown, "N/m", where=_spread(variants, *tensions, unit="N/m"))
+    shown = [part if abs(part) > least else 0.0 for part in end.tension]
+    by_strain = not all(given) or result.stop_reason != "steady"
+    yield Finding("tension", sides_text(shown, "N/m"), short=by_strain)
     if max(fragment_share(end, side) for side in SIDES) > CARRIED:
-        parts = tuple(end[f"fragment_tension_{side}_N_per_m"] for side in SIDES)
-        yield Finding("  of pieces at the grips", parts, "N/m")
+        parts = [end[f"fragment_tension_{side}_N_per_m"] for side in SIDES]
+        yield Finding("  of cut wire ends", sides_text(parts, "N/m"))
     if "tension_median_weft_N_per_m" in panel:
-        yield Finding("  median of the panel", tuple(panel[f"tension_median_{side}_N_per_m"] for side in SIDES), "N/m")
+        yield Finding("  median of the panel", sides_text([panel[f"tension_median_{side}_N_per_m"] for side in SIDES], "N/m"))
+    others = end.get("elsewhere")
+    digits = "d" if result.variants is None else ".3g"  # means are no whole numbers
+    more = f"; {others:{digits}} more {between}" if others else ""
+    count = f"  ({end.active:{digits}} of {end.pairs}{f' {here}' if others else ' pairs'}{more})"
+    yield Finding("active contacts", f"{end.active_percent:.3g} %", where=count, short=True)
+    more = ""
     if force := end.get("elsewhere_force_max_N"):
         more = f" {here}; {engineering(force, 'N')} {between}"
-    yield Finding("largest contact force", end.force_max_N, "N", where=more if force else "")
+    yield Finding("  largest force", end.force_max_N, "N", where=more)
 
 
 def _stress_findings(end: Row, has_grips: bool, variants: Means | None) -> Iterator[Finding]:
     """Largest stress, and what of the wire has yielded."""
     stress, limit = end.stress_max_Pa, end.yield_stress_Pa
-    note = assumed_note("wire.yield_stress", end.yield_stress_assumed)
     shown = stress * (stress > LEAST_STRESS * limit)
-    spread = _spread(variants, "stress_max_Pa", unit="Pa")
-    yield Finding("largest stress", shown, "Pa", where=f"{spread}, {percent(stress / limit, 0)} of the elastic limit", sure=note)
-    if has_grips and is_at_grips(end.stress_interior_max_Pa, shown):
-        yield Finding("  away from the grips", end.stress_interior_max_Pa, "Pa")
+    assumed = f" (assumed {engineering(limit, 'Pa')})" if end.yield_stress_assumed else ""
+    at_grips = has_grips and is_at_grips(end.stress_interior_max_Pa, shown)
+    part = "" if end.get("stress_max_part") is None or variants is not None else f", in the {end.stress_max_part}"
+    place = f"; {engineering(end.stress_interior_max_Pa, 'Pa')} away from the grips" if at_grips else part
+    where = f", {percent(stress / limit, 0)} of yield{assumed}{place}" if shown else ""
+    yield Finding("largest wire stress", shown, "Pa", where=where, short=True)
     if end.stress_max_so_far_Pa > 1.01 * shown:
         yield Finding("  largest so far", end.stress_max_so_far_Pa, "Pa")
     if end.yield_fraction and end.get("plastic_fraction") is None:
-        where = " of the wire; elastic, without a permanent set"
-        yield Finding("  above the elastic limit", short_percent(end.yield_fraction), where=where)
+        yield Finding("  above yield", short_percent(end.yield_fraction), where=" of the wire; elastic, without a permanent set")
     if plastic := end.get("plastic_fraction"):
         where = f" of the wire, plastic strain up to {short_percent(end.plastic_strain_max or 0.0)}"
-        yield Finding("yielded", short_percent(plastic), where=where)
+        yield Finding("  yielded", short_percent(plastic), where=where, short=True)
 
 
 def _earlier_stage(end: Row) -> Iterator[Finding]:
-    """The line of a stage before the last one; none of two hooked wires."""
+    """The row of a load step before the last one; none of two hooked wires."""
     if end.is_hook:
         return
-    strains, tensions = " / ".join(percent(end[f"strain_{side}"], 2) for side in SIDES), " / ".join(alike(end.tension, "N/m"))
-    text = f"{strains}, {tensions}, {percent(0.01 * end.active_percent)} active, {engineering(end.stress_max_Pa, 'Pa')}"
-    yield Finding(f"  end of {end.stage}", text, where=f", at {celsius(end.temperature_K)}")
+    strains = ", ".join(f"{percent(end[f'strain_{side}'], 2)} {side}" for side in SIDES)
+    text = f"{strains}; {sides_text(end.tension, 'N/m')}; {percent(0.01 * end.active_percent, 0)} active"
+    yield Finding(
+        f"  end of {end.stage}", f"{text}; {engineering(end.stress_max_Pa, 'Pa')}; {celsius(end.temperature_K)}", short=True
+    )
 
 
-def model_findings(model: Values) -> Iterator[Finding]:
-    """The kind of model and why it is of this kind, and the friction of its wires."""
-    yield Finding("model", model.kind, where=f" ({model.kind_reason})")
+def model_findings(model: Values, cost: str) -> Iterator[Finding]:
+    """The kind of model with its cost, why it is of this kind, and the friction of its wires."""
+    yield Finding(f"{model.kind} model", cost, short=True)
+    yield Finding("  chosen", model.kind_reason, short=model.kind_reason not in (GIVEN, DEFAULT))
     if friction := model.get("friction"):
-        yield Finding("friction", f"{friction:.3g}", sure=assumed_note("contact.friction", bool(model.get("friction_assumed"))))
+        yield Finding("  friction", f"{friction:.3g}", sure=assumed_note("contact.friction", bool(model.get("friction_assumed"))))
 
 
 def _hook_findings(hook: Row) -> Iterator[Finding]:
-    """The lines of two hooked wires."""
-    by = f", by a force of {engineering(hook.drive_force_N, 'N')}"
-    yield Finding("displacement", hook.displacement_m, "m", where=by)
+    """The rows of two hooked wires."""
+    yield Finding("displacement", hook.displacement_m, "m", where=f", force {engineering(hook.drive_force_N, 'N')}", short=True)
     left, right = hook.force_left_N, hook.force_right_N
-    both = f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right one"
-    yield Finding("contact force", both)
+    both = f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right wire"
+    yield Finding("contact force", both, short=True)
     if min(left, right) <= 0.0:
-        yield Finding("contact at", "none: the wires do not touch")
+        yield Finding("contact at", "none: the wires do not touch", short=True)
         return
     places = [f"{engineering(hook[f'arc_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
-    yield Finding("contact at", ", ".join(places), where=" from the lower clamp")
-    yield Finding("slid since it closed", (hook.slide_left_m, hook.slide_right_m), "m")
+    yield Finding("contact at", ", ".join(places), where=" from the lower clamp", short=True)
+    slid = [f"{engineering(hook[f'slide_{side}_m'], 'm')} on the {side} wire" for side in ("left", "right")]
+    yield Finding("slid since closing", ", ".join(slid), short=True)
     if hook.ground_force_N > 0.0:
-        yield Finding("force from the ground", hook.ground_force_N, "N")
+        yield Finding("force from the ground", hook.ground_force_N, "N", short=True)
 
 
 def print_table(findings: Iterable[Finding]) -> None:
@@ -200,5 +251,5 @@ def print_table(findings: Iterable[Finding]) -> None:
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
     for heading, text in lines:
-        table.add_row(heading, text, style="yellow" if heading == "warning" else None)
+        table.add_row(heading, text, style="yellow" if heading[1:].isdigit() else None)
     console.print(table)

@@ -27,7 +27,7 @@ PLACES = ("stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_
 PERCENTILES = (10.0, 90.0)
 EARLY, MOST = 0.4, 4  # of the standard error that is asked for, at which half of the meshes do; times as many at most
 # codes of warnings that one path depends on the way, on which means over meshes do not depend
-OF_ONE_PATH = {"W18", "W19", "W32", "W37", "W38"}
+OF_ONE_PATH = {"W18", "W19", "W32"}
 FEWEST = 4  # meshes, of a standard error that ends a run early
 # Two branches: with fewer meshes, or a smaller gap between them over the deviation on each, they may be one. Of normal deviates
 # 16 have such a gap in one of a thousand draws.
@@ -179,11 +179,11 @@ def variant_warnings(variants: Means, asked: float) -> Iterator[ResultWarning]:
     """What limits the means; asked: the standard error that was to be reached, 0 where none was."""
     if variants.failed:
         text = f"{variants.failed} of {variants.count + variants.failed} meshes did not converge and are left out"
-        yield ResultWarning("W60", f"{text}, first: {variants.why}")
+        yield ResultWarning("W60", f"{text}. The first: {variants.why}")
     error = variants.standard_error or 0.0
     if asked and error > asked:
-        text = f"the standard error of the means is {percent(error)}"
-        yield ResultWarning("W61", text, "raise variants.count, or knit.repeats", link="; ")
+        text = f"The standard error of the means is {percent(error)}, above {percent(asked)}."
+        yield ResultWarning("W61", text)
 
 
 def branch_of(seen: Watched) -> Branch | None:

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..base.text import alike, celsius, engineering, is_at_grips, percent, short_percent
+from ..base.text import celsius, engineering, is_at_grips, percent, short_percent, sides_text
 from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
-from ..mechanics.protocols import TOO_THICK
 from ..results.finding import ResultWarning
 from ..results.row import Row
+from ..scene import Scene
 from .branches import jumps_of, takes_up_slack, tensions_text
-from .cautions import cautions
+from .cautions import cautions, cut_cautions
 from .history import ends_of, missing_work
 from .strength import limit_text, strength_text
 
@@ -35,13 +35,15 @@ UNEVEN = 0.25  # relative difference between the median tension of a panel and t
 def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
     """Warnings from the rows of a run, beside those of the model."""
     stages = ends_of(rows)
+    short_wires = [*_taut_between_grips(model, stages)]
     return [
-        *(ResultWarning("W03", note) for note in model.panel.notes),
+        *file_warnings(model.scene, model.panel.notes),
         *_overstressed(model, rows, stages),
-        *_taut_between_grips(model, stages),
+        *(short_wires or cut_cautions(model)),
         *_compressed(model, rows),
         *cautions(model, rows),
-        *_unevenly_pulled(model, stages),
+        *_slack_membrane(stages),
+        *([] if short_wires else _unevenly_pulled(model, stages)),
         *_out_of_range(stages),
         *_contacts_as_knitted(model, rows),
         *_lost_contact([row for row in rows if row.is_hook]),
@@ -50,41 +52,43 @@ def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
     ]
 
 
+def file_warnings(scene: Scene, notes: Sequence[str]) -> Iterator[ResultWarning]:
+    """What a run does not use of a file of wires."""
+    if scene.wires is not None:
+        yield from (ResultWarning("W03", f"{scene.wires.path.name}: {note}.") for note in notes)
+
+
 def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
     wire = model.scene.wire
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
     interior = max((end.stress_interior_max_Pa for end in stages), default=largest)
     is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
-    where = f" (away from the grips {engineering(interior, 'Pa')})" if is_gripped and is_at_grips(interior, largest) else ""
-    stressed = f"largest wire stress {engineering(largest, 'Pa')}{where}, above the"
+    where = f"; away from the grips {engineering(interior, 'Pa')}" if is_gripped and is_at_grips(interior, largest) else ""
+    stressed = f"The largest wire stress, {engineering(largest, 'Pa')}, is above the"
     if largest > wire.tensile_strength:
-        law = "the model has no fracture" if wire.plastic else "the model is elastic"
-        yield ResultWarning("W04", f"{stressed} {strength_text(model.scene)}: the wire would break; {law}")
+        yield ResultWarning("W04", f"{stressed} {strength_text(model.scene)}{where}.")
     elif largest > wire.yield_stress:
-        yield ResultWarning("W04", f"{stressed} {limit_text(model.scene)}: {_yielding(model, stages)}")
+        plastic = f"; {_yielding(stages)}" if wire.plastic else ""
+        advice = None if wire.plastic else "Set wire.plastic = true to compute the permanent set, or reduce the load."
+        yield ResultWarning("W04", f"{stressed} {limit_text(model.scene)}{where}{plastic}.", advice)
 
 
 def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Whether wires of less than a loop, which two grips pull apart, carry the largest stress, or a large part of the tension."""
+    """Whether wires of less than a loop between two grips carry the largest stress, or a large part of the tension."""
     if not stages or model.cloth is None or model.panel.boundary == "periodic":
         return
     end, length = stages[-1], model.panel.wire_length
     largest, interior = end.stress_max_Pa, end.stress_interior_max_Pa
     is_short = length < model.cloth.stitch_length
     sides = {side: fragment_share(end, side) for side in ("weft", "warp")}
-    carried = " and ".join(f"{percent(share, 0)} in {side}" for side, share in sides.items() if share > CARRIED)
+    carried = " and ".join(f"{percent(share, 0)} of the {side} tension" for side, share in sides.items() if share > CARRIED)
     is_taut = is_short[end.stress_max_wire] and largest > TAUT * interior
     if not is_taut and not carried:
         return
-    found = [f"they carry {carried} of the tension"] if carried else []
+    found = [f"carry {carried}"] if carried else []
     if is_taut:
-        found.append(f"one is taut with {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips)")
-    yield ResultWarning(
-        "W05",
-        f"{np.count_nonzero(is_short)} of {len(length)} wires have less than a loop between two grips, which strains pull"
-        f" apart: {'; '.join(found)}; the tension of the mesh includes them, the larger the mesh the less",
-        "compare with model.boundary = 'periodic'",
-    )
+        found.append(f"reach {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips)")
+    yield ResultWarning("W05", f"Cut wire ends at the grips {' and '.join(found)}.")
 
 
 def fragment_share(end: Row, side: str) -> float:
@@ -93,17 +97,15 @@ def fragment_share(end: Row, side: str) -> float:
     return part / tension if tension > 0.0 else 0.0
 
 
-def _yielding(model: MeshModel, stages: Sequence[Row]) -> str:
-    """What the model computes of yield."""
-    if not model.scene.wire.plastic:
-        return "a real wire would yield and keep a set; the model is elastic and computes none (wire.plastic)"
+def _yielding(stages: Sequence[Row]) -> str:
+    """How much of a plastic wire yields."""
     share = max((end.plastic_fraction or 0.0 for end in stages), default=None)
     if share is None:
         return "wires yield in bending"
     if share == 0.0:
-        return "a real wire would yield under tension and bending together; the model yields in bending alone, which stays below"
+        return "it yields in bending alone, which stays below"
     strain = max(end.plastic_strain_max or 0.0 for end in stages)
-    return f"{short_percent(share)} of the wire has yielded in bending, to a plastic strain of up to {short_percent(strain)}"
+    return f"{short_percent(share)} of the wire yields in bending, to a plastic strain of {short_percent(strain)}"
 
 
 def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -112,39 +114,35 @@ def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning
     for row, tension in zip(rows, tensions, strict=True):
         imposed = ~_driven_by_tension(model, row.stage)
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
-            yield ResultWarning("W06", f"the mesh is compressed: a real mesh would {model.when_compressed}")
+            yield ResultWarning("W06", f"The mesh is compressed. A real mesh would {model.when_compressed}.")
             return
         # the tension of a ramp has inertia in it
         if model.scene.solver.drive == "relax" and np.any(pushed := imposed & (tension < PUSHED * largest)):
             sides = " and ".join(side for side, is_pushed in zip(("weft", "warp"), pushed, strict=True) if is_pushed)
-            shown = " / ".join(alike(tension.tolist(), "N/m"))
-            text = f"the mesh pushes along {sides}, its tension is {shown}: a real mesh would {model.when_compressed}"
-            yield ResultWarning("W07", text)
+            shown = sides_text(tension.tolist(), "N/m")
+            yield ResultWarning("W07", f"The mesh pushes along {sides} ({shown}). A real mesh would {model.when_compressed}.")
             return
 
 
-def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Panels whose median tension is far below the tension at the edges."""
+def _slack_membrane(stages: Sequence[Row]) -> Iterator[ResultWarning]:
     membrane_residual = max((end.membrane_left_out for end in stages), default=0.0)
     if membrane_residual > 0.0:
         yield ResultWarning(
             "W08",
-            "the mesh is slack or uneven: its equilibrium as a membrane did not converge, and its stress may be out of balance by"
-            f" {percent(membrane_residual)} of the tension",
+            "The equilibrium as a membrane did not converge; stress may be out of balance by"
+            f" {percent(membrane_residual)} of the tension.",
         )
+
+
+def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
+    """Panels whose median tension is far below the tension at the edges."""
     for end in stages:
         driven, panel = _driven_by_tension(model, end.stage), end.get("panel") or {}
         median: list[Any] = [panel.get(f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
         uneven = [m is not None and abs(m - t) > UNEVEN * abs(t) for m, t in zip(median, end.tension, strict=True)]
         if np.any(driven & np.array(uneven)):
-            shown = " / ".join(alike(median, "N/m"))
-            yield ResultWarning(
-                "W09",
-                f"the edges carry the given tension, but half of the panel carries less than {shown} in weft / warp: short wires"
-                " between grips carry more than their share",
-                "use a larger mesh or model.boundary = 'periodic'",
-                link="; ",
-            )
+            text = f"The edges carry the given tension, half of the panel less than {sides_text(median, 'N/m')}."
+            yield ResultWarning("W09", text)
             return
 
 
@@ -152,25 +150,22 @@ def _out_of_range(stages: Sequence[Row]) -> Iterator[ResultWarning]:
     surfaces = [(end.get("panel") or {}).get("surface", {}) for end in stages]
     steep = max((surface.get("slope_max", 0.0) for surface in surfaces), default=0.0)
     if steep > STEEP:
-        text = f"the slope of the paraboloid reaches {steep:.2g} at the edge of the panel: the shape is computed for small slopes"
+        text = f"The slope of the paraboloid reaches {steep:.2g} at the edge; the shape is computed for small slopes."
         yield ResultWarning("W10", text)
     if ends := max((end.at_reach_end for end in stages), default=0):
-        yield ResultWarning("W11", f"{ends} active contacts are at the end of their sliding range: their forces are not valid")
+        yield ResultWarning("W11", f"{ends} active contacts are at the end of their sliding range; their forces are not valid.")
 
 
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     if release := _release(model, rows):
-        yield ResultWarning("W12", *release, link="; ")
+        yield ResultWarning("W12", *release)
     elif model.scene.wires is not None:
         yield from _prestressed(rows)
     elif rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
-        cause = "wire.set_fraction lets the loops spring open" if released else TOO_THICK
-        yield ResultWarning(
-            "W14",
-            f"{rows[0].active_pairs} pairs are active as knitted, with {engineering(rows[0].tension_weft_N_per_m, 'N/m')} in weft"
-            f" and {engineering(rows[0].tension_warp_N_per_m, 'N/m')} in warp at zero strain: {cause}",
-        )
+        tension = sides_text(rows[0].tension, "N/m")
+        text = f"{rows[0].active_pairs} pairs are active as knitted, with {tension} at zero strain."
+        yield ResultWarning("W14", text, "Raise wire.set_fraction." if released else None)
 
 
 def _release(model: MeshModel, rows: Sequence[Row]) -> tuple[str, str] | None:
@@ -185,8 +180,8 @@ def _release(model: MeshModel, rows: Sequence[Row]) -> tuple[str, str] | None:
     above = f", above the {strength_text(model.scene)}" if breaks else ""
     least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / stress)) / 100.0
     text = f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load"
-    more = f"set wire.set_fraction = {least:g} or more" if least > wire.set_fraction else "raise wire.set_fraction"
-    return f"{text}{above}{closed}", more
+    more = f"Set wire.set_fraction = {least:g} or more." if least > wire.set_fraction else "Raise wire.set_fraction."
+    return f"{text}{above}{closed}.", more
 
 
 def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
@@ -209,13 +204,9 @@ def _prestressed(rows: Sequence[Row]) -> Iterator[ResultWarning]:
     tension = [rows[0].tension_weft_N_per_m, rows[0].tension_warp_N_per_m]
     largest = max(max(abs(row.tension_weft_N_per_m), abs(row.tension_warp_N_per_m)) for row in rows)
     if max(map(abs, tension)) > PRESTRESS * largest:
-        shown = " / ".join(alike(tension, "N/m"))
-        yield ResultWarning(
-            "W13",
-            f"the mesh is prestressed before it is loaded: {shown} in weft / warp, with a wire stress of"
-            f" {engineering(rows[0].stress_max_Pa, 'Pa')}, from wires that overlap in the file or are not in equilibrium there;"
-            " all results include this",
-        )
+        stress = engineering(rows[0].stress_max_Pa, "Pa")
+        text = f"The mesh is prestressed before loading: {sides_text(tension, 'N/m')}, wire stress {stress}."
+        yield ResultWarning("W13", text)
 
 
 def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -224,9 +215,8 @@ def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
     if not force or force[-1] > 0.0 or max(force) == 0.0:
         return
     largest = int(np.argmax(force))
-    where = f"the wires lost contact after {engineering(rows[largest].displacement_m, 'm')}"
-    text = f"{where}, at a contact force of {engineering(force[largest], 'N')}: the contact slid off its target"
-    yield ResultWarning("W15", text)
+    where = f"The wires lost contact after {engineering(rows[largest].displacement_m, 'm')}"
+    yield ResultWarning("W15", f"{where}, at a contact force of {engineering(force[largest], 'N')}.")
 
 
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -234,22 +224,20 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWar
     if found := jumps_of(model, rows):
         a, b = found[0]
         more = len(found) - 1
-        others = f", and {more} more time{'s' * (more > 1)}" if more else ""
-        there = f"mean of weft and warp {tensions_text(a, b)}"
+        others = f", and at {more} more place{'s' * (more > 1)}" if more else ""
+        there = f"mean tension {tensions_text(a, b)}"
         if a.temperature_K != b.temperature_K:
             there = f"{celsius(a.temperature_K)} and {celsius(b.temperature_K)}"
         yield ResultWarning(
             "W18",
-            f"the mesh jumps to another equilibrium between {_between(a, b)} ({there}){others}: several"
-            " equilibria exist there, and the result depends on the load history",
-            "compare with other output.frames, solver.residual_tolerance=1e-4 and more knit.repeats",
+            f"Snap-through to another equilibrium between {_between(a, b)} ({there}){others}.",
         )
 
 
 def _between(a: Row, b: Row) -> str:
-    """The loads of two neighbouring records: shares of that of the stage of the second one."""
+    """The loads of two neighbouring records, as shares of the load step of the second one."""
     before = a.load_factor if a.stage == b.stage else 0.0
-    return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of the load of stage {b.stage!r}"
+    return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of {b.stage!r}"
 
 
 def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -263,8 +251,8 @@ def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) ->
         k = int(np.argmax(np.sign(share.sum()) * share))
         yield ResultWarning(
             "W19",
-            f"work and stored energy differ by {percent(share.sum(), 0)} of the largest stored energy, by {percent(share[k], 0)}"
-            f" between {_between(rows[k], rows[k + 1])}: the mesh snapped through there, or output.frames is too small",
+            f"Work and stored energy differ by {percent(share.sum(), 0)}, of which {percent(share[k], 0)} between"
+            f" {_between(rows[k], rows[k + 1])}: a snap-through, or too few load levels.",
         )
 
 

@@ -116,9 +116,8 @@ def tight_knits(name: str, kind: str) -> str:
     error = PRESETS[name].of(kind, "relax").tight_error_percent
     if error is None:
         return ""
-    found = f"tensions of tight knits are within {error:g} % of the reference preset at nine of ten loads"
-    compare = f"compare with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
-    return f"{found}; at the others strains, contacts and stress too may be those of another equilibrium: {compare}"
+    found = f"tight knits: tensions within {error:g} % of preset reference at nine of ten loads, else another equilibrium"
+    return f"{found}; compare tight knits with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
 
 
 def preset_like(kind: str, nodes_per_loop: int, axial_softening: float, precision: str, residual_tolerance: float) -> str | None:

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..base.text import engineering, rounded, short_percent
 from ..knit.cloth import Cloth
-from ..mechanics.protocols import TOO_THICK
 from ..mechanics.trial import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
 from ..scene.presets import PRESETS
@@ -58,17 +57,17 @@ def contacts(bodies: int) -> str:
 def accuracy(scene: Scene) -> str:
     """Expected error of the settings of the scene."""
     if scene.hook is not None or scene.wires is not None:
-        return "not measured on wires like these: run it again with other nodes to see what they are worth"
+        return "accuracy not measured on such wires; compare two values of model.nodes_per_loop"
     if (name := scene.preset_in_force) is not None:
         preset = PRESETS[name].of("spatial", scene.solver.drive)
         more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
         return (
-            f"{name}: within {preset.error_percent:g} % on a repeat of the double atlas mesh, for {rounded(preset.node_steps):,}"
-            f" node-steps a load level{more}; `run --error` measures it on this scene"
+            f"preset {name}: within {preset.error_percent:g} % on the double atlas tile{more};"
+            f" {rounded(preset.node_steps):,} node-steps a load level there; run --error PERCENT measures it on this scene"
         )
     return (
-        f"{scene.model.nodes_per_loop} nodes a loop; on a repeat of the double atlas mesh 20 to 32 miss up to 2.1 % of"
-        " tension and 1.2 % of contact forces, 48 miss 0.1 %; `run --error` measures it on this scene"
+        f"{scene.model.nodes_per_loop} nodes a loop; on the double atlas tile 20 to 32 nodes miss up to 2.1 % of tension, 48"
+        " miss 0.1 %; run --error PERCENT measures it on this scene"
     )
 
 
@@ -93,7 +92,7 @@ def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
     if found.closest is not None and found.places:
         places = f"{found.places} place{'s' if found.places > 1 else ''}"
         depth = short_percent(1.0 - found.closest / scene.wire.thickness)
-        yield f"as knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness: {TOO_THICK}"
+        yield f"As knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness."
 
 
 def limitations(_scene: Scene, _cloth: Cloth) -> tuple[str, ...]:

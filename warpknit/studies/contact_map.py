@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.text import alike, between, both
+from ..base.text import alike, between, both, sides_text
 from ..measure import Observables, energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
@@ -214,8 +214,7 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[Re
     where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
     yield ResultWarning(
         "W40",
-        f"the results jump between {where} (weft / warp): several equilibria exist there, and the values on either side belong"
-        " to different ones",
+        f"Snap-through to another equilibrium between {where} (weft / warp).",
     )
 
 
@@ -223,8 +222,7 @@ def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> Iterator[Re
     """How many pairs of loads did not converge."""
     failed, quantity = sum(row.stop_reason != STEADY for row in rows), "tensions" if by_tension else "strains"
     if failed:
-        text = f"{failed} of {len(rows)} pairs of {quantity} did not converge"
-        yield ResultWarning("W39", text, "map_details.csv has the reasons", link="; ")
+        yield ResultWarning("W39", f"{failed} of {len(rows)} pairs of {quantity} did not converge.")
 
 
 @dataclass(frozen=True)
@@ -244,7 +242,7 @@ class TensionRange:
 def drift_text(drift: TensionRange) -> str:
     """A `TensionRange` in words."""
     jumps = "; ".join(between(*(load_text(side, by_tension=True) for side in jump)) for jump in drift.jumps)
-    snaps = f"; beyond it the mesh jumps {jumps}" if jumps else ""
+    snaps = f"; beyond it a snap-through {jumps}" if jumps else ""
     open_, diverged = (drift.open_low, drift.open_high), (drift.diverged_low, drift.diverged_high)
     if drift.low == drift.high:
         reasons = ((open_, "beyond the edge of the map"), (diverged, "where the next pair did not converge"))
@@ -256,9 +254,9 @@ def drift_text(drift: TensionRange) -> str:
         return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "") + snaps
     ends = []
     for end, at, is_open, failed in zip((drift.low, drift.high), ("at most ", "at least "), open_, diverged, strict=True):
-        text = load_text(end, by_tension=True)
+        text = sides_text(end, "N/m")
         text = f"{at}{text}, where the next pair did not converge" if failed else text
-        ends.append(text + (" (the edge of the map)" if is_open else ""))
+        ends.append(text + (" (edge of the map)" if is_open else ""))
     return f"from {ends[0]}{',' if drift.diverged_low else ''} to {ends[1]}{snaps}"
 
 
@@ -288,13 +286,11 @@ def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator
     if optimum is None:
         return
     if optimum.at_edge:
-        text = f"the optimum is at the edge of the map in {' and '.join(optimum.at_edge)}"
-        yield ResultWarning("W43", text, "a wider [sweep] may have a better one")
+        yield ResultWarning("W43", f"The optimum is at the edge of the map in {' and '.join(optimum.at_edge)}.")
     if _is_beside_jump(optimum.load, jumps):
         yield ResultWarning(
             "W44",
-            "the optimum is beside a jump to another equilibrium: a mesh with little other strains, or loaded otherwise, may have"
-            " fewer active contacts",
+            "The optimum is beside a snap-through to another equilibrium.",
         )
 
 

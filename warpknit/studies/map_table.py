@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from .. import __version__
-from ..base.text import duration, engineering, percent
-from ..results.finding import Finding, ResultWarning, warning_lines
+from ..base.text import duration, engineering, percent, sides_text
+from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Values, plain, valued
 from ..runner.run_directory import Tree
-from ..runner.strength import assumed_note
-from ..runner.summary_table import TIMED, model_findings
+from ..runner.summary_table import TIMED, heading, model_findings
 from .contact_map import Jump, Optimum, drift_text, optimum_note
 
 OF_SOME = ("report", "reflection", "answers")  # tables that not every map has
@@ -47,36 +46,45 @@ class MapSummary:
     def of(cls, tree: Tree) -> MapSummary:
         """The result that `json` gave."""
         optimum = None if tree["optimum"] is None else Optimum.of(tree["optimum"])
-        known = {"warnings": [ResultWarning("", text) for text in tree["warnings"]], "optimum": optimum, "jumps": tree["jumps"]}
+        known = {"warnings": [*map(ResultWarning.of, tree["warnings"])], "optimum": optimum, "jumps": tree["jumps"]}
         return cls(**vars(valued(tree)) | known)
 
 
+def map_table(result: MapSummary, *more: Finding) -> ResultTable:
+    """The table of a map, with further findings at its end."""
+    return ResultTable((*map_findings(result), *more), tuple(result.warnings), "map.json")
+
+
 def map_findings(result: MapSummary) -> Iterator[Finding]:
-    """The lines of the table of a map."""
-    yield from warning_lines(result.warnings)
-    yield from model_findings(result.model)
+    """The rows of the table of a map."""
     cells, solver, optimum, report = result.cells, result.solver, result.optimum, result.report
     meshes = "" if result.variants == 1 else f", up to {result.variants} meshes each"
-    yield Finding(f"pairs of {result.loads}", f"{cells.steady} of {cells.wanted} converged{meshes}")
-    steps = f"{solver.cell_steps:,} of {result.model.nodes:,} nodes, {solver.cell_steps_per_s:,.0f} a second"
-    yield Finding("time steps", steps)
+    yield heading(
+        result.scene.name, f"{cells.steady} of {cells.wanted} pairs of {result.loads} converged{meshes}", result.stop_reason
+    )
+    limit = engineering(result.wire.yield_stress_Pa, "Pa")
+    assumed = f" (assumed {limit})" if result.wire.yield_stress_assumed else ""
+    if optimum is None:
+        text = f"none: no load of the map has tension, an active contact and a stress below {limit}; change [sweep]"
+        yield Finding("optimum", text, short=True)
+    else:
+        where = optimum_note(optimum.load, result.jumps)
+        strain = f"{percent(optimum.strain_weft)} weft, {percent(optimum.strain_warp)} warp"
+        yield Finding("optimum at strain", strain, where=where, short=True)
+        tension = sides_text((optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m), "N/m")
+        yield Finding("  tension", tension, short=True)
+        yield Finding("  active contacts", percent(0.01 * optimum.active_percent), short=True)
+        share = f", {percent(1.0 - optimum.stress_margin, 0)} of yield{assumed}"
+        yield Finding("  largest wire stress", optimum.stress_max_Pa, "Pa", where=share, short=True)
+        for drift in optimum.drift:
+            along = "both tensions" if drift.along == "both" else f"{drift.along} tension"
+            yield Finding(f"  valid {along}", drift_text(drift), short=drift.along == "both")
+    steps = f"{solver.cell_steps:,} steps"
+    wall = duration(solver.wall_s if report is None else report.wall_s, 3)
+    yield from model_findings(result.model, f"{result.model.nodes:,} nodes, {steps}, {wall}")
+    yield Finding("  speed", f"{solver.cell_steps_per_s:,.0f} steps a second")
     if report is None:
-        yield Finding("wall time", f"{duration(solver.wall_s, 3)} {TIMED}")
+        yield Finding("  wall time", f"{duration(solver.wall_s, 3)} {TIMED}")
     else:
         stages = ", ".join(f"{name} {duration(took)}" for name, took in vars(report.stages_s).items() if took >= LEAST_TOLD)
-        yield Finding("wall time", f"{duration(report.wall_s, 3)} for the report: {stages}")
-    note = assumed_note("wire.yield_stress", result.wire.yield_stress_assumed)
-    if optimum is None:
-        below = f"below {engineering(result.wire.yield_stress_Pa, 'Pa')}{note}"
-        text = f"none: no tensile load of the map has an active contact and a stress {below}; another [sweep] may"
-        yield Finding("optimum", text)
-    else:
-        strains = f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}"
-        yield Finding("optimum strain, weft / warp", strains, where=optimum_note(optimum.load, result.jumps))
-        yield Finding("  tension, weft / warp", (optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m), "N/m")
-        yield Finding("  active contacts", percent(0.01 * optimum.active_percent))
-        share = f", {percent(1.0 - optimum.stress_margin, 0)} of the elastic limit"
-        yield Finding("  largest stress", optimum.stress_max_Pa, "Pa", where=share, sure=note)
-        for drift in optimum.drift:
-            yield Finding(f"  {drift.along} may drift", drift_text(drift))
-    yield Finding("stopped", result.stop_reason)
+        yield Finding("  wall time", f"{duration(report.wall_s, 3)}: {stages}")

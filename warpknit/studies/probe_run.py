@@ -149,12 +149,13 @@ def estimate_of(record: Record, scene: Scene, setting: Setting, percent: float) 
     try:
         errors = ProbeRun(scene).errors_of_run(results, setting)
     except Diverged as error:
-        return Estimate(warning=ResultWarning("W45", f"the error was not estimated: {error}"))
+        return Estimate(warning=ResultWarning("W45", f"The error was not estimated: {error}."))
     if errors is None:
-        return Estimate(warning=ResultWarning("W45", "the error was not estimated: a small mesh of this scene does not converge"))
+        text = "The error was not estimated: a small mesh of this scene does not converge."
+        return Estimate(warning=ResultWarning("W45", text))
     estimated = error_bound_percent(errors)
     warning = None
     if estimated > percent:
-        text = f"the error is estimated at {estimated:.2g} %, more than the {percent:g} % asked for"
+        text = f"The estimated error is {estimated:.2g} %, above the {percent:g} % of --error."
         warning = ResultWarning("W46", text)
     return Estimate(estimated / 100.0, errors.active_percent, errors.tension, errors.contact_force, errors.stress, warning)

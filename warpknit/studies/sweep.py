@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import measure
-from ..base.text import celsius, percent
+from ..base.text import percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
@@ -185,7 +185,7 @@ class _Mapper:
             return []
         done, wanted = len(self.rows), len(self.pairs)
         pairs = f"{done} of {wanted} pairs of {self.sweep.quantity} are done"
-        return [ResultWarning("W42", f"the map is incomplete: {pairs}, and the optimum is the best of these")]
+        return [ResultWarning("W42", f"The map is incomplete: {pairs}.")]
 
     # --- cells ---
 
@@ -295,9 +295,6 @@ class _Mapper:
         optimum = find_optimum(rows, wire.yield_stress, jumps)
         warnings = [*self.model_warnings, *sweep_cautions(scene, self.first.cloth)]
         warnings += [*unconverged_warning(rows, by_tension), *jump_warning(jumps, by_tension)]
-        if len(scene.stages) > 1:
-            text = f"the map is at {celsius(scene.stages[0].temperature)}: it does not run the stages of [[path]]"
-            warnings.append(ResultWarning("W41", text))
         warnings += self._missing_warning or optimum_warnings(optimum, jumps)
         return MapSummary(
             scene=Values(name=scene.name, hash=scene.hash),

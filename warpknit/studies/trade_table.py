@@ -13,10 +13,10 @@ from .. import __version__
 from ..base.files import write_table
 from ..base.text import rounded
 from ..errors import RunDirectoryError
-from ..results.finding import Finding, ResultWarning, warning_lines
+from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Values, plain, valued
 from ..runner.run_directory import Tree
-from ..runner.summary_table import model_findings
+from ..runner.summary_table import heading, model_findings
 from . import parameters
 from .point import Errors, PointOutcome, Results
 
@@ -164,30 +164,36 @@ class TradeSummary:
     @classmethod
     def of(cls, tree: Tree) -> TradeSummary:
         """The result that `json` gave."""
-        warnings = [ResultWarning("", text) for text in tree["warnings"]]
+        warnings = [*map(ResultWarning.of, tree["warnings"])]
         return cls(**vars(valued(tree)) | {"warnings": warnings, "without_result_by": tree["without_result_by"]})
 
 
+def trade_table(result: TradeSummary) -> ResultTable:
+    """The table of a trade."""
+    return ResultTable(tuple(trade_findings(result)), tuple(result.warnings), "trade.json")
+
+
 def trade_findings(result: TradeSummary) -> Iterator[Finding]:
-    """The lines of the table of a trade."""
-    yield from warning_lines(result.warnings)
-    yield from model_findings(result.model)
-    why = ", ".join(f"{count} {reason}" for reason, count in result.without_result_by.items())
-    reasons = f" ({why})" if why else ""
-    yield Finding("points", f"{result.points}, {result.without_result} without a result{reasons}")
+    """The rows of the table of a trade."""
+    missing = f", {result.without_result} without a result" if result.without_result else ""
+    yield heading(result.scene.name, f"{result.points} points{missing}", result.stop_reason)
+    for reason, count in result.without_result_by.items():
+        yield Finding("  without a result", f"{count} {reason}")
     worst = 0.0
     if "own_error" in result.reference:
         worst = Errors(**vars(result.reference.own_error)).largest_percent
-        yield Finding("reference", f"{result.reference.nodes_per_loop[0]:g} nodes a loop, own error {worst:.2g} %")
+        text = f"{result.reference.nodes_per_loop[0]:g} nodes a loop, own error {worst:.2g} %"
+        yield Finding("reference", text, short=True)
     for preset in result.presets:
-        yield Finding(f"preset {preset.point.split()[1]}", _cost_and_error(preset, worst))
+        yield Finding(f"preset {preset.point.split()[1]}", _cost_and_error(preset, worst), short=True)
+    yield Finding("Pareto front", f"{len(result.front)} points (trade.csv)", short=True)
     for point in result.front:
-        yield Finding("Pareto front", f"{_cost_and_error(point, worst)}: {point.point.partition(': ')[2]}")
+        yield Finding("  point", f"{_cost_and_error(point, worst)}: {point.point.partition(': ')[2]}")
     for parameter in dict.fromkeys(row.knob for row in result.knobs):
         for row in (row for row in result.knobs if row.knob == parameter and row.largest_error_percent is not None):
             cost = f"{row.value or 'unchanged'}: {row.price_over_base:.2g} x"
-            yield Finding(parameter, f"{cost}, {_percent(row.largest_error_percent)}")
-    yield Finding("stopped", result.stop_reason)
+            yield Finding(f"  {parameter}", f"{cost}, {_percent(row.largest_error_percent)}")
+    yield from model_findings(result.model, f"{result.model.nodes:,} nodes" if "nodes" in result.model else "")
 
 
 def _percent(error: float) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpknit.base.text import short_percent
+from warpknit.results.finding import ResultWarning
 from warpknit.scene import Scene
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.hooks import Places, find_places
@@ -26,16 +27,13 @@ class WireReport:
     is_prestressed: bool  # by overlaps
 
     @property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[ResultWarning]:
         """What to look at before a run."""
-        found = list(self.wires.notes)
+        found = [ResultWarning("W03", f"{self.file}: {note}.") for note in self.wires.notes]
         if self.is_prestressed and (self.overlaps.crowded or self.overlaps.places):
             closest, touch = self.overlaps.closest, self.overlaps.thickness
             depth = "" if closest is None else f", by up to {short_percent(1.0 - closest / touch)} of their thickness"
-            found.append(
-                f"wires overlap as they come{depth}: a run pushes them apart first, which prestresses the mesh before"
-                " it is loaded; wires.overlaps = 'at rest' makes them free of stress there"
-            )
+            found.append(ResultWarning("W13", f"Wires overlap as drawn{depth}; pushing them apart prestresses the mesh."))
         return found
 
     def as_dict(self) -> dict[str, object]:
@@ -54,7 +52,7 @@ class WireReport:
             "hooks": None if self.places.crowded else self.places.hooks,
             "crossings": None if self.places.crowded else len(self.places) - self.places.hooks,
             "overlaps": None if overlaps.crowded else overlaps.places,
-            "warnings": self.warnings,
+            "warnings": [*map(str, self.warnings)],
         }
 
     def rows(self) -> list[tuple[str, str]]:
@@ -78,7 +76,7 @@ class WireReport:
             rows.append(("thickness", f"{low} to {high}, from the file"))
         rows.append(("hooks", self.places.line()))
         rows.append(("contact", self.overlaps.line()))
-        return rows + [("warning", text) for text in self.warnings]
+        return rows
 
     def _extent(self) -> np.ndarray:
         """(3,) [m] of the box around the wires."""
