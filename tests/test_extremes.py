@@ -110,16 +110,17 @@ def test_any_scene_ends_well(table: Table) -> None:
         assert found.message and "\n" not in found.message
         return
     summary, warnings = found.summary.json(), " / ".join(found.summary.json()["warnings"])
+    said = {warning[:3] for warning in found.summary.json()["warnings"]}
     stiffness = table["wire"]["youngs_modulus"]
     load, strength = table["load"], 4.5e9
     assert ("wire.youngs_modulus =" in warnings) == (not SOFT <= stiffness <= STIFF)
     if min(load["strain_weft"], load["strain_warp"]) < -0.005:
-        assert "wrinkle" in warnings
+        assert {"W06", "W07"} & said
     else:  # a mesh that is held may push
-        assert "the mesh is compressed" not in warnings
+        assert "W06" not in said
     assert ("above the strength" in warnings) == (summary["wire"]["stress_max_so_far_Pa"] > strength)
-    assert ("strength at 20 degC, which differ" in warnings) == (not 70.0 <= load["temperature"] <= 600.0)
-    assert ("did not reach equilibrium" in warnings) == (summary["stop_reason"] == "finished")
+    assert ("W31" in said) == (not 70.0 <= load["temperature"] <= 600.0)
+    assert ("W34" in said) == (summary["stop_reason"] == "finished")
 
 
 def test_a_strain_at_the_limit_is_not_compression() -> None:

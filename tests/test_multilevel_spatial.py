@@ -229,7 +229,7 @@ def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pyt
     rows[-1] = with_sums(rows, simulation.model)
     took = {"wall": 1.0, "compile_time": 0.0, "steps": 1}
     summary = run_summary(simulation.model, rows, stop_reason="steady", notes=simulation.notes, **took)
-    assert str(summary.other_warnings[0]) == note
+    assert summary.solver.notes == [note]
     kept = drive.mechanics.fields.read()
     assert drive.smaller is not None and drive.prolongation is not None and isinstance(drive.smaller.mechanics, SpatialMechanics)
     nodes = drive.smaller.model.panel.node_count

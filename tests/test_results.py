@@ -179,7 +179,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(package: str, method:
 def test_a_run_is_shown_short_and_as_a_page(finished: Run) -> None:
     assert repr(finished) == f"<Run 'atlas_cell': steady, 4 records, in {finished.directory}>"
     page = finished._repr_html_()
-    assert "tension, weft / warp" in page and "data:image/png;base64," in page
+    assert "<td>tension</td>" in page and "data:image/png;base64," in page
     assert repr(finished.history).startswith("<Table of 4 rows, ")
     assert "<th>tension_weft_N_per_m</th>" in finished.history._repr_html_()
     for item in (finished.states[0], finished.layout, finished.observables, finished.tables, finished.states):

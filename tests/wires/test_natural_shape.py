@@ -140,10 +140,11 @@ def test_a_given_set_fraction_takes_the_place_of_the_natural_shape(tmp_path):
     }  # fmt: skip
     file = overview_of(load_scene(table)).file
     assert file is not None and file.wires.natural_turns is None
-    assert file.warnings[:2] == [
+    assert file.wires.notes[:2] == (
         "blocks that are not read: *Colour",
         "natural curvature and twist of zero.pyp (*RK, *RT) are not used: wire.set_fraction = 0.5 sets them",
-    ]
+    )
+    assert [warning.code for warning in file.warnings[:2]] == ["W03", "W03"]
     whole = overview_of(load_scene(table, {"wire.set_fraction": 1})).file
     assert whole is not None and whole.wires.natural_turns is not None and not np.any(whole.wires.natural_turns[0])
 

@@ -140,8 +140,8 @@ def test_plan_says_what_a_file_holds():
     assert found["nodes"] == 123 and found["overlaps"] == 0
     assert found["repeat_m"] == pytest.approx([1e-3 * samples.WALE, 1e-3 * samples.COURSE])
     thick = ("wire.diameter=0.5 mm", "wires.node_spacing=0.25 mm", "wires.repeats=[3, 3]")
-    text = call("plan", CELL, *(part for each in thick for part in ("--set", each))).output
-    assert "wires      3 (3 periodic), 55.17 mm long together" in text
+    text = call("plan", CELL, "--verbose", *(part for each in thick for part in ("--set", each))).output
+    assert "3 (3 periodic), 55.17 mm long together" in text
     assert "36 overlaps; closest centre lines 0.7" in text
     assert "wires are 0.1 mm thick in the file, 0.5 mm in the scene" in text
 
@@ -177,11 +177,11 @@ def test_a_weave_that_overlaps_is_told_when_planned_and_run(tmp_path):
         "load": {"strain_weft": 0.005}, "output": {"frames": 1, "figures": False, "usd": False}, "solver": {"preset": "draft"},
     }  # fmt: skip
     scene = make_scene(table, path=tmp_path / "weave.toml")
-    planned = make_plan(scene).lines()
-    assert any("by up to 30 % of their thickness" in line and "prestresses the mesh" in line for line in planned)
-    assert any("no wires hook each other" in line for line in planned)
+    planned = make_plan(scene)
+    assert any(one.code == "W13" and "by up to 30 % of their thickness" in one.text for one in planned.warnings)
+    assert any("no wires hook each other" in line.text for line in planned.table().lines())
     said = run_scene(scene, out=tmp_path / "run").summary.json()["warnings"]
-    assert any(line.startswith("the mesh is prestressed before it is loaded") for line in said), said
+    assert any(line.startswith("W13") for line in said), said
 
 
 def crossing(folder, gap, spacing):
@@ -195,7 +195,7 @@ def crossing(folder, gap, spacing):
 
 @pytest.mark.parametrize(("gap", "said"), [(0.997, "by up to 0.3 % of"), (0.9995, ""), (1.0, "")])
 def test_wires_that_only_touch_do_not_overlap(gap, said, tmp_path):
-    warnings = [line for line in make_plan(crossing(tmp_path, gap, "0.1 mm")).lines() if "overlap as they come" in line]
+    warnings = [one.text for one in make_plan(crossing(tmp_path, gap, "0.1 mm")).warnings if one.code == "W13"]
     assert len(warnings) == bool(said) and all(said in line for line in warnings)
 
 
@@ -204,6 +204,6 @@ def test_nodes_are_few_where_wires_hook(spacing, few, tmp_path):
     """Loops of 3.3 x 2 mm of wire; straight wires have none, however far their nodes are apart."""
     hooked = load_scene(PATCH, [f"wires.node_spacing={spacing}"])
     for scene, expected in ((hooked, few), (crossing(tmp_path, 1.5, "0.3 mm"), "")):
-        planned = [line for line in map(str, make_plan(scene).warnings) if "nodes a loop are few" in line]
-        built = [line for line in build_model(scene).panel.notes if "nodes a loop are few" in line]
-        assert planned == built and len(planned) == bool(expected) and all(expected in line for line in planned)
+        planned = [one for one in make_plan(scene).warnings if one.code == "W25"]
+        built = [one for one in build_model(scene).panel.warnings if one.code == "W25"]
+        assert planned == built and len(planned) == bool(expected) and all(expected in one.text for one in planned)

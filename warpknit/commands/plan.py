@@ -23,7 +23,7 @@ from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_
 from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import Finding, ResultTable, ResultWarning
-from ..runner.cautions import cut_cautions, node_cautions, release_cautions, scene_cautions, sweep_cautions
+from ..runner.cautions import cut_cautions, release_cautions, scene_cautions, sweep_cautions
 from ..runner.strength import assumed_text
 from ..runner.variants import MOST, first_meshes
 from ..scene import Scene
@@ -217,10 +217,9 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
         accuracy=kind.accuracy(scene),
         file=file,
         warnings=(
-            *(() if file is None else file.warnings),
+            *dict.fromkeys((*(() if file is None else file.warnings), *(model.panel.warnings if is_whole else ()))),
             *(() if cloth is None else kind.limitations(scene, cloth)),
             *(cut_cautions(model) if is_whole else ()),
-            *(node_cautions(scene.model.nodes_per_loop) if file is not None and bodies else ()),
             *scene_cautions(scene, cloth),
             *release_cautions(scene, cloth),
             *sweep_cautions(scene, cloth),

@@ -145,7 +145,7 @@ def report_table(done: Report, directory: Path) -> ResultTable:
     assert page is not None and summary is not None
     of_map = map_table(summary)
     lines = list(of_map.findings) + [Finding("mesh", note) for note in done.notes]
-    lines += [Finding("equal tensions", f"followed {page.path.end_text}"), *page.answer_lines, *page.reflection]
+    lines += [*page.answer_lines, *page.reflection]
     lines.append(Finding("map", page.sweep_text))
     if done.result.exit_code == 0:
         lines.append(Finding("material card", page.card_state, short=True))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
 
 import numpy as np
 
 from ..errors import InputError
+from ..results.finding import ResultWarning
 from ..scene import Scene
 
 # --- steps
@@ -46,6 +48,12 @@ FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % a
 # --- ramps
 STEP_MARGIN = 0.9  # time step over the bound
 LOADING_PERIODS = 10.0  # slowest periods of the default loading time of a ramp
+
+
+def few_nodes(nodes: int) -> Iterator[ResultWarning]:
+    """Warning where a loop has few nodes."""
+    if nodes < FEWEST_NODES:
+        yield ResultWarning("W25", f"{nodes} nodes a loop are few; tension and contact force may be wrong by over 10 %.")
 
 
 def slowest_rate(scene: Scene, loop_length: float) -> float:

@@ -19,6 +19,7 @@ from ..kernels import clamp
 from ..kernels.bend import BOW
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
+from ..results.finding import ResultWarning
 from ..scene.outline import Outline
 from .rest_table import Table
 from .strands import Strands, closed_strands, cut_strands
@@ -145,7 +146,8 @@ class Panel:
     wire_begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
     # (2,) distance of the outermost clamps over `size`; below 1 for wires from a file, whose clamps end inside it
     clamp_share: np.ndarray = field(default_factory=lambda: np.ones(2))
-    notes: tuple[str, ...] = field(default=())  # what the user should know about how the mesh was cut
+    notes: tuple[str, ...] = field(default=())  # how the mesh was cut
+    warnings: tuple[ResultWarning, ...] = field(default=())  # about the wires of a file
     # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
     sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 

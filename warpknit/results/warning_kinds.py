@@ -42,7 +42,7 @@ KINDS = {
         INPUT,
         "Part of the wire file is not used",
         "The file has curves, arrays, widths or units that the run does not read, or reads in another way.",
-        "Check the file with warpknit plan.",
+        "Compare the file with the scene.",
     ),
     "W04": WarningKind(
         INVALID,

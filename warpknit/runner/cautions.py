@@ -12,7 +12,7 @@ from ..base.text import celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length, piece_count
 from ..measure import MeshModel
-from ..mechanics.numerics import FEWEST_NODES, FOLLOWED_INCREMENT
+from ..mechanics.numerics import FOLLOWED_INCREMENT, few_nodes
 from ..mesh.layout import smaller_scene
 from ..mesh.tight_loops import is_tight
 from ..results.finding import ResultWarning
@@ -34,8 +34,6 @@ FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields 
 def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Warnings, one line each."""
     yield from scene_cautions(model.scene, model.cloth)
-    if model.scene.wires is not None and model.panel.body_count:
-        yield from node_cautions(model.scene.model.nodes_per_loop)
     if model.scene.solver.drive == "ramp" and rows:
         yield from _about_ramp(rows)
 
@@ -51,17 +49,11 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
         yield ResultWarning("W24", "No load is given.")
     if cloth is not None:
-        yield from node_cautions(scene.model.nodes_per_loop)
+        yield from few_nodes(scene.model.nodes_per_loop)
         yield from _about_tension(scene, cloth, scene.stages)
         yield from _about_strain(scene, cloth, scene.stages)
         if scene.model.of_kind.has_branches and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
-
-
-def node_cautions(nodes_per_loop: int) -> Iterator[ResultWarning]:
-    """Warning where a loop has few nodes."""
-    if nodes_per_loop < FEWEST_NODES:
-        yield ResultWarning("W25", f"{nodes_per_loop} nodes a loop are few; tension and contact force may be wrong by over 10 %.")
 
 
 def cut_cautions(model: MeshModel) -> Iterator[ResultWarning]:

@@ -186,7 +186,7 @@ def run_summary(
             bodies=panel.body_count,  # contact bodies, or in space places where two wires hook; of wires from a file also where
             # they cross or come near each other
             pairs=model.pair_count,  # two of each body
-            notes=[] if scene.wires is not None else list(panel.notes),  # how the mesh was cut
+            notes=list(panel.notes),  # how the mesh was cut
             rest_curve_error=model.curve_error / scene.wire.diameter,  # largest error of the contact curve in the reference
             # state, over d
         ),

@@ -14,7 +14,6 @@ from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
 from ..results.finding import ResultWarning
 from ..results.row import Row
-from ..scene import Scene
 from .branches import jumps_of, takes_up_slack, tensions_text
 from .cautions import cautions, cut_cautions
 from .history import ends_of, missing_work
@@ -37,7 +36,7 @@ def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
     stages = ends_of(rows)
     short_wires = [*_taut_between_grips(model, stages)]
     return [
-        *file_warnings(model.scene, model.panel.notes),
+        *model.panel.warnings,
         *_overstressed(model, rows, stages),
         *(short_wires or cut_cautions(model)),
         *_compressed(model, rows),
@@ -50,12 +49,6 @@ def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
         *_changed_branch(model, rows),
         *_unbalanced(model, rows, stages),
     ]
-
-
-def file_warnings(scene: Scene, notes: Sequence[str]) -> Iterator[ResultWarning]:
-    """What a run does not use of a file of wires."""
-    if scene.wires is not None:
-        yield from (ResultWarning("W03", f"{scene.wires.path.name}: {note}.") for note in notes)
 
 
 def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:

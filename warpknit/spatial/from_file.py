@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import ModelError
 from ..kernels.clamp import CLAMP_NUMBERS
+from ..mechanics.numerics import few_nodes
 from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
 from ..wires.centre_lines import Wires
@@ -170,6 +171,7 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
         body_rest=np.concatenate([places.position, points[nearest]]),
         body_origin=np.zeros((len(placed.site_wire), 2)),
         pair_wire=placed.site_wire.ravel().astype(np.int32),
-        notes=wires.notes,
+        notes=(),
+        warnings=(*wires.warnings, *(few_nodes(nodes_per_loop) if places.hooks else ())),
         **none,
     )

@@ -8,6 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from warpknit.results.finding import ResultWarning
+
 
 @dataclass(frozen=True, eq=False)
 class Wires:
@@ -26,6 +28,11 @@ class Wires:
     natural_turns: tuple[np.ndarray, ...] | None = None  # of each wire (node, 3) [rad], see read.py; None: as at rest
     twist_strains: tuple[np.ndarray, ...] | None = None  # of each wire (node,) [rad], see read.py; None: 0
     notes: tuple[str, ...] = ()  # what the file states and is not used
+
+    @property
+    def warnings(self) -> tuple[ResultWarning, ...]:
+        """The notes as warnings."""
+        return tuple(ResultWarning("W03", f"Wire file: {note}.") for note in self.notes)
 
     @property
     def node_count(self) -> int:

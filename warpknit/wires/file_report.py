@@ -29,7 +29,7 @@ class WireReport:
     @property
     def warnings(self) -> list[ResultWarning]:
         """What to look at before a run."""
-        found = [ResultWarning("W03", f"{self.file}: {note}.") for note in self.wires.notes]
+        found = list(self.wires.warnings)
         if self.is_prestressed and (self.overlaps.crowded or self.overlaps.places):
             closest, touch = self.overlaps.closest, self.overlaps.thickness
             depth = "" if closest is None else f", by up to {short_percent(1.0 - closest / touch)} of their thickness"
