@@ -74,7 +74,7 @@ def _closed_at(closes: Closing | None) -> str:
         found = f"below {_mean(closes.between[1])}"
     else:
         low, high = (_mean(one) for one in sorted(closes.between, key=mean_tension))
-        found = f"at {low}" if low == high else f"at {low} to {high}"
+        found = between(low, high)
     return found if closes.opens is None else f"{found} (open again)"
 
 

@@ -169,7 +169,8 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
         parts = [end[f"fragment_tension_{side}_N_per_m"] for side in SIDES]
         yield Finding("  of cut wire ends", sides_text(parts, "N/m"))
     if "tension_median_weft_N_per_m" in panel:
-        yield Finding("  median of the panel", sides_text([panel[f"tension_median_{side}_N_per_m"] for side in SIDES], "N/m"))
+        median = [panel[f"tension_median_{side}_N_per_m"] for side in SIDES]
+        yield Finding("  median of the panel", sides_text(median, "N/m"), short=True)
     others = end.get("elsewhere")
     digits = "d" if result.variants is None else ".3g"  # means are no whole numbers
     more = f"; {others:{digits}} more {between}" if others else ""

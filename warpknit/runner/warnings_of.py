@@ -78,10 +78,10 @@ def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[Res
     is_taut = is_short[end.stress_max_wire] and largest > TAUT * interior
     if not is_taut and not carried:
         return
-    found = [f"carry {carried}"] if carried else []
+    found = [f"carry {carried.replace(' tension and', ' and')}"] if carried else []
     if is_taut:
         found.append(f"reach {engineering(largest, 'Pa')} ({engineering(interior, 'Pa')} away from the grips)")
-    yield ResultWarning("W05", f"Cut wire ends at the grips {' and '.join(found)}.")
+    yield ResultWarning("W05", f"Cut wire ends at the grips {', and '.join(found)}.")
 
 
 def fragment_share(end: Row, side: str) -> float:
