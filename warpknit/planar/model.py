@@ -186,7 +186,7 @@ class Model:
     @property
     def when_compressed(self) -> str:
         """Behaviour under compression that the model lacks, in words."""
-        return "wrinkle out of its plane, which the planar model cannot represent"
+        return "wrinkle out of its plane"
 
     def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
         """Warnings where the planar model is not valid, one line each, the gravest first."""

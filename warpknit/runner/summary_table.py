@@ -71,9 +71,7 @@ def heading(name: str, text: str, state: str) -> Finding:
 def _earlier_steps(result: Summary) -> Iterator[Finding]:
     """The load steps before the last one."""
     if len(result.stages) > 1:
-        end = result.end
-        at = "" if "temperature_K" not in end else f", at {celsius(end.temperature_K)}"
-        yield Finding("load step", f"{end.stage}{at}", where=f", the last of {len(result.stages)}", short=True)
+        yield Finding("load step", result.end.stage, where=f", the last of {len(result.stages)}", short=True)
         for stage in result.stages[:-1]:
             yield from _earlier_stage(stage)
 

@@ -107,13 +107,15 @@ def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning
     for row, tension in zip(rows, tensions, strict=True):
         imposed = ~_driven_by_tension(model, row.stage)
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
-            yield ResultWarning("W06", f"The mesh is compressed. A real mesh would {model.when_compressed}.")
+            yield ResultWarning("W06", f"The mesh is compressed, where a real mesh would {model.when_compressed}.")
             return
         # the tension of a ramp has inertia in it
         if model.scene.solver.drive == "relax" and np.any(pushed := imposed & (tension < PUSHED * largest)):
             sides = " and ".join(side for side, is_pushed in zip(("weft", "warp"), pushed, strict=True) if is_pushed)
             shown = sides_text(tension.tolist(), "N/m")
-            yield ResultWarning("W07", f"The mesh pushes along {sides} ({shown}). A real mesh would {model.when_compressed}.")
+            yield ResultWarning(
+                "W07", f"The mesh pushes along {sides} ({shown}), where a real mesh would {model.when_compressed}."
+            )
             return
 
 

@@ -123,7 +123,7 @@ class SpatialModel:
     @property
     def when_compressed(self) -> str:
         """Behaviour under compression that the model cannot show."""
-        return "wrinkle over many repeats, for which this one is too small"
+        return "wrinkle over many repeats"
 
     def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
         """Where results are outside the validity of the model: nowhere."""
