@@ -143,5 +143,9 @@ class Findings:
     def warnings(self) -> list[ResultWarning]:
         """Limits to the use of the card and of the curves, for a terminal."""
         of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
-        limits = [] if self.limit_of_curves is None else [ResultWarning("W57", f"{self.limit_of_curves}.")]
+        limits = (
+            []
+            if self.limit_of_curves is None
+            else [ResultWarning("W57", f"{self.limit_of_curves[0].upper()}{self.limit_of_curves[1:]}.")]
+        )
         return [*of_card, *self.branch_notes, *limits, *missing_points(self.curves)]

@@ -284,9 +284,9 @@ KINDS = {
     ),
     "W57": WarningKind(
         LIMITED,
-        "Curves end near the card",
-        "The curves of the FE card do not extend beyond its tension.",
-        "Extend [sweep] to larger loads.",
+        "Curves of the card end or are missing",
+        "The tension-strain curves of the FE files end near the tension of the card, or a file has none.",
+        "Use the linear card, MESH, near its tension.",
     ),
     "W58": WarningKind(
         LIMITED, "States of a curve are missing", "These states did not converge.", "Use a finer solver.preset."
