@@ -130,7 +130,7 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     page.figure(
         figures["tension"],
         "Active contacts and largest wire stress against equal tensions in weft and warp. Green: best tension (dotted) and how"
-        " far it may drift; grey: jumps to another equilibrium.",
+        " far it is valid; grey: snap-through to another equilibrium.",
     )
     if "heat" in figures:
         page.figure(
@@ -210,7 +210,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {share}"),
-            *((f"tension, where {drift.along} may drift", drift_text(drift)) for drift in optimum.drift),
+            *((f"valid {drift.what}", drift_text(drift)) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
         page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))

@@ -238,6 +238,11 @@ class TensionRange:
     diverged_high: bool
     jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium that ends the range
 
+    @property
+    def what(self) -> str:
+        """What drifts, in words."""
+        return "both tensions" if self.along == "both" else f"{self.along} tension"
+
 
 def drift_text(drift: TensionRange) -> str:
     """A `TensionRange` in words."""

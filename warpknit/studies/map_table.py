@@ -77,8 +77,7 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
         share = f", {percent(1.0 - optimum.stress_margin, 0)} of yield{assumed}"
         yield Finding("  largest wire stress", optimum.stress_max_Pa, "Pa", where=share, short=True)
         for drift in optimum.drift:
-            along = "both tensions" if drift.along == "both" else f"{drift.along} tension"
-            yield Finding(f"  valid {along}", drift_text(drift), short=drift.along == "both")
+            yield Finding(f"  valid {drift.what}", drift_text(drift), short=drift.along == "both")
     steps = f"{solver.cell_steps:,} steps"
     wall = duration(solver.wall_s if report is None else report.wall_s, 3)
     yield from model_findings(result.model, f"{result.model.nodes:,} nodes, {steps}, {wall}")
