@@ -106,8 +106,8 @@ class Plan(Overview):
         accuracy, *more_accuracy = self.accuracy.split("; ")
         physics = [sentence.partition(": ") for sentence in self.physics]
         names = dict.fromkeys(name for name, _, _ in physics if name != UNUSED)
-        more = f" and {len(loads) - 1} more load steps" if len(loads) > 1 else ""
-        yield Finding(self.scene.name, f"{loads[0][1]}{more}, on {self.device}", short=True)
+        more = f", then {len(loads) - 1} more load step{'s' * (len(loads) > 2)}" if len(loads) > 1 else ""
+        yield Finding(self.scene.name, f"{self.scene.stages[0].text}{more}, on {self.device}", short=True)
         yield from (Finding("  load step", text) for _, text in loads if more)
         for heading, text in self.mesh:
             yield Finding(heading, text, short=heading in MESH)
@@ -116,7 +116,9 @@ class Plan(Overview):
         yield from (Finding("  accuracy", text) for text in more_accuracy)
         steps = _about(lambda steps: f"{rounded(steps):,}", self.run)
         one = "" if self._meshes == 1 else f" for each of {self._meshes} meshes"
-        yield Finding("time", f"{self._time_text}, about {rounded(self.steps):,} steps{one}", short=True)
+        yield Finding(
+            "time", f"{self._time_text}, about {rounded(self.steps):,} steps{one}", short=self.map_s is None or self.steps > 0
+        )
         yield Finding("  steps", f"{steps}{self._meshes_text}")
         yield Finding("  measured", _measured(self.run))
         if self.map_s is not None:

@@ -112,7 +112,7 @@ class Findings:
     def answer_lines(self) -> Iterator[Finding]:
         """The answers under equal tensions, for a terminal."""
         if self.answers is not None:
-            yield Finding("equal tensions", f"followed {self.path.end_text}")
+            yield Finding("equal tensions", f"followed {self.path.end_text}", short=True)
             yield from answer_findings(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
         if self.heat_note:
             yield Finding("heat", self.heat_note)
