@@ -23,7 +23,7 @@ of loading, which is not symmetric. alpha is found by heating the mesh under its
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -34,7 +34,7 @@ from ..measure import Observables
 from ..results.row import Row
 from ..scene import Stage
 from ..studies.batch import Mesh
-from .load_path import LoadPath, PathState, part_of, under_strain
+from .load_path import LoadPath, PathState, ends_beside, part_of, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state
@@ -231,29 +231,26 @@ def _differences(
 ) -> _Differences:
     """Derivatives about a strain of `beside` (3,) steps from a tensioned state, by the step from `least` on that agrees best."""
     area = model.panel.area * float(np.linalg.det(tensioned))
-    taken, wanted = 0, 12
 
-    def slopes(size: float) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the stress (3, 3) and of the energy by the length factor (3,), by E11, E22, 2 E12."""
-        nonlocal taken
-        found = np.zeros((3, 2, 4))
-        for k in range(3):
-            for side, sign in enumerate((1.0, -1.0)):
-                f = stretch(size * (beside + sign * np.eye(3)[k]))
-                there = LoadPath(model, state).to(under_strain(model.scene, f @ tensioned)).observables
-                found[k, side] = *_stress(there, f, tensioned), there.thermal_force / area
-                taken += 1
-                watch(taken / wanted)
-        slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
-        return slope[:, :3], slope[:, 3]
+    def slopes(*sizes: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Derivatives of the stress (3, 3) and of the energy by the length factor (3,), by E11, E22, 2 E12; of each step."""
+        steps = [stretch(size * (beside + sign * along)) for size in sizes for along in np.eye(3) for sign in (1.0, -1.0)]
+        stages = [under_strain(model.scene, f @ tensioned) for f in steps]
+        ends = ends_beside([model] * len(stages), [state] * len(stages), stages)
+        there = [(f, record.observables) for f, record in zip(steps, ends, strict=True)]
+        values = [(*_stress(r, f, tensioned), r.thermal_force / area) for f, r in there]
+        for size, found in zip(sizes, np.reshape(values, (len(sizes), 3, 2, 4)), strict=True):
+            slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
+            yield slope[:, :3], slope[:, 3]
 
-    coarse, fine = slopes(2.0 * step), slopes(step)
+    coarse, fine = slopes(2.0 * step, step)
     best = _Differences.of(coarse, fine, step)
     while best.error > AGREEMENT and step > least:
-        wanted += 6
+        watch(0.5)
         step *= 0.5
-        coarse, fine = fine, slopes(step)
+        coarse, (fine,) = fine, slopes(step)
         best = min(best, _Differences.of(coarse, fine, step), key=lambda one: one.error)
+    watch(1.0)
     return best
 
 

@@ -17,6 +17,7 @@ from ..runner.answers_table import ahead_texts
 from ..runner.branches import Event, Jump, state_of
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
+from ..runner.variants import Spread
 from ..scene import Scene
 from .card import AGREEMENT, CYCLE, HEATED, LEAST_STEP, MaterialCard
 
@@ -199,10 +200,13 @@ def write_card(
     out: Path,
     model_warnings: Sequence[ResultWarning] = (),
     fe_cards: Mapping[str, str] | None = None,
+    spread: Mapping[str, Spread] | None = None,
+    meshes: int = 1,
 ) -> None:
     """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map.
 
     fe_cards: the file for each FE code, or why there is none.
+    spread: of the values over the cards of several `meshes`, by name.
     """
     rows = [validity(scene, model_warnings), *card_values(card), *strength_values(card, scene)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
@@ -218,6 +222,8 @@ def write_card(
         "temperature_K": card.temperature,
         "axes": AXES,
         "definition": definition(card),
+        "meshes": meshes,
+        "spread": spread or {},
         "values": {name: value for name, value, _, _ in rows},
         "units": {name: unit for name, _, unit, _ in rows},
         "meaning": {name: meaning for name, _, _, meaning in rows},

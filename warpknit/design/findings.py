@@ -23,6 +23,7 @@ from .curves import missing_points
 from .equal_tension import EqualTensionPath
 from .fe import limit_of_curves
 from .heat import HeatedMesh, later_temperatures
+from .mean_card import MeanCard
 from .opening_size import OpeningSize
 from .service import EqualTension, ServicePoint, branches_at
 
@@ -58,6 +59,7 @@ class Findings:
     curves: Sequence[Row]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
+    mean: MeanCard | None  # of which it is, where meshes are several
     loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
     tensioned: Observables | None  # the mesh of the card
     knitted: Observables | None  # the mesh as knitted

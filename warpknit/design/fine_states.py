@@ -24,8 +24,13 @@ def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
 
     Raises `ModelError`, `KnitError`.
     """
+    return mesh_of(exact(scene, tolerance))
+
+
+def exact(scene: Scene, tolerance: float) -> Scene:
+    """The scene in double precision, with a residual tolerance that is at most this."""
     tolerance = min(scene.solver.residual_tolerance, tolerance)
-    return mesh_of(replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance)))
+    return replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance))
 
 
 def states_at(

@@ -10,7 +10,7 @@ under one load, as tight knits have, those found from the mesh as knitted each b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -45,8 +45,7 @@ class LoadPath:
 
         `watch` is called with the load factor at every convergence check. Raises `Diverged`; `state` is that before the stage.
         """
-        scene, stages = self.model.scene, (*self.state.stages, stage)
-        model = replace(self.model, scene=replace(scene, stages=stages, output=replace(scene.output, frames=levels), sweep=None))
+        model = _onwards(self.model, self.state, stage, levels)
         simulation = Simulation(
             model,
             progress=Progress() if self.state.kept else None,
@@ -57,12 +56,31 @@ class LoadPath:
         else:
             simulation.compile()
         yield from simulation.run()
-        self.state = PathState(stages, simulation.drive.snapshot())
+        self.state = PathState(model.scene.stages, simulation.drive.snapshot())
 
     def to(self, stage: Stage) -> Record:
         """The record at the end of a stage in one level. Raises `Diverged`."""
         *_, record = self.load(stage, levels=1)
         return record
+
+
+def ends_beside(models: Sequence[Any], states: Sequence[PathState], stages: Sequence[Stage]) -> list[Record]:
+    """Records at the ends of stages, each in one level from a state of its model, side by side. Raises the first `Diverged`."""
+    onwards = [_onwards(*one, levels=1) for one in zip(models, states, stages, strict=True)]
+    simulation = Simulation(onwards[0], worlds=onwards, progress=[Progress() for _ in onwards])
+    for drive, state in zip(simulation.drives, states, strict=True):
+        drive.restore(state.kept)
+    last = {record.world: record for record in simulation.run()}
+    for error in simulation.failures.values():
+        raise error
+    return [last[world] for world in range(len(stages))]
+
+
+def _onwards(model: Any, state: PathState, stage: Stage, levels: int | str) -> Any:
+    """The model of a stage behind a state."""
+    scene = model.scene
+    stages, output = (*state.stages, stage), replace(scene.output, frames=levels)
+    return replace(model, scene=replace(scene, stages=stages, output=output, sweep=None))
 
 
 def under_strain(scene: Scene, gradient: np.ndarray) -> Stage:

@@ -52,6 +52,7 @@ from .findings import Findings
 from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
 from .heat import heat, later_temperatures, tension_held
 from .load_path import LoadPath, PathState, part_of, under_strain, under_tension
+from .mean_card import find_mean, loads_of_card
 from .opening_size import openings
 from .report_files import write_files
 from .service import branches_at, equal_tension, is_other, map_cell, two_equilibria
@@ -114,7 +115,6 @@ STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "o
 SEARCHES = ("equal tensions", "heat")  # of these, whose length is not known before
 WAY = 0.6  # of the time of a card: the way to the optimum
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
-AHEAD = 1.01  # of the load of the card: the way on, along which a mesh with friction or yield is loaded
 
 
 def write_report(
@@ -165,7 +165,13 @@ def write_report(
         path = with_state_at(double, path, tension, part_of(watch, 1, 2))
     found_jumps = jumps_under_tension(double, path.rows)
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
-    card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, begin("material card"))
+    watch = begin("material card")
+    card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(watch, 0, 2))
+    mean = None
+    if card is not None and scene.variants.count > 1:
+        stage = scene.sweep.stage(scene.stages[0], optimum.load) if tension is None else under_tension(scene, tension)
+        mean = find_mean(scene, stage, tension, card, part_of(watch, 1, 2))
+        card = card if mean is None else mean.card
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
         card = replace(card, ahead=ahead_of_card(card, yields, found_jumps))
@@ -197,6 +203,7 @@ def write_report(
         curves=curves,
         where=where,
         card=card,
+        mean=mean,
         loading=loading,
         tensioned=tensioned,
         knitted=None if isinstance(knitted, Diverged) else knitted,
@@ -247,10 +254,9 @@ def _card(
         else:
             raise Diverged(unreached_text(scene, path, tension or 0.0))
         here = rows[-1] if row is None else row
+        load, ahead = loads_of_card(scene, here, tension)
         strains = np.array([[here.strain_weft, here.shear], [0.0, here.strain_warp]])
-        load, ahead, beyond = (under_strain(scene, np.eye(2) + factor * strains) for factor in (1.0, AHEAD, BEYOND))
-        if tension is not None:
-            ahead, beyond = (under_tension(scene, factor * tension) for factor in (AHEAD, BEYOND))
+        beyond = under_strain(scene, np.eye(2) + BEYOND * strains) if tension is None else under_tension(scene, BEYOND * tension)
         card, mesh = _card_from(scene, begin, load, ahead, lambda share: watch(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         if tension is None:

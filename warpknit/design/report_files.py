@@ -45,7 +45,9 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
         fe_cards = write_fe_cards(
             found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
         )
-        write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards)
+        several = () if found.mean is None else (found.mean.spread, found.mean.meshes)
+        write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards, *several)
+        write_ends(found, out)
         notes = list(missing_cards(fe_cards))
         if before not in (None, found.where):
             notes.append(f"replaced: the earlier material card, for {before}; --out keeps both")
@@ -58,6 +60,17 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     with write_aside(out / "report.html") as file:
         file.write(_page(found, _figures(found, out / "figures")).html())
     return tuple(notes)
+
+
+def write_ends(found: Findings, out: Path) -> None:
+    """The cards of the softest and the stiffest mesh, in folders of their own."""
+    if found.mean is None:
+        return
+    for end, card in (("softest", found.mean.softest), ("stiffest", found.mean.stiffest)):
+        where, folder = f"{found.where}, {end} of {found.mean.meshes} meshes", out / end
+        folder.mkdir(exist_ok=True)
+        fe_cards = write_fe_cards(card, (), found.scene, where, folder, codes=found.codes, warnings=found.model_warnings)
+        write_card(card, found.scene, where, folder, found.model_warnings, fe_cards)
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:

@@ -18,6 +18,7 @@ from ..results.finding import Finding, ResultWarning
 from ..results.row import Row
 from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
+from ..runner.variants import Spread
 from ..scene import Scene, Wire
 from ..studies.contact_map import (
     MapRow,
@@ -298,6 +299,13 @@ def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
     return f"{factor * value:.4g}", unit
 
 
+def _range(spread: Spread | None, name: str, unit: str) -> str:
+    """The range of a value of the card over the meshes, for people; empty for a value that is the same in all."""
+    if spread is None or spread.p10 == spread.p90:
+        return ""
+    return " to ".join(_shown(name, value, unit)[0] for value in (spread.p10, spread.p90))
+
+
 def card_section(page: Page, found: Findings) -> None:
     """The material card, or why there is none."""
     scene, card, where = found.scene, found.card, found.where
@@ -315,7 +323,16 @@ def card_section(page: Page, found: Findings) -> None:
         page.text(f"Margin: {card.ahead}.")
     values = [*card_values(card), *strength_values(card, scene)]
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in values]
-    page.table(rows, ("", "value", "unit", "meaning"))
+    if (mean := found.mean) is None:
+        page.table(rows, ("", "value", "unit", "meaning"))
+    else:
+        ranges = [_range(mean.spread.get(name), name, unit) for name, _value, unit, _meaning in values]
+        wider = [(*row[:2], of, *row[2:]) for row, of in zip(rows, ranges, strict=True)]
+        page.table(wider, ("", "value", "range of eight in ten", "unit", "meaning"))
+        page.text(
+            f"The card is the mean of {mean.meshes} meshes of unequal loops. The folders softest and stiffest have the cards of the"
+            " meshes of least and largest C11 + C22."
+        )
     page.text(
         definition(card) + " material_card.csv and material_card.json contain the same values, in SI units;"
         " the files material_card_*.* have them for FE codes."

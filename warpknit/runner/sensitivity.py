@@ -6,7 +6,7 @@ Each change runs on two of the meshes. It is compared with the same two, so that
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,7 +19,7 @@ from ..results.row import Row, Values
 from ..scene import Scene
 from ..scene.options import Stage
 from ..solve.simulate import Progress, Simulation
-from ..solve.variant_models import VariantModels
+from ..solve.variant_models import VariantModels, side_by_side
 from .history import row_of
 from .summary import Estimate
 from .variants import Watched, watched
@@ -85,7 +85,9 @@ class Sensitivity:
     def changes(self, watch: Callable[[Progress], None]) -> dict[str, Change]:
         """Changes of the means by name; of those whose meshes run to the end. watch: called at every check, may raise to stop."""
         found: dict[str, dict[int, Row]] = {}
-        for meshes in _groups(self._meshes()):
+        every = list(self._meshes())
+        for places in side_by_side([mesh.model for mesh in every]):
+            meshes = [every[place] for place in places]
             simulation = Simulation(meshes[0].model, worlds=[mesh.model for mesh in meshes])
             simulation.watch = watch
             last = {record.world: row_of(record) for record in simulation.run()}
@@ -133,13 +135,3 @@ class Sensitivity:
     def _change_of_error(self) -> float:
         """Change of a figure with fewer nodes over its error with those of the scene (Richardson)."""
         return float((self.scene.model.nodes_per_loop / fewer_nodes(self.scene)) ** ORDER - 1.0)
-
-
-def _groups(meshes: Iterable[Mesh]) -> list[list[Mesh]]:
-    """Those that can run side by side."""
-    groups: dict[tuple[int, ...], list[Mesh]] = {}
-    for place, mesh in enumerate(meshes):
-        scene = mesh.model.scene
-        alone = () if scene.model.of_kind.own_loops else (place,)
-        groups.setdefault((mesh.model.node_count, len(scene.stages), *alone), []).append(mesh)
-    return list(groups.values())

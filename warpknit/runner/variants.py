@@ -164,15 +164,15 @@ def _mean(values: Sequence[Any], median: Any) -> Any:
 
 def spreads(ends: Sequence[Row]) -> dict[str, Spread]:
     """The spread of each figure over the last rows of the meshes."""
-    found = {}
-    for name in FIGURES:
-        values = np.array([row[name] for row in ends if row.get(name) is not None], dtype=float)
-        if len(values):
-            std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-            p10, p90 = range_of(values).tolist()
-            error = std / np.sqrt(len(values))
-            found[name] = Spread(mean=float(values.mean()), std=std, p10=p10, p90=p90, standard_error=float(error))
-    return found
+    figures = {name: [row[name] for row in ends if row.get(name) is not None] for name in FIGURES}
+    return {name: spread_of(values) for name, values in figures.items() if values}
+
+
+def spread_of(values: Sequence[float]) -> Spread:
+    """The spread of a figure over the meshes."""
+    std = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    p10, p90 = range_of(values).tolist()
+    return Spread(mean=float(np.mean(values)), std=std, p10=p10, p90=p90, standard_error=std / math.sqrt(len(values)))
 
 
 def variant_warnings(variants: Means, asked: float) -> Iterator[ResultWarning]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +12,15 @@ from ..scene import Scene
 from .model import build_model
 
 TRIES = 4  # seeds to a mesh, before a scene has none
+
+
+def side_by_side(models: Sequence[Any]) -> list[list[int]]:
+    """Places of the models that can run as worlds of one simulation: of as many nodes and load steps, with loops of their own."""
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for place, model in enumerate(models):
+        alone = () if model.scene.model.of_kind.own_loops else (place,)
+        groups.setdefault((model.node_count, len(model.scene.stages), *alone), []).append(place)
+    return list(groups.values())
 
 
 class VariantModels:
