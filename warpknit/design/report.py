@@ -169,8 +169,7 @@ def write_report(
     card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(watch, 0, 2))
     mean = None
     if card is not None and scene.variants.count > 1:
-        stage = scene.sweep.stage(scene.stages[0], optimum.load) if tension is None else under_tension(scene, tension)
-        mean = find_mean(scene, stage, tension, card, part_of(watch, 1, 2))
+        mean = find_mean(scene, _load_of_card(scene, optimum, tension), tension, card, part_of(watch, 1, 2))
         card = card if mean is None else mean.card
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
@@ -274,6 +273,16 @@ def _card(
         branch = "" if cell is None or cell.variants > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
     told = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
     return replace(card, jumps=told, branch=branch), mesh, text, rows
+
+
+def _load_of_card(scene: Scene, optimum: Optimum | None, tension: float | None) -> Stage:
+    """The load of a card: a `tension` [N/m] in both directions, or that of the optimum."""
+    if tension is not None:
+        return under_tension(scene, tension)
+    assert scene.sweep is not None
+    assert optimum is not None
+    assert optimum.load is not None
+    return scene.sweep.stage(scene.stages[0], optimum.load)
 
 
 def _way_of_map(way: LoadPath, cell: MapRow, watch: Callable[[float], None]) -> Iterator[Record]:

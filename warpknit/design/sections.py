@@ -330,8 +330,8 @@ def card_section(page: Page, found: Findings) -> None:
         wider = [(*row[:2], of, *row[2:]) for row, of in zip(rows, ranges, strict=True)]
         page.table(wider, ("", "value", "range of eight in ten", "unit", "meaning"))
         page.text(
-            f"The card is the mean of {mean.meshes} meshes of unequal loops. The folders softest and stiffest have the cards of the"
-            " meshes of least and largest C11 + C22."
+            f"The card is the mean of {mean.meshes} meshes of unequal loops. The folders softest and stiffest have the cards of"
+            " the meshes with the least and the largest C11 + C22."
         )
     page.text(
         definition(card) + " material_card.csv and material_card.json contain the same values, in SI units;"

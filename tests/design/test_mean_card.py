@@ -1,0 +1,56 @@
+"""The card of a tile of unequal loops is the mean of the cards of its meshes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from warpknit.design.card import find_card
+from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, exact
+from warpknit.design.load_path import LoadPath, under_tension
+from warpknit.design.mean_card import find_mean, loads_of_card
+from warpknit.runner.history import row_of
+from warpknit.scene import Scene, load_scene
+from warpknit.solve.variant_models import VariantModels
+
+TENSION = 1.0  # [N/m]
+
+
+def scene_of(friction: float) -> Scene:
+    return load_scene(
+        {
+            "wire": {"material": "molybdenum", "diameter": "30 um"},
+            "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+            "model": {"kind": "spatial", "boundary": "periodic"},
+            "contact": {"friction": friction},
+            "load": {"tension_weft": TENSION, "tension_warp": TENSION},
+            "solver": {"preset": "draft"},
+            "output": {"frames": 2},
+            "variants": {"count": 2, "standard_error": 0.0},
+        }
+    )
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
+    scene = scene_of(friction)
+    load, fine = under_tension(scene, TENSION), exact(scene, DIFFERENCE_TOLERANCE)
+    cards = []
+    variants = VariantModels(replace(fine, stages=(load,)))
+    for number in (0, 1):
+        way = LoadPath(variants.model(number))
+        *_, record = way.load(load, 2)
+        here, ahead = loads_of_card(fine, row_of(record), TENSION)
+        cards.append(find_card(way.model, way.state, here, ahead=ahead)[0])
+    mean = find_mean(scene, load, TENSION, replace(cards[0], jumps="it jumped"))
+    assert mean is not None and mean.meshes == 2 and mean.card.jumps == ""
+    assert mean.card.stiffness == pytest.approx(0.5 * (cards[0].stiffness + cards[1].stiffness), rel=1e-3, abs=1e-3)
+    assert mean.card.strain_weft == pytest.approx(0.5 * (cards[0].strain_weft + cards[1].strain_weft), rel=1e-4)
+    first, second = (card.stiffness[0, 0] for card in cards)
+    assert mean.spread["C11"].std == pytest.approx(abs(first - second) / np.sqrt(2.0), rel=0.05)
+    ends = [float(np.trace(card.stiffness[:2, :2])) for card in (mean.softest, mean.stiffest)]
+    assert ends == pytest.approx(sorted(float(np.trace(card.stiffness[:2, :2])) for card in cards), rel=1e-3)
+    if friction:
+        assert mean.card.history is not None and cards[0].history is not None and cards[1].history is not None
+        loading = 0.5 * (cards[0].history.loading + cards[1].history.loading)
+        assert mean.card.history.loading == pytest.approx(loading, rel=1e-3, abs=0.05)
