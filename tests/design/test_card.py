@@ -73,6 +73,7 @@ def test_the_step_is_halved_where_a_contact_closes_nearby(kink, step, monkeypatc
     observed = SimpleNamespace(gradient=np.eye(2), thermal_force=0.0)
     path = SimpleNamespace(to=lambda load: SimpleNamespace(observables=observed), state=None)
     monkeypatch.setattr(card_module, "LoadPath", lambda *_: path)
+    monkeypatch.setattr(card_module, "ends_beside", lambda models, _states, stages: [path.to(stage) for stage in stages])
     monkeypatch.setattr(card_module, "under_strain", lambda *_: None)
     monkeypatch.setattr(card_module, "_stress", stress)
     for name, value in {
