@@ -3,7 +3,7 @@
     python tools/lint/lint_kernels.py [FILE]...          all of kernels/ without a FILE; exit status 1 where a rule is broken
 
 * A kernel file begins with a docstring and does not print.
-* It imports `typing`, `warp` and its neighbours, nothing else; the one that loads C++ also `collections`, `pathlib` and `re`.
+* It imports `typing`, `warp` and its neighbours, nothing else; the loader of C++ also `collections`, `pathlib` and `re`.
 * C++ stands in files of native/, never in a string.
 * Arguments of a kernel and of a native function stand in groups, each under a comment; every argument has a type.
 * The comment above arrays begins with what happens to them: "in", "out" or "in and out" (or "state in" ...), and it is what the
@@ -70,7 +70,7 @@ def is_array(argument: ast.arg) -> bool:
 
 
 def argument_faults(function: ast.FunctionDef, file: KernelFile) -> Iterator[tuple[int, str]]:
-    """Line and text of what is wrong with the arguments of a kernel or a native function."""
+    """Line and fault of the arguments of a kernel or native function."""
     effects = file.effects(function)
     group, written = "", False
     previous = function.lineno
@@ -99,7 +99,7 @@ def argument_faults(function: ast.FunctionDef, file: KernelFile) -> Iterator[tup
 
 
 def array_faults(direction: str, effects: Effects) -> Iterator[str]:
-    """What the group of an array says of it against what its function does."""
+    """Faults of an array whose group disagrees with its function."""
     is_read, is_written = effects & {READ, ADDED, MAYBE_READ}, effects & {WRITTEN, ADDED}
     if not effects:
         yield "is not used"
@@ -127,7 +127,7 @@ class KernelFile:
 
     @cached_property
     def functions(self) -> dict[str, list[tuple[KernelFile, ast.FunctionDef]]]:
-        """Functions by the name that they are called by here, with the file they stand in; overloads share a name."""
+        """Functions by their name here, with their file; overloads share a name."""
         found: dict[str, list[tuple[KernelFile, ast.FunctionDef]]] = {}
         for node in self.tree.body:
             if isinstance(node, ast.FunctionDef) and (is_a(node, "wp.func") or is_a(node, "wp.func_native")):
@@ -140,7 +140,7 @@ class KernelFile:
         return found
 
     def effects(self, function: ast.FunctionDef) -> dict[str, Effects]:
-        """What a function does to each of its arrays."""
+        """Effects of a function on each of its arrays."""
         if id(function) not in self._effects:
             native = is_a(function, "wp.func_native")
             self._effects[id(function)] = self._of_text(function) if native else self._of_body(function)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 KINDS = {"planar", "spatial"}  # kinds of model
-KIND_FILE = "warpknit.model"  # which may tell the kinds apart
+KIND_FILE = "warpknit.model"  # the only one that distinguishes kinds
 CONTROL_FILE = "warpknit.compute.steering"  # which has the typed class
 NO_ROOMS = {"__init__.py", "__main__.py", "py.typed", "__pycache__"}
 STATEMENTS = re.compile(r";[ \t]*(?://.*)?\n")  # ends of lines of C++
