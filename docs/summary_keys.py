@@ -33,7 +33,7 @@ OF_CLASS = {
 
 
 def answers_rows(kind: type = answers.Answers, before: str = "") -> Iterator[tuple[str, str]]:
-    """Keys of the answers and their meanings, from the fields of their types and of the types in these."""
+    """Keys of the answers and their meanings, from the fields of their types."""
     for part in reversed(kind.__mro__[: kind.__mro__.index(row.Row if issubclass(kind, row.Row) else row.Values)]):
         types = get_type_hints(part)
         for name, words in commented(part, FIELD).items():
@@ -52,7 +52,7 @@ def _types_in(hint: Any) -> Iterator[tuple[type, str]]:
 
 
 def commented(item: object, pattern: re.Pattern[str]) -> dict[str, str]:
-    """Names and the comments behind them in the source of a class or a function; after the name of a table and a point in one."""
+    """Names and their comments in the source of a class or function. In a table after its name and a point."""
     found: dict[str, str] = {}
     table = ""
     for line in inspect.getsource(item).split("\n"):

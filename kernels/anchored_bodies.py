@@ -1,4 +1,4 @@
-"""One explicit step of contact bodies on the ground, each tied to its anchor by a spring.
+"""One explicit step of contact bodies on the ground, tied to anchors by springs.
 
     f = pairs - k d min(1, limit/(k |d|))        d = x - anchor
 
@@ -7,7 +7,7 @@ the limit is the friction coefficient times the load on the plane. During a leve
 the force does not depend on the path of the iteration. At its equilibrium, and in a ramp at every step, an anchor whose spring
 is at the limit follows the body.
 
-Displacements are those from the affinely mapped rest shape, so the place on the ground is u + (F - I) X. The update is that of
+Displacements are relative to the affinely mapped rest shape, so the place on the ground is u + (F - I) X. The update is in
 control.py.
 """
 

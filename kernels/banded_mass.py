@@ -104,15 +104,15 @@ def factor_masses(
     second_mass: wp.array(dtype=wp.float64),
     spin_inertia: wp.array(dtype=wp.float64),
     next_inertia: wp.array(dtype=wp.float64),
-    # out: (node, FACTORS), and D; not those of the last two nodes of a wire
+    # out: (node, FACTORS), and D; without the last two nodes of a wire
     mass_factor: wp.array2d(dtype=Any),
     sweep: wp.array(dtype=Any),
 ):
     """`parts` threads a wire of two nodes or more: one, or more on a GPU.
 
-    A part begins OVERLAP nodes before its own as if the wire began there: D approaches its value within these, from above. What
-    is left of the difference changes the masses about the first two nodes of the part: those of a gripped tricot of 1,587 nodes a
-    wire are 0.98 to 2.1 times M, where 1/MASS_MARGIN is the limit of stability (numerics.py).
+    A part begins OVERLAP nodes before its own as if the wire began there: D approaches its value within these, from above. The
+    remaining difference changes the masses about the first two nodes of the part: for a gripped tricot of 1,587 nodes a wire they
+    are 0.98 to 2.1 times M, where 1/MASS_MARGIN is the limit of stability (numerics.py).
     """
     thread = wp.tid()
     wire = first_wire + thread / parts
@@ -168,9 +168,9 @@ def factor_borders(
     next_inertia: wp.array(dtype=wp.float64),
     # in: D
     sweep: wp.array(dtype=Any),
-    # in and out: (node, FACTORS), of which those of the last two nodes are found
+    # in and out: (node, FACTORS); the last two nodes' are found
     mass_factor: wp.array2d(dtype=Any),
-    # out: (row, BORDERS): a row for each node of a closed wire and the last four of an open one, that of node j is
+    # out: (row, BORDERS): a row for each node of a closed wire and the last four of an open one; node j's is
     # wire_border + j; first node of each wire from which full rows are zero, up to the last four nodes
     mass_border: wp.array2d(dtype=Any),
     wire_quiet: wp.array(dtype=wp.int32),

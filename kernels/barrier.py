@@ -29,6 +29,6 @@ def wait_for_all(
 ):
     """Return when `threads` launches have arrived.
 
-    `yield_address` is that of a C function without arguments that lets another thread have the core, 0 where there is none.
+    `yield_address`: of a C function without arguments that yields the core to another thread, or 0.
     """
     arrive_and_wait(threads, yield_address, state)

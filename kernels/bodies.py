@@ -1,10 +1,10 @@
 """One explicit step of the contact bodies under the forces of their two pairs.
 
-A thread, or on a GPU BODY_BLOCK of them, steps BODY_BLOCK consecutive bodies and leaves one row of partial sums; the loop is
-C++, which the CPU compiler vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is
-that of control.py. With fictitious masses a free body is slowed down (`slow_when_free`), as its flight has no physical meaning
-and could carry it out of its lens. It is not stopped at once: between two moving wires it would be hit and stopped again and
-again, which would keep the wires from converging.
+A thread, or on a GPU BODY_BLOCK of them, steps BODY_BLOCK consecutive bodies and stores one row of partial sums; the loop is C++,
+which the CPU compiler vectorises. `pair_body_x, _y` are the forces [N] of pairs 2b and 2b + 1 on body b. The update is in
+control.py. With fictitious masses a free body is slowed down (`slow_when_free`), because its flight has no physical meaning and
+could carry it out of its lens. It is not stopped at once: between two moving wires it would be hit and stopped again and again,
+which would keep the wires from converging.
 """
 
 from typing import Any

@@ -8,14 +8,14 @@ last two nodes and segments being meant at the far end.
 
 import warp as wp
 
-LEVER_X = wp.constant(0)  # [m] difference of the edge of the clamp and that of the held node next to it
+LEVER_X = wp.constant(0)  # [m] difference between the edges at the clamp and at the held node next to it
 LEVER_Y = wp.constant(1)
 TANGENT_X = wp.constant(2)  # unit vector along the wire at the clamp
 TANGENT_Y = wp.constant(3)
 LENGTH = wp.constant(4)  # [m] natural length of the segment at the clamp
 ANGLE = wp.constant(5)  # [rad] natural turning angle at the clamp
 NEXT_ANGLE = wp.constant(6)  # [rad] and at the first free node
-HINGE = wp.constant(7)  # stiffness of the hinge at the clamp over that of the table at the held node
+HINGE = wp.constant(7)  # stiffness of the hinge at the clamp over the table's at the held node
 NEXT_HINGE = wp.constant(8)  # the same at the first free node
 BOW_CHANGE = wp.constant(9)  # addition to the rest bow of the segment at the clamp (bend.py)
 NEXT_BOW_CHANGE = wp.constant(10)  # the same for the next segment

@@ -13,9 +13,9 @@ body belongs,
 
     gap = side n.(c - p) - reach         F = max(0, offset - k gap)
 
-The sign of the gap is that of the side, so a body that was pushed through is pushed back. F acts on the body along side n,
-and on the four nodes, in which p is linear, with minus the transposed weights: the gradient of the energy. There is no net
-force and, as p rotates with the nodes, no net moment.
+The sign of the gap is the side's, so a body that was pushed through is pushed back. F acts on the body along side n, and on the
+four nodes, in which p is linear, with minus the transposed weights: the gradient of the energy. There is no net force and,
+because p rotates with the nodes, no net moment.
 
 | symbol | argument | unit |
 |---|---|---|

@@ -1,9 +1,9 @@
 """Contact of bodies with the smooth curves of wires on the CPU: PAIR_BATCH pairs at a time (see contact.py for the equations).
 
-The algorithm is that of `find_contact_forces`. Table values of a pair change only when its contact point slides to another
-segment; they are cached in batches as structures of arrays, and `cached_slide` holds the segment. The curve is evaluated for a
-batch by loops that the CPU compiler vectorises, until all closest points are found. It is C++ because loops of a Warp kernel
-do not vectorise on the CPU. The result of a pair does not depend on its batch.
+The algorithm is `find_contact_forces`. Table values of a pair change only when its contact point slides to another segment; they
+are cached in batches as structures of arrays, and `cached_slide` holds the segment. The curve is evaluated for a batch by loops
+that the CPU compiler vectorises, until all closest points are found. It is C++ because loops of a Warp kernel do not vectorise on
+the CPU. The result of a pair does not depend on its batch.
 """
 
 from typing import Any

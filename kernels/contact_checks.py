@@ -1,4 +1,4 @@
-"""What a convergence check finds and renews of the contacts between wires.
+"""Convergence check of contacts between wires, and their renewal.
 
 Each node gathers from the contacts of the four segments on whose curve it has a weight, in their order: no sum depends on the
 number of threads. A contact is a place of a pair with a force, or with a gap below a distance.
@@ -27,16 +27,16 @@ ERROR_MAX = wp.constant(2)  # [m] largest |overlap|, of forces below the mean in
 ERROR_SQUARE = wp.constant(3)  # [m2] their squares, summed
 CONTACT_COLUMNS = 4
 
-WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over those of the outer edges in the slopes
+WEIGHT_SUM = 0.25  # sum of the sizes of the weights of a wire, beyond 1, over the outer edges' in the slopes
 MORE_TILT = 0.1  # allowance for the components of the normal; more between wires that do not touch
-LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least; of the nodes beyond, over that of their edge
+LEAST_WEIGHT, BEYOND_WEIGHT = 0.5, 0.16  # of the nodes of the segment, at least; of the nodes beyond, over their edge's
 
 GROWTH, DECAY = 8.0, 0.5  # largest changes of a penalty at a check
 WITHOUT_CONTACT = 0.5  # share of the offset that is left after a check without contact
 NEIGHBOUR = 0.1  # share of a contact that counts at the two nodes beyond its segment
 LEAST_SHARE = 0.3  # the same at the two nodes of its segment, at least
 RAISED, MOST_RAISED = 2.0, 64.0  # factor of the penalty where overlaps stall, and the most that it comes to
-PROGRESS, PATIENCE = 0.8, 8  # an overlap makes progress if it falls to this share of itself within so many checks
+PROGRESS, PATIENCE = 0.8, 8  # an overlap makes progress if it falls to this share of itself within this number of checks
 
 
 @wp.func_native(native_text("bound_contact", globals()))

@@ -11,7 +11,7 @@ from .control import STATUS, STATUS_RUNNING
 
 
 @wp.kernel
-def lend_contact_force(
+def apply_contact_force(
     # in
     control: wp.array(dtype=wp.float64),
     pinball: wp.float64,
@@ -30,7 +30,7 @@ def lend_contact_force(
     pair_nodal_x: wp.array(dtype=wp.float64),
     pair_nodal_y: wp.array(dtype=wp.float64),
 ):
-    """Pair 2b takes over, on the node of body b, what pair 2b + 1 does to the body."""
+    """Apply the force of pair 2b + 1 on body b through pair 2b."""
     body = wp.tid()
     if control[STATUS] != STATUS_RUNNING:
         return

@@ -1,4 +1,4 @@
-"""The control array of a time step on the device, and the kernel that updates it after each step.
+"""Control array of a time step on the device; its update after each step.
 
 Every step, for wires and bodies alike, reads
 
@@ -27,9 +27,9 @@ step, in the frame in which the boundary is strained by U,
     v' = ((1 - c/2) v + (T* - T) U_other/M)/(1 + c/2)           strain a step, at most STRAIN_LIMIT
     U_own' = U_own + v'
 
-The wanted tensions T* follow the ramp of the load. Where the mesh has a history, strains stay within STRAIN_RANGE of their
-origin until the next equilibrium, and tensions in proportion: none goes further on its way than those of strains at that limit,
-but for those that hardly change.
+The wanted tensions T* follow the ramp of the load. Where the mesh has a history, strains stay within STRAIN_RANGE of their origin
+until the next equilibrium, and tensions in proportion: no direction advances further than the directions at that limit, except
+directions that hardly change.
 """
 
 import warp as wp
@@ -52,11 +52,11 @@ RAMP_STEPS = wp.constant(23)
 # drive
 DRIVE = wp.constant(24)  # 0 relax, 1 ramp
 DAMPING = wp.constant(25)  # [1/s]
-DEAD_LOAD = wp.constant(26)  # [N] of wires in space: rms of the dead loads on the nodes of the mesh, 0 without any
+DEAD_LOAD = wp.constant(26)  # [N] spatial: rms of the dead loads on the nodes of the mesh, 0 without any
 LOAD_RESTS = wp.constant(27)  # 1 where the load did not move after the last step
-FRAMES_AHEAD = wp.constant(28)  # of wires in space: 1 where the last step left the frames of this one
+FRAMES_AHEAD = wp.constant(28)  # spatial: 1 if the last step computed the frames of this one
 SPEED_LIMIT = wp.constant(29)  # [m] largest displacement a step in relax; speeds are scaled down to it
-# watch
+# checks
 STEP_LIMIT = wp.constant(30)  # [m] a larger displacement in a step is a divergence
 TRAVEL = wp.constant(31)  # [m] bound on any displacement since the last neighbour search
 TRAVEL_LIMIT = wp.constant(32)
@@ -73,16 +73,16 @@ MULTIPLIER_RATE = wp.constant(43)  # [-] share of the constraint error in an upd
 SLOPE_FACTOR = wp.constant(44)  # [1/(N m2)] SLOPE_SHARE/EI (bend.py)
 EVEN_RAMP = wp.constant(45)  # 1: equal load increments, as for an interval of a longer ramp
 LOAD_STEP = wp.constant(46)  # 4 entries: increment of GRADIENT in the last step
-EVALUATED_GAP = wp.constant(50)  # [m] of wires in space, up to which an evaluation without a step finds their closest points
-NEAR_GAP = wp.constant(51)  # [m] of wires in space, up to which a pair of segments is listed as near
+EVALUATED_GAP = wp.constant(50)  # [m] spatial: up to here an evaluation without a step finds closest points
+NEAR_GAP = wp.constant(51)  # [m] spatial: up to here a pair of segments is listed as near
 PAIR_REACH = wp.constant(52)  # [m] of travel that a unit strain of the load adds, half of the relative motion of what may touch
-EXTRAPOLATION = wp.constant(54)  # [-] change of a level predicted, over that of the level before (multiplier_update.py)
-# of a convergence check of wires in space (contact_checks.py)
+EXTRAPOLATION = wp.constant(54)  # [-] predicted change of a level over the previous level's (multiplier_update.py)
+# of a convergence check of spatial wires (contact_checks.py)
 PENALTY_FLOOR = wp.constant(55)  # [N/m] least penalty of a contact
 MEAN_PUSH = wp.constant(56)  # [N] mean force of the contacts that push
 IS_LOADING = wp.constant(57)  # 1 while a load is applied
 STICKING = wp.constant(58)  # [N/m] tangential stiffness of contacts
-STEP_TRAVEL = wp.constant(59)  # [m] of wires in space: the part of TRAVEL that steps of nodes have made
+STEP_TRAVEL = wp.constant(59)  # [m] spatial: the part of TRAVEL from steps of nodes
 RAMP_LAG = wp.constant(60)  # of a step: by so much less RAMP_STEP moves on in each
 # directions given by tension, weft and warp: 2 entries each
 IS_DRIVEN = wp.constant(61)  # 1: the strain moves by what the tension lacks
@@ -97,7 +97,7 @@ STRESS_UNIT = wp.constant(75)  # [N m] of a count of the stress of a step: whole
 STRAIN_ORIGIN = wp.constant(76)  # 2 entries: strain at the last equilibrium
 STRAIN_RANGE = wp.constant(78)  # largest change of a strain from one equilibrium to the next
 AT_LIMIT = wp.constant(79)  # 2 entries: 1 where the strain has changed by that much
-FRICTION = wp.constant(81)  # [-] coefficient of wires in space
+FRICTION = wp.constant(81)  # [-] spatial: coefficient
 LAST_STEP = wp.constant(82)  # of one of many worlds, which waits from there on
 # of the curve of a world (spatial/rest_curve.py): bounds of what a contact force does to nodes and sections
 WEIGHT_SQUARE = wp.constant(83)
@@ -145,7 +145,7 @@ def is_driven(control: wp.array(dtype=wp.float64)) -> bool:
 
 @wp.func
 def strain_by_tension(control: wp.array(dtype=wp.float64), sums: partial_sums):
-    """Move the strains of the driven directions by one step, and the ramp with them; sums: of the step just taken."""
+    """Move driven strains by one step, and the ramp with them; sums: of the last step."""
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     unit = control[STRESS_UNIT] / control[CELL_AREA]
@@ -193,7 +193,7 @@ def strain_by_tension(control: wp.array(dtype=wp.float64), sums: partial_sums):
 
 @wp.func
 def advance_load(control: wp.array(dtype=wp.float64), sums: partial_sums):
-    """Move the deformation gradient and the length factor one step along the ramp, and strains by what tensions lack."""
+    """Move deformation gradient and length factor along the ramp, and driven strains."""
     for k in range(4):
         control[LOAD_STEP + k] = -control[GRADIENT + k]
     if is_driven(control):
@@ -271,7 +271,7 @@ def sum_partials(
 
 @wp.func
 def renew_control(sums: partial_sums, control: wp.array(dtype=wp.float64)):
-    """From the sums over the step just taken: watch limits, set the next factors, move the load."""
+    """From the sums over the step just taken: check limits, set the next factors, move the load."""
     kinetic = sums[KINETIC_PART]
     finite = wp.isfinite(kinetic) and wp.isfinite(sums[FORCE_PART])
     control[KINETIC_TWICE] = kinetic
@@ -324,7 +324,9 @@ def update_controls(
     stress_count: wp.array2d(dtype=wp.int64),
     control: wp.array2d(dtype=wp.float64),
 ):
-    """One thread a world, whose rows of partial sums stand side by side, after each step; it waits after its last one."""
+    """Update the control rows of worlds after each step, one thread a world. Its rows of partial sums stand side by side; it
+    waits after its last step.
+    """
     world = first_world + wp.tid()
     if control[world, STATUS] == STATUS_RUNNING:
         sums = add_rows(partial_sums(), wire_partial, world * world_rows, (world + 1) * world_rows, 1, False)

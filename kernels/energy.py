@@ -2,7 +2,7 @@
 
     strain = ((|e| - L)/L - w)/(1 + w) + bow - bow at rest
 
-of the curved segment, with w the local thermal strain relative to that of the mesh; bow: see bend.py.
+of the curved segment, with w the local thermal strain relative to the mesh; bow: see bend.py.
 """
 
 from typing import Any
@@ -106,7 +106,7 @@ def evaluate_wires(
     turning: wp.array(dtype=Any),
     # out, where wanted: strain of the curved segment [-]
     strain: wp.array(dtype=Any),
-    # out, where wanted: edge [m], elastic part of the turning [rad], moment with what its slope adds, and that of bows [N m]
+    # out, where wanted: edge [m], elastic part of the turning [rad], moments [N m] with slope terms, and of bows
     edge_x: wp.array(dtype=Any),
     edge_y: wp.array(dtype=Any),
     elastic: wp.array(dtype=Any),

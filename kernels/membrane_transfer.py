@@ -1,10 +1,9 @@
 """Transfer between a mesh and a coarse membrane grid: gather out-of-balance forces, spread displacements.
 
 Grid node (a, b) stands at low + (a, b) cell; its shape function is bilinear in the rest position and falls to zero at the next
-grid nodes. A virtual displacement of the membrane moves nodes and bodies by the shape functions at their rest
-position, so the force on a grid node is the sum of their forces with the same weights. A launch spreads the displacement in
-one direction, or what the strain changes in another field. In space displacements are spread as a bicubic surface, whose slopes
-have no jumps.
+grid nodes. A virtual displacement of the membrane moves nodes and bodies by the shape functions at their rest position, so the
+force on a grid node is the sum of their forces with the same weights. A launch spreads the displacement in one direction, or the
+change of another field by strain. Spatial displacements are spread as a bicubic surface, whose slopes have no jumps.
 """
 
 from typing import Any
@@ -17,7 +16,7 @@ from .prolong import weighed
 
 @wp.struct
 class Grid:
-    """Where the grid lies."""
+    """Position of the grid."""
 
     low: wp.vec2d  # [m]
     cell: wp.vec2d  # [m]
@@ -38,7 +37,7 @@ def corner_index(grid: Grid, ix: int, iy: int, corner: int) -> int:
 
 @wp.func
 def place_on(grid: Grid, x: wp.float64, y: wp.float64):
-    """The cell (column, row) that a place lies in, and where in it, 0 to 1 in either direction."""
+    """Cell (column, row) of a place, and position in it, 0 to 1 in either direction."""
     gx = cell_at(x, grid.low[0], grid.cell[0], grid.cells[0])
     gy = cell_at(y, grid.low[1], grid.cell[1], grid.cells[1])
     ix = wp.min(int(gx), grid.cells[0] - 1)
@@ -148,7 +147,7 @@ def gather_body_forces(
 
 @wp.kernel
 def gather_forces(
-    # in: rest positions [m] and forces [N] of nodes in space
+    # in: rest positions [m] and forces [N] of spatial nodes
     first_node: int,
     held: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
@@ -159,8 +158,9 @@ def gather_forces(
     grid_force: wp.array2d(dtype=wp.int64),
     across_force: wp.array2d(dtype=wp.int64),
 ):
-    """Forces of the nodes that are not held, counts of `force_unit` [N]: grid_force[grid node] in the plane,
-    across_force[grid node, 0] across it."""
+    """Gather forces of free nodes on the grid, as counts of `force_unit` [N]. In plane: grid_force[grid node]; across it:
+    across_force[grid node, 0].
+    """
     i = first_node + wp.tid()
     if (held[i] & HELD_NODE) == 0:
         x = rest_position[i][0]
@@ -212,7 +212,7 @@ def spread_to_nodes(
     # in and out
     value: wp.array(dtype=Any),
 ):
-    """Change a field of every node with the grid, and by the response of a repeat to the same strain.
+    """Change a field of every node with the grid, and by a repeat's response.
 
     `cell_node[entry]` is the node of the repeat; `cell[gradient entry, node]` the derivative.
     """
@@ -257,7 +257,7 @@ def spread_to_bodies(
 
 @wp.func
 def cubic_weights(s: wp.float64) -> wp.vec4d:
-    """Weights of value and slope at 0, then of both at 1, in the cubic at s (Hermite)."""
+    """Weights of value and slope at 0, then at 1, in the Hermite cubic at s."""
     r = wp.float64(1.0) - s
     two = wp.float64(2.0)
     one = wp.float64(1.0)
@@ -276,7 +276,7 @@ def cubic_slopes(s: wp.float64) -> wp.vec4d:
 
 @wp.kernel
 def spread_surface(
-    # in: rest positions [m] of nodes in space
+    # in: rest positions [m] of spatial nodes
     rest_position: wp.array(dtype=wp.vec3d),
     grid: Grid,
     # in: value, slopes along x and y and cross slope at each grid node, the slopes per cell
@@ -286,7 +286,7 @@ def spread_surface(
     slope_x: wp.array(dtype=wp.float64),
     slope_y: wp.array(dtype=wp.float64),
 ):
-    """The bicubic surface through the grid nodes at the rest place of each node, and its slopes [1/m]."""
+    """Bicubic surface through the grid nodes at rest places of nodes; slopes [1/m]."""
     i = wp.tid()
     ix, iy, sx, sy = place_on(grid, rest_position[i][0], rest_position[i][1])
     wx = cubic_weights(sx)
@@ -323,7 +323,7 @@ def respond_to_strain(
     # out
     value: wp.array(dtype=wp.float64),
 ):
-    """What a field of the nodes of a panel changes by as the repeats are strained."""
+    """Change of a field of a panel's nodes by the strain of the repeats."""
     i = wp.tid()
     gradient = wp.vec4d(gradient_xx[i], gradient_xy[i], gradient_yx[i], gradient_yy[i])
     value[i] = weighed(cell, cell_node[node_entry[i]], gradient)

@@ -71,7 +71,7 @@ def extrapolate(
     control: wp.array(dtype=wp.float64),
     limit: wp.float64,
     lowest: wp.float64,
-    # in and out: the value of this level becomes that of the last
+    # in and out: the value of this level replaces the previous one
     value: wp.array(dtype=Any),
     last: wp.array(dtype=Any),
 ):

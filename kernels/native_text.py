@@ -1,6 +1,6 @@
 """Texts of native functions: C++ of kernels/native/, which Warp compiles for CPU and GPU and for either precision.
 
-A file holds the body of a function, or a part of one; the arguments are those of the Python function that it becomes.
+A file holds the body of a function, or a part of one; arguments are the Python function's.
 """
 
 import re
@@ -16,7 +16,7 @@ FOLDER = Path(__file__).parent / "native"
 
 
 def native_text(name: str, *namespaces: Mapping[str, Any]) -> str:
-    """C++ of native/`name`.h with the files that it includes, behind the constants that it names.
+    """C++ of native/`name`.h with included files, behind the constants that it names.
 
     Constants are numbers in capital letters of control.py and of `namespaces`: `globals()`, or `vars` of another module.
     ValueError where two of them differ.
@@ -44,7 +44,7 @@ def _declared(name: str, value: float) -> str:
 
 
 def _with_shared_arrays(text: str) -> str:
-    """The text with its declarations `SHARED type name[size], ...;` as members of one object on a GPU (native/sharing.h)."""
+    """The text with `SHARED type name[size], ...;` as members of one object on a GPU (native/sharing.h)."""
     head, mark, behind = text.partition("SHARED ")
     declaration = re.compile(r"\bSHARED (\w+) ([^;]+);")
     members = " ".join(f"{kind} {arrays};" for kind, arrays in declaration.findall(text))

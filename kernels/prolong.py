@@ -1,4 +1,4 @@
-"""Prolongation of the change of a small mesh to a larger one of the same knit, for a multilevel start.
+"""Prolongation of a small mesh's change to a larger mesh, for a multilevel start.
 
 Both meshes are copies of one repeat. A node at rest position X of the large mesh takes its values from the same node of the
 repeat on the small mesh, moved by a shift that depends on X: none within `rim` repeats of an edge, counted from that edge,
@@ -87,7 +87,7 @@ def slope_along(place: wp.float64, large: int, small: int, rim: int, periodic: i
 
 @wp.func
 def shift_at(m: Meshes, place: wp.vec2d) -> wp.vec2d:
-    """Repeats to go from a place on the large mesh to that on the small one, both counted from the lower edges."""
+    """Shift in repeats from a place on the large mesh to the small one."""
     return wp.vec2d(
         shift_along(place[0], m.large[0], m.small[0], m.rim, m.periodic),
         shift_along(place[1], m.large[1], m.small[1], m.rim, m.periodic),
@@ -96,7 +96,7 @@ def shift_at(m: Meshes, place: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def slope_at(m: Meshes, place: wp.vec2d) -> wp.vec2d:
-    """[1/m] by how much less a change over the mesh is steep where it is drawn out: the derivative of the shift."""
+    """Reduction [1/m] of a change's slope by stretching: the derivative of the shift."""
     return wp.vec2d(
         slope_along(place[0], m.large[0], m.small[0], m.rim, m.periodic) / m.repeat[0],
         slope_along(place[1], m.large[1], m.small[1], m.rim, m.periodic) / m.repeat[1],
@@ -114,7 +114,7 @@ def corner_weights(shift: wp.vec2d, corner: int) -> wp.vec2d:
 
 @wp.func
 def corner_strain(slope: wp.vec2d, weights: wp.vec2d, corner: int, ux: wp.float64, uy: wp.float64) -> wp.vec4d:
-    """What a corner with the change (ux, uy) adds to the gradient (xx, xy, yx, yy) that is lost by drawing out."""
+    """Part of a corner with the change (ux, uy) in the gradient (xx, xy, yx, yy) lost by stretching."""
     along_x = slope[0] * wp.float64(2 * (corner % 2) - 1) * weights[1]
     along_y = slope[1] * wp.float64(2 * (corner / 2) - 1) * weights[0]
     return wp.vec4d(along_x * ux, along_y * ux, along_x * uy, along_y * uy)
@@ -131,14 +131,13 @@ def corner_on_small(m: Meshes, shift: wp.vec2d, column: int, row: int, corner: i
 
 @wp.func
 def weighed(change: wp.array2d(dtype=wp.float64), i: int, gradient: wp.vec4d) -> wp.float64:
-    """What changes within a repeat when it is strained by a gradient (xx, xy, yx, yy)."""
+    """Change within a repeat by a strain gradient (xx, xy, yx, yy)."""
     return change[0, i] * gradient[0] + change[1, i] * gradient[1] + change[2, i] * gradient[2] + change[3, i] * gradient[3]
 
 
 @wp.func
 def faded(taper: wp.float64, from_end: int) -> wp.float64:
-    """Share of a change that a node so many nodes from the end of its wire takes: smooth from 0 at the clamp to 1 after `taper`
-    nodes."""
+    """Share of a change at `from_end` nodes from the end of a wire: smooth from 0 at the clamp to 1 after `taper` nodes."""
     if taper <= wp.float64(0.0):
         return wp.float64(1.0)
     s = wp.min(wp.max(wp.float64(from_end - 1), wp.float64(0.0)) / taper, wp.float64(1.0))
@@ -173,8 +172,8 @@ def prolonged(
 ) -> wp.float64:
     """Change of a field at a place on the large mesh.
 
-    `table[strand, column, stride row + k]` is the source on the small mesh, -1 where there is none. A source has `per_source`
-    values, of which `side` is taken; `cell[., cell_index]` are the derivatives in one repeat.
+    `table[strand, column, stride row + k]` is the source on the small mesh, or -1. A source has `per_source` values, with number
+    `side` used; `cell[., cell_index]` are the derivatives in one repeat.
     """
     shift = shift_at(m, place)
     slope = slope_at(m, place)
@@ -201,7 +200,7 @@ def prolonged(
 
 @wp.kernel
 def prolong_nodes(
-    # in: blocks of the large mesh; column and row are those of the repeat of the first node
+    # in: blocks of the large mesh; column and row of the repeat of the first node
     block_first: wp.array(dtype=wp.int32),
     block_count: wp.array(dtype=wp.int32),
     block_table: wp.array(dtype=wp.int32),

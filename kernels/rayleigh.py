@@ -1,4 +1,4 @@
-"""Rayleigh quotient of the slowest active mode, from the changes since the last convergence check.
+"""Rayleigh quotient of the slowest active mode, from changes between convergence checks.
 
     lambda = - sum m du . d(f/m) / sum m du . du          c = 2 sqrt(lambda)
 

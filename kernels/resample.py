@@ -1,7 +1,7 @@
-"""Values along wires at the nodes of one division, from those of another division of the same wires.
+"""Values along wires at the nodes of another division of the same wires.
 
-Node j of a wire stands at the place begin + step j of the other division, counted in its nodes. There the value is that of the
-cubic through the four nearest nodes. Values of segments stand half a node behind.
+Node j of a wire stands at the place begin + step j of the other division, counted in its nodes. Its value is a cubic through the
+four nearest nodes. Values of segments stand half a node behind.
 """
 
 import warp as wp

@@ -1,4 +1,4 @@
-"""What a rank tells others of the wires that they may touch, and takes over of theirs: all that contact reads of a node.
+"""Border of a rank: all that contact reads of nodes, sent and received.
 
 The values of a node stand side by side in a buffer, BORDER_VALUES of them from its place on; so does the travel of a block of
 nodes (wire_travel.py).

@@ -28,11 +28,11 @@ segment of length L into those at the node before it, by the twist between both 
 
 Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; to the twist moment the same is added. A beam
 loaded at its nodes has moments linear between them: with the lengths l on the diagonal of D and its compliance C, a tridiagonal
-matrix of the lengths L, the energy is that of C^-1, of which the sum takes D^-1 + D^-1 (D - C) D^-1 + (D^-1 (D - C))^2 D^-1.
-Behind a free end m is 0; a segment that a clamp holds has no slope energy.
+matrix of the lengths L, the energy uses C^-1, approximated by the sum D^-1 + D^-1 (D - C) D^-1 + (D^-1 (D - C))^2 D^-1. Behind a
+free end m is 0; a segment that a clamp holds has no slope energy.
 
-A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where
-arc lengths are kept (BOW_MOMENT), its tension T adds the moment T L (L/l)^2 a/24 at either end (bend.py, in the plane).
+A segment of length L between turns a and a' is an arc, longer than its chord by L ((L/l)^2 |a|^2 + (L/l')^2 |a'|^2)/48. Where arc
+lengths are kept (BOW_MOMENT), its tension T adds the moment T L (L/l)^2 a/24 at either end (bend.py, planar).
 
 The gradient by the two edges, with transported directors, and by the angle of either segment:
 

@@ -1,15 +1,15 @@
 """Kinematics of rods: edges, tangents, and the directors of the sections.
 
-A rod is a chain of nodes in space with a section on each segment. One director a segment, normal to the tangent, gives the
-rotation of the section. When a segment tilts from tangent t to t', its director is transported without rotation about the tangent
-(parallel transport in time; Bergou, Audoly, Vouga, Wardetzky and Grinspun 2010, "Discrete viscous threads"),
+A rod is a chain of nodes with a section on each segment. One director a segment, normal to the tangent, gives the rotation of the
+section. When a segment tilts from tangent t to t', its director is transported without rotation about the tangent (parallel
+transport in time; Bergou, Audoly, Vouga, Wardetzky and Grinspun 2010, "Discrete viscous threads"),
 
     d' = c d + b x d + b (b . d)/(1 + c)        b = t x t',  c = t . t'
 
 and then rotated by the spin of the segment. The director stores the twist, so no angle is measured against a frame that could
 jump.
 
-Positions are x = F X + u; F acts in the plane of the mesh only. The last node of an open wire has no segment.
+Positions are x = F X + u; F acts only on in-plane components. The last node of an open wire has no segment.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ AHEAD = wp.constant(2)
 
 @wp.func
 def affine_map(vector: wp.vec3d, control: wp.array(dtype=wp.float64)) -> wp.vec3d:
-    """F times a rest vector; the deformation gradient F acts in the plane."""
+    """F times a rest vector; the deformation gradient F acts on in-plane components."""
     return wp.vec3d(
         control[GRADIENT] * vector[0] + control[GRADIENT + 1] * vector[1],
         control[GRADIENT + 2] * vector[0] + control[GRADIENT + 3] * vector[1],
@@ -93,8 +93,7 @@ def update_frames(
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
 ):
-    """`threads_a_block` threads a block: one, or ROD_LANES on a GPU. `rest_edge` may cross the border of a
-    periodic tile."""
+    """`threads_a_block` threads a block: one, or ROD_LANES on a GPU. `rest_edge` may cross the border of a periodic tile."""
     thread = wp.tid()
     block = first_block + thread / threads_a_block
     own = control[block_first[block] / world_nodes]

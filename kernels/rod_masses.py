@@ -4,7 +4,7 @@ With lengths a, c of the segments before and behind a node and p, m its turning 
 
     bend = (1 + e) (B/l + bow)      turned = [(1 + 1/e) B + GJ] p^2/(2 l) + |m|      edge = (turned at both ends)/L^2 + (K + T)/L
 
-A node and its neighbours have the masses of (dx_b/c - dx_a/a)^2 bend + (dx)^2 edge; sections those of twist and bent, likewise.
+A node and its neighbours have the masses of (dx_b/c - dx_a/a)^2 bend + (dx)^2 edge; sections likewise with twist and bent.
 """
 
 from typing import Any

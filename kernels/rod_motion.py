@@ -88,8 +88,9 @@ def move_rods(
     block_speed: wp.array(dtype=wp.float64),
     partial: wp.array2d(dtype=wp.float64),
 ):
-    """`threads_a_block` threads a wire: one, or MOTION_LANES on a GPU; and a row of partial sums. The kinetic energy is that of
-    the diagonal masses."""
+    """Move rods with `threads_a_block` threads a wire, and store a row of partial sums. One thread, or MOTION_LANES on a GPU. The
+    kinetic energy uses diagonal masses.
+    """
     thread = wp.tid()
     wire = first_wire + thread / threads_a_block
     own = control[wire_first[wire] / world_nodes]

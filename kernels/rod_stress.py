@@ -3,7 +3,7 @@
     segments   n (x) E0           n the force of the segment on its first node, E0 its edge at rest
     contacts   - f (x) (X - Y)    f on the first wire; X, Y rest places of the contact on either wire
 
-    clamps     f (x) lever    f on a held node, `lever` its rest place less that of its clamp
+    clamps     f (x) lever    f on a held node, `lever` its rest place less its clamp's
 
 times the rest area, in components xx, xy, yx, yy. A convergence check sums rows of blocks, and the host adds the clamps. A step
 adds counts of STRESS_UNIT, whose sum is the same in any order.
@@ -190,7 +190,7 @@ def count_segment_stress(
     # in and out
     stress_count: wp.array2d(dtype=wp.int64),
 ):
-    """A thread a block, in a step of a mesh with directions given by tension."""
+    """Stress of segments in a step with tension-driven directions, a thread a block."""
     block = first_block + wp.tid()
     begin = block_first[block]
     world = begin / world_nodes

@@ -1,4 +1,4 @@
-"""Turns of sections about their segments, beside the rotation that tilts the rest tangent t0 of a segment into its tangent t.
+"""Turns of sections about their segments, beside the tilt of t0 into t.
 
 That rotation carries the rest director d0 to
 

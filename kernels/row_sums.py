@@ -1,4 +1,4 @@
-"""Rows of partial sums become fewer, on a GPU before one thread adds what is left (control.py)."""
+"""Sums rows of partial sums to fewer rows, for one thread on a GPU (control.py)."""
 
 import warp as wp
 

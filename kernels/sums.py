@@ -193,7 +193,7 @@ def count_pair_stress(
     row: int,
     body_partial: wp.array2d(dtype=wp.float64),
 ):
-    """Leave the stress of some pairs in a row of the sums of a step, in whole counts of STRESS_UNIT."""
+    """Store the stress of pairs in a row of sums, in counts of STRESS_UNIT."""
     total = wp.vec4d()
     for p in range(begin, end):
         if pair_force[p] > type(unit)(0.0) and pair_wire[p] >= 0:
@@ -224,7 +224,7 @@ def count_stress_of_pairs(
     # out
     body_partial: wp.array2d(dtype=wp.float64),
 ):
-    """A thread a row, in a step of a mesh with directions given by tension."""
+    """Stress of pairs in a step with tension-driven directions, a thread a row."""
     if control[STATUS] == STATUS_RUNNING and is_driven(control):
         row = first_row + wp.tid()
         end = wp.min((row + 1) * row_pairs, pair_force.shape[0])

@@ -65,7 +65,7 @@ FOLLOWED_FORCE = wp.constant(2)
 def least_distance(
     p: Nodes, q: Nodes, chords: wp.vec2d, bulge_p: wp.float64, bulge_q: wp.float64, weight_p: wp.vec4d, weight_q: wp.vec4d
 ) -> wp.float64:
-    """[m] bound on the distance of two curves: that of their chords at the places `chords`, less the sag of both."""
+    """Bound on the distance of two curves [m]: chord distance at the places `chords`, less both sags."""
     r = row(p, 1) + chords[0] * (row(p, 2) - row(p, 1)) - row(q, 1) - chords[1] * (row(q, 2) - row(q, 1))
     return wp.length(r) - sag(p, bulge_p, weight_p) - sag(q, bulge_q, weight_q)
 
@@ -210,7 +210,7 @@ def list_awake_pairs(
 
 @wp.kernel
 def find_closest_places(
-    # in: the pairs that may touch, those of them to look at, and all pairs
+    # in: the pairs that may touch, the ones to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
     touch_left: wp.array(dtype=wp.int32),
@@ -256,7 +256,7 @@ def find_closest_places(
     touch_found_count: wp.array(dtype=wp.int32),
     touch_loaded: wp.array(dtype=wp.int32),
 ):
-    """The threads of a part share its pairs, but for those that go on from the step before.
+    """Closest places of a part's pairs, shared by its threads. Except pairs continued from the previous step.
 
     A step evaluates pairs whose curves may touch; an evaluation without a step those whose gap may be below EVALUATED_GAP.
     """

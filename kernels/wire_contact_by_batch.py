@@ -1,9 +1,9 @@
 """Contacts that go on from the step before: CPU_LANES pairs at a time on a CPU, a pair by QUAD threads on a GPU (native/lanes.h).
 
-In most steps most pairs that may touch have one closest point, or two with a saddle between them, near those of the step before.
-Newton's method follows them, and their forces are found (wire_closest.py, wire_contact_forces.py, for the equations). What needs
-more is left to these kernels: friction, a pair without a known place, one whose search is due, whose place is ill-conditioned or
-moves far, or that may have another place beyond a saddle.
+In most steps most pairs that may touch have one closest point, or two with a saddle between them, near the previous step's.
+Newton's method follows them, and their forces are found (wire_closest.py, wire_contact_forces.py, for the equations). These
+kernels handle the rest: friction, a pair without a known place, one whose search is due, whose place is ill-conditioned or moves
+far, or that may have another place beyond a saddle.
 
 The result of a pair does not depend on the others of its batch.
 """
@@ -31,7 +31,7 @@ def follow_contacts(
     begin: int,
     end: int,
     stride: int,
-    # in: the pairs that may touch, those of them to look at, and all pairs
+    # in: the pairs that may touch, the ones to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_count: wp.array(dtype=wp.int32),
     touch_awake: wp.array(dtype=wp.int32),
@@ -65,7 +65,7 @@ def follow_contacts(
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
-    # out: pairs of which the places, or the forces alone, are left to other kernels, in any order, where they are listed
+    # out: pairs that other kernels complete, places or forces alone, in any order, where they are listed
     touch_is_listed: int,
     touch_left: wp.array(dtype=wp.int32),
     touch_left_count: wp.array(dtype=wp.int32),
@@ -86,7 +86,7 @@ def follow_contacts(
 
 @wp.kernel(launch_bounds=(QUAD * QUADS_A_BLOCK, 3))
 def find_followed_contacts(
-    # in: the pairs that may touch, those of them to look at, and all pairs
+    # in: the pairs that may touch, the ones to look at, and all pairs
     touch_first_start: wp.array(dtype=wp.int32),
     first_node: int,
     end_node: int,
@@ -129,7 +129,7 @@ def find_followed_contacts(
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
-    # out: pairs of which the places, or the forces alone, are left to other kernels, in any order, where they are listed
+    # out: pairs that other kernels complete, places or forces alone, in any order, where they are listed
     touch_is_listed: int,
     touch_left: wp.array(dtype=wp.int32),
     touch_left_count: wp.array(dtype=wp.int32),
@@ -146,13 +146,14 @@ def find_followed_contacts(
     # in and out: [m] largest overlap of a thread
     max_penetration: wp.array2d(dtype=wp.float64),
 ):
-    """The pairs of a part, a thread a pair, or QUAD of `threads_a_block` threads on a GPU. Other kernels skip what
-    `touch_followed` says is found, with friction the places."""
+    """Follow the contacts of a part's pairs: a thread a pair, or QUAD of `threads_a_block` threads on a GPU. Other kernels skip
+    pairs in `touch_followed`, with friction the places.
+    """
     a_pair = wp.min(threads_a_block, QUAD)
     k = first_of_share(touch_is_listed, touch_awake_count, touch_first_start, first_node, end_node, part, parts)
     k += wp.tid() / a_pair
     end = first_of_share(touch_is_listed, touch_awake_count, touch_first_start, first_node, end_node, part + 1, parts)
-    while k < end:  # pairs of one world after those of another; of a list one by one
+    while k < end:  # pairs of one world after another's; of a list one by one
         world = pair_first[touch_pair[touch_awake[k]]] / world_nodes
         own = control[world]
         first = k

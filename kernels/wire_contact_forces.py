@@ -15,8 +15,8 @@ the sum of both wires, each interpolated along its segment. k_t is the same ever
 
 v_t is the tangential velocity of one surface over the other: affine velocity of the load, velocity of the nodes, spin and tilt of
 the sections, at the point that divides the line from p to q as the radii. T acts at the same point: as forces on the nodes and a
-couple on the section of the segment. So force, moment and power are those of the two surfaces. The couples on the sections become
-forces and torques in rod_motion.py.
+couple on the section of the segment. So force, moment and power equal the surfaces'. The couples on the sections become forces
+and torques in rod_motion.py.
 
 Weights of contacts at the end of a segment, and of two contacts of one pair: wire_weights.py.
 """
@@ -67,7 +67,8 @@ def push_wire(
     touch_force: wp.array(dtype=Any),
     touch_couple: wp.array(dtype=Any),
 ):
-    """Distribute a force on segment i to its four nodes, and by levers to three sections, and a couple to these by shares.
+    """Distribute a force and a couple on segment i to nodes and sections. By levers to sections, the couple by
+    shares.
 
     side: twice the number of the touch, and 1 for the second wire.
     """
@@ -98,7 +99,7 @@ def push_wire(
 
 @wp.kernel
 def find_contact_forces(
-    # in: the pairs that may touch, those of them to look at, and all pairs
+    # in: the pairs that may touch, the ones to look at, and all pairs
     touch_pair: wp.array(dtype=wp.int32),
     touch_followed: wp.array(dtype=wp.int32),
     touch_found: wp.array(dtype=wp.int32),
@@ -168,7 +169,7 @@ def find_contact_forces(
     touch_force: wp.array(dtype=Any),
     touch_couple: wp.array(dtype=Any),
 ):
-    """The threads of a part share its pairs, at the places found, but for those that have their force.
+    """Contact forces of a part's pairs at known places, shared by its threads. Except pairs that have their force.
 
     `stick_share` is k_t over the penalty in `control`. A contact without weight has the overlap -NO_COMMON_WIRE.
     """

@@ -94,8 +94,9 @@ def rest_shape(
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
 ) -> Shape:
-    """[m] rest-shape offsets m L A and B of the curve of segment i, as rows; `rest_row` [node] is the row of its rest data, which
-    wires of one shape share."""
+    """Rest-shape offsets m L A and B [m] of segment i, as rows. `rest_row` [node] is the row of its rest data,
+    shared by wires of one shape.
+    """
     own = director[i]
     t = tangent[i]
     here = rest_row[i]

@@ -41,7 +41,7 @@ def period_between(
     node_wire: wp.array(dtype=wp.int32),
     wire_period: wp.array(dtype=wp.vec3d),
 ) -> wp.vec3d:
-    """[m] at rest, shift that puts segment `other`, which is `offset` on from segment i, next to it: where a wire continues."""
+    """Shift [m] at rest from segment i to `other`, where a wire continues; other = i + offset."""
     period = wire_period[node_wire[i]]
     if offset > 0 and other < i:
         return period
@@ -61,7 +61,7 @@ def pair_of(
     pair_shift: wp.array(dtype=wp.vec3d),
     node_radius: wp.array(dtype=wp.float64),
 ) -> int:
-    """The pair of segments i <= j in the list, j moved by `shift` but for round-off; -1 where it has none."""
+    """Pair of segments i <= j in the list, j moved by `shift`; else -1."""
     for k in range(start[i], start[i] + count[i]):
         if second[k] == j and wp.length(pair_shift[k] - shift) < node_radius[i]:
             return k
@@ -88,7 +88,7 @@ def previous_slip(
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
 ) -> wp.vec3d:
-    """[m] elastic slip from the step before, of the first wire over the second, at these places on segments i and j."""
+    """Elastic slip [m] of the previous step at places on segments i and j. Of the first wire over the second."""
     half = step % 2
     slip = wp.vec3d()
     nearest = wp.float64(3.0)
@@ -137,7 +137,7 @@ def section_weights(
 ) -> wp.vec3d:
     """Of the sections before, of and after segment i at a place on it: what turns with them is continuous from one to the next.
 
-    Linear from the middle of a segment to that of the next one.
+    Linear from the middle of a segment to the middle of the next one.
     """
     half = wp.float64(0.5)
     before = wp.where(previous[i] >= 0, wp.max(half - place, wp.float64(0.0)), wp.float64(0.0))
@@ -154,7 +154,7 @@ def turned_back(
     before_tangent: wp.array(dtype=Any),
     before_director: wp.array(dtype=Any),
 ) -> wp.vec3d:
-    """A vector that turns with the section of a segment, as it was at the equilibrium before."""
+    """A vector turned with the section of a segment, as at the previous equilibrium."""
     t = wp.vec3d(tangent[segment])
     d = wp.vec3d(director[segment])
     before_t = wp.vec3d(before_tangent[segment])
@@ -258,7 +258,7 @@ def node_velocities(
     displacement: wp.array(dtype=wp.vec3d),
     velocity: wp.array(dtype=Any),
 ) -> Nodes:
-    """Velocities [m/s] of the four nodes of segment i as rows, the affine velocity of the load included."""
+    """Velocities [m/s] of segment i's four nodes as rows, including the load's affine velocity."""
     one = wp.vec3d(velocity[i]) + load_velocity(row(nodes, 1) - displacement[i], control)
     after = following[i]
     two = wp.vec3d(velocity[after]) + load_velocity(row(nodes, 2) - displacement[after], control)
@@ -283,7 +283,7 @@ def section_rate(
 ) -> wp.vec3d:
     """[1/s] angular velocity of a section: tilt of its segment and spin about it.
 
-    relative_velocity [m/s]: that of the second node less that of the first.
+    relative_velocity [m/s]: the second node's less the first's.
     """
     return wp.cross(wp.vec3d(tangent[segment]), relative_velocity) / length[segment] + wp.float64(spin[segment]) * wp.vec3d(
         tangent[segment]
@@ -301,7 +301,7 @@ def surface_rate(
     tangent: wp.array(dtype=Any),
     spin: wp.array(dtype=Any),
 ) -> wp.vec3d:
-    """[1/s] angular velocity of the surface at a place on segment i, whose four nodes have these velocities as rows."""
+    """Angular velocity [1/s] of the surface at a place on segment i; velocity: of its four nodes, as rows."""
     weights = section_weights(i, place, previous, following)
     rate = weights[1] * section_rate(i, row(velocity, 2) - row(velocity, 1), length, tangent, spin)
     if weights[0] > wp.float64(0.0):

@@ -1,4 +1,4 @@
-"""Minima of the distance of two curves (wire_curve.py), and the saddle between two of them, each within one segment.
+"""Minima of the distance of two curves (wire_curve.py) and saddles between, each within one segment.
 
 Newton's method never leads away from a minimum: a step that increases the distance is halved, and one at an end stays there.
 """
@@ -215,7 +215,7 @@ def followed_saddle(p: Powers, q: Powers, start: wp.vec2d) -> wp.vec3d:
 
 @wp.func
 def projected_end(p: Powers, q: Powers, end: wp.float64) -> wp.vec2d:
-    """(s, t) of an end of one curve and its projection on the chord of the other."""
+    """(s, t) of an end of one curve, and its projection on the other chord."""
     q1 = point_at(q, wp.float64(0.0))
     chord = point_at(q, wp.float64(1.0)) - q1
     place = wp.dot(point_at(p, end) - q1, chord) / wp.dot(chord, chord)
@@ -238,8 +238,8 @@ def nearer_end(place: wp.float64) -> wp.float64:
 
 @wp.func
 def falling_end(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec3d:
-    """(s, t) of the end of p nearer to a minimum at `place` and the place of q nearest to that end, and their distance squared
-    [m2]; for the latter FAR where the distance does not decrease beyond the end.
+    """End of p nearer to a minimum, and nearest place of q: (s, t), and squared distance [m2]. FAR where the
+    distance does not decrease beyond the end.
 
     The search ends early where the rest of its steps cannot change that.
     """
@@ -266,7 +266,7 @@ def falling_end(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec3d:
 
 @wp.func
 def beyond_saddle(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec4d:
-    """As `closest_on_curves`, from an end of a segment beyond which the distance is less, with a saddle before it; else `place`.
+    """As `closest_on_curves`, from an end with less distance beyond, across a saddle; else `place`.
 
     Of either segment the end nearer to the minimum at `place` is tried; of both the one with the least distance counts.
     """
@@ -309,7 +309,7 @@ def nearest_sample(p: Powers, q: Powers) -> wp.vec2d:
 
 @wp.func
 def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
-    """`saddle_between` two places in any order, along the curve on which they are farther apart."""
+    """`saddle_between` two places in any order. Along the curve on which they are farther apart."""
     if wp.abs(other[0] - one[0]) >= wp.abs(other[1] - one[1]):
         if other[0] >= one[0]:
             return saddle_between(p, q, one, other)

@@ -17,14 +17,14 @@ def before(counts: wp.array(dtype=wp.int32), k: int) -> int:
 
 @wp.func
 def first_of_part(count: int, part: int, parts: int) -> int:
-    """The first pair of a part of a list, which is cut into `parts` of the same length."""
+    """First pair of a part of a list, cut into `parts` equal parts."""
     length = (count + parts - 1) / parts
     return wp.min(part * length, count)
 
 
 @wp.func
 def first_of_nodes(start: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32), node: int) -> int:
-    """The first pair of the nodes from one on, in a list in their order; behind the last node the number of all pairs."""
+    """First pair of the nodes from `node` on, in a sorted list; behind the last node the number of pairs."""
     if node < start.shape[0]:
         return start[node]
     return count[0]
@@ -109,7 +109,7 @@ def list_near_pairs(
     touch_pair: wp.array(dtype=wp.int32),
     touch_of_second: wp.array(dtype=wp.int32),
 ):
-    """A thread a pair, which is also a place in the order of the second segments."""
+    """List near pairs, a thread a pair; it is also a place in the order of the second segments."""
     k = wp.tid()
     if k >= pair_count[0]:
         return

@@ -1,4 +1,4 @@
-"""Which segments of wires may touch: a spatial hash proposes pairs, their chords decide.
+"""Pairs of segments that may touch: proposed by a spatial hash, decided by chords.
 
 The hash works on rest coordinates F^-1 x, scaled so that a cell is 1 wide and the cells of a periodic tile divide it evenly:
 the grid wraps as the tile does. A segment forms a pair with every periodic image of another within reach, so a pair consists of
@@ -101,7 +101,7 @@ def arc_separation(
 
 @wp.func
 def nearest_image_square(between: wp.vec3, cell: wp.vec3, tile: wp.vec3) -> float:
-    """[m2] squared distance of the nearest periodic images of two places, from their difference in cells."""
+    """Squared distance [m2] of nearest images of two places, from their difference in cells."""
     square = float(0.0)
     for k in range(3):
         d = between[k] * cell[k]
@@ -188,7 +188,7 @@ def find_segment_pairs(
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
-    # in: of worlds that are not searched, how many pairs each segment has in the list before; where those of each begin
+    # in: of worlds that are not searched, the number of pairs of each segment in the previous list; where the pairs of each begin
     old_count: wp.array(dtype=wp.int32),
     start: wp.array(dtype=wp.int32),
     # in and out: how many other segments form pairs with each, and the first KEPT of them
@@ -202,11 +202,11 @@ def find_segment_pairs(
     pair_arc_separation: wp.array(dtype=wp.float64),
     pair_wake_travel: wp.array(dtype=wp.float64),
 ):
-    """One thread a segment, from `first_segment` on. Pairs are segments and images whose surfaces may come nearer than `margin`
-    [m]; on one wire their arc separation is at least `min_arc_separation` radii. Lengths at rest are at most `rest_scale` times
-    those in space; wires touch or are listed at most `largest_distance` [m] from each other, both [world]; single precision moves
-    places by at most `round_off` [m]. The list is filled from the segments that the count has kept, or where they were more by
-    the hash again. Worlds that are not `searched` keep their pairs.
+    """Find pairs of segments and images with surfaces nearer than `margin` [m]. One thread a segment, from `first_segment` on. On
+    one wire their arc separation is at least `min_arc_separation` radii. Rest lengths are at most `rest_scale` times present
+    ones; wires touch or are listed at most `largest_distance` [m] from each other, both [world]; single precision moves places by
+    at most `round_off` [m]. The list is filled from the segments that the count has kept, or by the hash again if there were too
+    many. Worlds that are not `searched` keep their pairs.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch.

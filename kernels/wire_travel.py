@@ -1,4 +1,4 @@
-"""What segments of wires have travelled since the search of pairs: a bound, by the fastest nodes of their blocks.
+"""Bound on the travel of segments since the pair search. By the fastest nodes of blocks.
 
 Each block has a travel by steps (rod_motion.py, and clamps below), which holds for the nodes of its segments, those beside it
 included. Travel of all nodes, by the load or from outside, comes on top. Where nodes have one block, the fastest of all count.
@@ -30,7 +30,9 @@ def add_travel(
     node_block: wp.array(dtype=wp.int32),
     block_travel: wp.array(dtype=wp.float64),
 ):
-    """Add the way [m] of a node to the travel of the blocks whose segments it shapes, where blocks count (travel_of_pair.h)."""
+    """Add the path length `way` [m] of a node to the travel of blocks. These are blocks with segments shaped by it, where blocks
+    count (travel_of_pair.h).
+    """
     if block_travel.shape[0] == 1:
         return
     own = node_block[i]

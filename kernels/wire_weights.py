@@ -86,7 +86,7 @@ def saddle_weight(place: wp.vec2d, saddle: wp.vec2d) -> wp.float64:
 
 @wp.func
 def friction_weight(own: wp.float64, other: wp.float64, weight_of_other: wp.float64, saddle: wp.float64) -> wp.float64:
-    """Friction weight of one of two contacts, from both overlaps and that of the saddle between them, the weight of the other."""
+    """Friction weight of one of two contacts, from both overlaps and the saddle's."""
     zero = wp.float64(0.0)
     if saddle <= zero or own <= zero:
         return wp.float64(1.0)

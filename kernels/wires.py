@@ -3,7 +3,7 @@
     f_i = n_i - n_(i-1) + contact
 
 Nodes of a wire are consecutive; block b holds nodes `block_first[b]` and on. Displacements are read from `*_in` and written to
-`*_out`, so that a node never reads updated neighbours. The update is that of control.py.
+`*_out`, so that a node never reads updated neighbours. The update is in control.py.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from .native_text import native_text
 
 @wp.func
 def rounding_phase(step: wp.float64) -> wp.float64:
-    """Where in [0, 1) a step rounds: multiples of the golden ratio, which cover it evenly whenever one stops.
+    """Rounding phase of a step in [0, 1): multiples of the golden ratio, which cover it evenly.
 
     A step adds floor(x + phase) counts, so that n equal steps add n x to a count or two, however small x is.
     """

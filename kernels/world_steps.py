@@ -1,9 +1,9 @@
-"""Many explicit steps of the worlds of a small mesh on the CPU, a world a thread.
+"""Many explicit steps of worlds on the CPU, a world a thread.
 
 Worlds are independent states of one mesh: every array has the world as its first axis, and each world has its own control row
-(control.py). Wires are elastic and contacts frictionless. A thread takes all steps of its world in sequence, so that a small
-mesh stays in the L1 cache; it stops when the world is frozen.
-Each step is that of contact_by_batch.py, wires.py, bodies.py, grip.py and control.py, in this order.
+(control.py). Wires are elastic and contacts frictionless. A thread takes all steps of its world in sequence, so that a small mesh
+stays in the L1 cache; it stops when the world is frozen. Each step follows contact_by_batch.py, wires.py, bodies.py, grip.py and
+control.py, in this order.
 """
 
 from typing import Any

@@ -31,7 +31,7 @@ FAST = """
     knit/test_chain knit/test_crossings knit/test_lapping knit/test_lens_width knit/test_openings knit/test_threads
     reflection/test_currents
     test_best_tension test_capabilities test_cli test_closings test_contact_map test_convergence_check test_device
-    test_equilibrium test_host test_jumps test_kernel_linter test_launch test_layering test_measures_of_design test_pace
+    test_equilibrium test_host test_jumps test_kernel_linter test_launch test_layering test_measures_of_design test_step_sharing
     test_result_types test_run_directory test_scene test_scene_in_code test_scene_keys test_scene_refusals
     test_scene_resolved test_stress_peak test_text test_units
     validation/test_other_codes validation/test_study_pages

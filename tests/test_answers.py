@@ -24,9 +24,9 @@ EXPANSION = 4.5e-6  # [1/K]
 QUICK = ("solver.preset=draft", "output.figures=false", "output.usd=false")
 
 
-def best_texts(answers: Any, *, gave_up: bool = False) -> str:
+def best_texts(answers: Any, *, failed: bool = False) -> str:
     """The rows on the best tension, and its range where there is one."""
-    text = table_of(answer_findings(answers, LIMIT, gave_up=gave_up))
+    text = table_of(answer_findings(answers, LIMIT, failed=failed))
     return text.get("  valid", text["best tension"])
 
 
@@ -68,7 +68,7 @@ def test_what_does_not_happen_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_limit_of_the_solver_is_told_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that did not converge beyond half a newton per metre, below first yield."""
-    text = table_of(answer_findings(found([row(0.1 * k) for k in range(6)], monkeypatch), LIMIT, gave_up=True))
+    text = table_of(answer_findings(found([row(0.1 * k) for k in range(6)], monkeypatch), LIMIT, failed=True))
     assert text["first yield"].startswith("none up to 500 mN/m, beyond which the relaxation did not converge: 500 MPa")
     assert "did not converge" in text["  class B"]
     assert text["  valid"].endswith("; not known beyond 500 mN/m, where the relaxation did not converge")
@@ -78,12 +78,12 @@ def test_a_limit_of_the_solver_is_told_as_such(monkeypatch: pytest.MonkeyPatch) 
 def test_the_best_tension_of_a_path_that_ended_early_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever its range is: in the last record alone, in the middle of the records, or none. Not behind first yield."""
     for rows in ([row(0.1 * k) for k in range(4)], [row(0.0), row(0.25)], [row(0.01 * k) for k in range(3)]):
-        text = best_texts(found(rows, monkeypatch), gave_up=True)
+        text = best_texts(found(rows, monkeypatch), failed=True)
         top = f"{1e3 * rows[-1].tension_weft_N_per_m:.0f} mN/m"
         assert text.endswith(f"; not known beyond {top}, where the relaxation did not converge")
         assert "not known" not in best_texts(found(rows, monkeypatch))
     yielded = found([row(0.1 * k) for k in range(11)], monkeypatch)
-    assert "not known" not in best_texts(yielded, gave_up=True)
+    assert "not known" not in best_texts(yielded, failed=True)
 
 
 def test_the_margin_is_told_where_the_wire_yields_in_a_snap_through(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,9 +113,7 @@ def test_the_margin_is_to_the_next_snap_through_as_well(monkeypatch: pytest.Monk
 def test_a_service_tension_that_was_asked_for_is_told_where_it_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     """A load to 2 N/m that converges up to 0.5 N/m: 2 N/m is not reached, and 3.4 and 4.9 N/m nobody asked for."""
     answers = found([row(0.1 * k) for k in range(6)], monkeypatch, asked=2.0)
-    active = {
-        name: text for name, text in table_of(answer_findings(answers, LIMIT, gave_up=True)).items() if name[:6] == "active"
-    }
+    active = {name: text for name, text in table_of(answer_findings(answers, LIMIT, failed=True)).items() if name[:6] == "active"}
     assert active == {"active at 2 N/m": "not reached; up to 500 mN/m, beyond which the relaxation did not converge"}
     model, solver = Values(kind="planar", kind_reason="", source="knit", nodes=1), Values(steps=1, wall_s=1.0, compile_s=0.0)
     end = Row(stage="load", yield_stress_Pa=LIMIT, tension_warp_N_per_m=0.0)

@@ -16,7 +16,7 @@ from warpknit.compute.ranks import One
 from warpknit.errors import InputError
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
-from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, goes_together, with_needs
+from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, compatibility, with_needs
 from warpknit.scene.reference import capabilities_page
 from warpknit.studies import probe_run, sweep
 
@@ -112,7 +112,7 @@ def test_what_the_table_says_is_what_is_refused(folder, column):
         assert bool(said) == is_refused(traits), f"{name} with {column}: {said or 'taken'}"
         words = [rule.instead for rule in RULES if rule.refused and rule.traits <= traits]
         assert not said or any(said.strip().endswith(f"; {instead}") for instead in words), f"{name} with {column}: {said}"
-        shown = goes_together(name, column)
+        shown = compatibility(name, column)
         assert (shown == "no") <= bool(said) and (shown in ("yes", "no effect")) <= (not said or shown_default(name, column))
 
 

@@ -232,7 +232,7 @@ def test_progress_is_silent_when_quiet_and_lines_without_a_terminal(monkeypatch,
         assert isinstance(progress, StageLines)
         progress.stage("cold", number=2, of=3)
         progress.update(done=0.5, load_factor=0.5)
-    assert caplog.messages == ["stage 2 of 3: cold"]
+    assert caplog.messages == ["cold (2 of 3)"]
 
 
 def test_the_bar_goes_through_stages(capsys):

@@ -68,7 +68,7 @@ def test_the_mean_is_over_meshes_at_rest():
     (mean,) = mean_map([[row(0, 0, 20.0, 1e8)], [row(0, 0, 40.0, 3e8)], [row(0, 0, reason="diverged")]])
     assert mean.active_percent == 30.0
     assert mean.stress_max_Pa == 2e8
-    assert mean.stop_reason == "2 of 3 meshes steady"
+    assert mean.stop_reason == "2 of 3 meshes converged"
     assert mean.std_active_percent == pytest.approx(math.sqrt(200.0))
     assert (mean.variants, mean.steps, mean.message) == (2, 17, "too fast")
 

@@ -34,7 +34,7 @@ class OneMesh:
     def check(self, _rows: np.ndarray, _checks: np.ndarray, _loading: np.ndarray) -> Check:
         return Check(np.array([0.01 * self.ratio]), np.array([self.ratio]))
 
-    def settled_stress(self, _rows: np.ndarray) -> np.ndarray:
+    def converged_stress(self, _rows: np.ndarray) -> np.ndarray:
         return np.ones((1, 2, 2))
 
 

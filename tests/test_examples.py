@@ -1,4 +1,4 @@
-"""Examples in README.md, the documents and the docstrings at the door run as they stand."""
+"""Examples in README.md, the documents and the public docstrings run as they stand."""
 
 import doctest
 import inspect

@@ -69,7 +69,7 @@ def module_name(path: Path) -> str:
 
 
 FILES = {module_name(path): path for path in [*HOST.rglob("*.py"), *KERNELS.glob("*.py")]}
-MODULES = sorted(name for name in FILES if name)  # without the door, warpknit/__init__.py
+MODULES = sorted(name for name in FILES if name)  # without the public API, warpknit/__init__.py
 
 
 def layer(name: str) -> int:
@@ -105,7 +105,7 @@ def imports(name: str, types: bool = False) -> list[tuple[str, bool]]:
             found = [item if item.removeprefix("warpknit.") in FILES else base for item in inside]
         for item in found:
             if item == "warpknit":
-                continue  # the door, for its version
+                continue  # the public API, for its version
             everything.append((f".{item.removeprefix('warpknit.')}" if item.startswith("warpknit.") else item, lazy))
     return everything
 

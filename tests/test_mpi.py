@@ -33,16 +33,16 @@ PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failur
 # the command line with a fault put in: rank 1 runs out of memory at its fifth convergence check
 OUT_OF_MEMORY = """
 import sys
-from warpknit.runner import watch
+from warpknit.runner import monitor
 from warpknit.commands.cli import main
-original, checks = watch.Watch._check, 0
+original, checks = monitor.Monitor._check, 0
 def fail(self, progress):
     global checks
     checks += 1
     if checks == 5 and self._ranks.rank == 1:
         raise MemoryError("40 GiB needed, 1 GiB available")
     original(self, progress)
-watch.Watch._check = fail
+monitor.Monitor._check = fail
 main(sys.argv[1:])
 """
 

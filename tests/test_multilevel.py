@@ -200,13 +200,13 @@ def test_interrupted_start_goes_on_to_the_same_bits(stop_at: int) -> None:
             simulation.drive.load_state_dict(kept["memory"])
         looks = 0
 
-        def watch(progress: Progress) -> None:
+        def monitor(progress: Progress) -> None:
             nonlocal looks
             looks += 1
             if looks == stop_at:
                 raise Stop
 
-        simulation.watch = watch
+        simulation.monitor = monitor
         try:
             for _record in simulation.run():
                 pass
@@ -222,10 +222,10 @@ def test_interrupted_start_goes_on_to_the_same_bits(stop_at: int) -> None:
     assert Steering(expected["control"]).step > 0
 
 
-@pytest.mark.parametrize(("gave_up", "wait"), [(False, 4 * CORRECTION_CHECKS), (True, 0)])
-def test_corrections_wait_after_failed_ones_and_those_of_an_edge_alone_do_not(gave_up: bool, wait: int) -> None:
+@pytest.mark.parametrize(("is_uncorrected", "wait"), [(False, 4 * CORRECTION_CHECKS), (True, 0)])
+def test_corrections_wait_after_failed_ones_and_those_of_an_edge_alone_do_not(is_uncorrected: bool, wait: int) -> None:
     """The third in a row that failed: the next comes four times later. An edge moves by itself at every balance."""
-    progress = Progress(checks=100, gave_up=gave_up, failed_corrections=2, least_imbalance=1.0, imbalance=1.0)
+    progress = Progress(checks=100, is_uncorrected=is_uncorrected, failed_corrections=2, least_imbalance=1.0, imbalance=1.0)
     moved: list[Correction] = []
     factor = SimpleNamespace(next_factor=lambda _vector, most: most)
     drive = SimpleNamespace(progress=progress, _correction=factor, _move_clamps=moved.append)

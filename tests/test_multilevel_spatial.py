@@ -91,11 +91,11 @@ def test_a_run_says_which_smaller_mesh_it_solves() -> None:
     simulation = Simulation(mesh(STRIP, "model.boundary=gripped"))
     said: list[str] = []
 
-    def watch(progress: Progress) -> None:
+    def monitor(progress: Progress) -> None:
         said.append(simulation.solving)
         assert bool(simulation.solving) == (progress.checks == 0)
 
-    simulation.watch = watch
+    simulation.monitor = monitor
     for _ in simulation.run():
         pass
     assert said[0] == "smaller mesh of 8 x 3 repeats 0 % done"
@@ -126,13 +126,13 @@ def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
             simulation.drive.load_state_dict(kept["solver"])
         checks = 0
 
-        def watch(_progress: Progress) -> None:
+        def monitor(_progress: Progress) -> None:
             nonlocal checks
             checks += 1
             if checks == stop_at:
                 raise Stop
 
-        simulation.watch = watch
+        simulation.monitor = monitor
         try:
             for _record in simulation.run():
                 pass
@@ -222,9 +222,9 @@ def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pyt
     drive = simulation.drive
     assert isinstance(drive, MultilevelRelaxation) and isinstance(drive.mechanics, SpatialMechanics)
     *_, last = simulation.run()
-    assert not drive.progress.is_prolonged and drive.progress.gave_up
+    assert not drive.progress.is_prolonged and drive.progress.is_uncorrected
     (note,) = simulation.notes
-    assert note.startswith("at strains of 3.0 % in weft and 3.0 % in warp the mesh did not start from a smaller one")
+    assert note.startswith("at strains of 3.0 % in weft and 3.0 % in warp the mesh was loaded from its own state")
     rows = with_work([row_of(last)], simulation.model)
     rows[-1] = with_sums(rows, simulation.model)
     took = {"wall": 1.0, "compile_time": 0.0, "steps": 1}

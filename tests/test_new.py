@@ -179,7 +179,7 @@ def test_the_list_has_every_knit_with_its_chains() -> None:
         (["--wales", "900"], "knit.wales: '900 /inch'"),
         (["--wales", "26", "--courses", "28"], "in a scene knit.loop.closed_radius at most 0.5003 course spacings"),
         (["a\nb"], "FILE: 'a\\nb.toml'"),
-        (["folder"], "folder.toml: a directory"),
+        (["folder"], "folder.toml: is a directory"),
     ],
 )
 def test_a_bad_value_is_status_2_and_one_line(arguments: list[str], said: str) -> None:

@@ -136,7 +136,7 @@ def test_physics_that_is_off_is_not_named():
 
 def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
     """Of a mesh; of two hooked wires there is one. A map alone runs no [[path]]."""
-    for scene, said in ((CELL, "a tight mesh may have several, of which the load path decides"), (HOOK, "independent of")):
+    for scene, said in ((CELL, "a tight mesh may have several, chosen by the load path"), (HOOK, "independent of")):
         [relaxation] = [text for text in overview_of(load_scene(scene), "cpu").physics if text.startswith("relaxation: ")]
         assert said in relaxation
     swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}
@@ -225,7 +225,7 @@ FLAT = "wire,x [mm],y [mm],z [mm]\n1,0,0,0\n1,3,3,0\n2,0,3,0\n2,3,0,0\n"  # two 
     ("name", "overrides", "line"),
     [
         ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "half the thickness of the wire"),
-        ("wires/plain_knit_patch.toml", ["wires.node_spacing=0.02"], "of which its clamps hold four"),
+        ("wires/plain_knit_patch.toml", ["wires.node_spacing=0.02"], "its clamps hold four"),
         (None, [], "centre lines of wires 1 and 2 intersect"),
     ],
 )

@@ -59,7 +59,9 @@ def test_a_warning_is_one_line_with_what_to_do() -> None:
 
 def test_every_kind_of_warning_is_used_and_declared() -> None:
     """A code is given where the warning is made, and declared once."""
-    found = {code for path in HOST.rglob("*.py") for code in re.findall(r'ResultWarning\(\s*"(.+?)"', path.read_text())}
+    found = {
+        code for path in HOST.rglob("*.py") for code in re.findall(r'(?:ResultWarning\(\s*"|"warning )(W\d\d)', path.read_text())
+    }
     assert found == set(KINDS)
 
 

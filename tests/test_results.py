@@ -25,9 +25,9 @@ from warpknit.results.frame import Frame
 from warpknit.results.row import Row, read_rows
 from warpknit.results.run import Run, Series, States
 from warpknit.results.table import Table
+from warpknit.runner.monitor import Monitor
 from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult
-from warpknit.runner.watch import Watch
 from warpknit.scene import Scene
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
@@ -328,16 +328,16 @@ def test_a_run_that_diverges_raises_and_keeps_what_it_found(tmp_path: Path) -> N
 
 
 def test_an_interrupted_run_raises_and_goes_on_with_the_same_probes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    original, checks = Watch._check, iter(range(10**6))
+    original, checks = Monitor._check, iter(range(10**6))
 
-    def interrupt_once(self: Watch, progress: object) -> None:
+    def interrupt_once(self: Monitor, progress: object) -> None:
         if next(checks) == 12:
             self.interrupts.request()
         original(self, progress)
 
     probes, scene = {"height_m": height}, cell(**{"output.frames": 8})
     whole = warpknit.run(scene, tmp_path / "whole", device="cpu", probes=probes, quiet=True)
-    monkeypatch.setattr(Watch, "_check", interrupt_once)
+    monkeypatch.setattr(Monitor, "_check", interrupt_once)
     with pytest.raises(KeyboardInterrupt, match="^interrupted; continue with the same call and resume=True$"):
         warpknit.run(scene, tmp_path / "parts", device="cpu", probes=probes, quiet=True)
     assert 0 < warpknit.load_run(tmp_path / "parts").history.rows < whole.history.rows

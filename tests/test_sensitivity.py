@@ -86,12 +86,12 @@ def test_without_friction_nothing_is_said_of_it():
 
 
 def test_an_interrupt_leaves_the_results_without_their_error(tmp_path, monkeypatch):
-    def changes(self, watch):
+    def changes(self, monitor):
         interrupts.request()
-        watch(None)
+        monitor(None)
 
     interrupts = Interrupts()
-    monkeypatch.setattr("warpknit.runner.watch.Interrupts", lambda: interrupts)
+    monkeypatch.setattr("warpknit.runner.monitor.Interrupts", lambda: interrupts)
     monkeypatch.setattr(Sensitivity, "changes", changes)
     scene = scene_of(variants={"count": 2, "standard_error": 0.0})
     result = run_scene(scene, out=tmp_path, device="cpu")

@@ -72,13 +72,13 @@ def test_loops_set_in_part_spring_open_step_by_step(tmp_path: Path, monkeypatch:
 
 @pytest.mark.parametrize(
     ("fraction", "factor", "cause"),
-    [(0.5, 0.0, "raise wire.set_fraction"), (0.5, 0.1, "raise output.frames"), (1.0, 0.0, "change their shape")],
+    [(0.5, 0.0, "raise wire.set_fraction"), (0.5, 0.1, "raise output.frames"), (1.0, 0.0, "change the shape of the wires")],
 )
 def test_a_divergence_names_its_cause(fraction: float, factor: float, cause: str) -> None:
     """Before any load that is the natural curvature, where it is not that as knitted."""
     simulation = Simulation(build_model(load_scene(CELL, [*QUICK, f"wire.set_fraction={fraction}"])))
     simulation.progress.load_factor = factor
-    assert str(simulation.drive.divergence()).endswith(cause)
+    assert cause in str(simulation.drive.divergence())
 
 
 @pytest.mark.parametrize("given", [(), ("contact.stiffness=40 N/m",)])

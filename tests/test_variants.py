@@ -12,7 +12,7 @@ from warpknit.errors import Diverged
 from warpknit.knit.lapping import KnitError
 from warpknit.results.row import Row
 from warpknit.runner.run import run_scene
-from warpknit.runner.variants import Watched, branch_of, mean_row, range_of, spreads, wanted
+from warpknit.runner.variants import MeshValues, branch_of, mean_row, range_of, spreads, wanted
 from warpknit.scene import Scene
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
@@ -33,9 +33,9 @@ def scene_of(count: int = 3, kind: str = "spatial", **tables: dict) -> Scene:
     return load_scene({name: table.get(name, {}) | tables.get(name, {}) for name in table | tables})
 
 
-def seen(*columns: list[float]) -> Watched:
+def seen(*columns: list[float]) -> MeshValues:
     names = ("tension_weft_N_per_m", "stress_max_Pa")[: len(columns)]
-    return Watched(names, np.array(columns).T, np.ones(len(columns)))
+    return MeshValues(names, np.array(columns).T, np.ones(len(columns)))
 
 
 # --- statistics
@@ -62,8 +62,8 @@ def test_an_error_of_zero_asks_for_the_count_exactly():
 
 
 def test_the_standard_error_is_that_of_the_worst_figure_over_its_scale():
-    watched = Watched(("a", "b"), np.array([[1.0, 0.0], [3.0, 0.0], [1.0, 3.0], [3.0, 3.0]]), np.array([2.0, 10.0]))
-    assert watched.standard_error == pytest.approx(math.sqrt(4.0 / 3.0) / 2.0 / 2.0, rel=1e-12)
+    values = MeshValues(("a", "b"), np.array([[1.0, 0.0], [3.0, 0.0], [1.0, 3.0], [3.0, 3.0]]), np.array([2.0, 10.0]))
+    assert values.standard_error == pytest.approx(math.sqrt(4.0 / 3.0) / 2.0 / 2.0, rel=1e-12)
 
 
 def test_the_median_mesh_is_the_one_nearest_to_all_medians():

@@ -4,7 +4,7 @@
     python tools/bench.py --nodes 1e7 --contact --precision single
     python tools/bench.py --device cuda:0                    steps of both models and both scenes of a million, under ten minutes
     python tools/bench.py --usd --nodes 1e6                  what writing frames as USD costs
-    python tools/bench.py --space --nodes 500 5000           steps in space, and what their parts take
+    python tools/bench.py --space --nodes 500 5000           steps of spatial wires, and times of their parts
     mpirun -n 2 python tools/bench.py --ranks --nodes 1e5    steps where ranks share a mesh, and what they spend on each other
     python tools/bench.py --search                           what finding contacts costs, of the patch or of --scene
     python tools/bench.py --map                              a contact map as one batch, beside its cells one by one
@@ -45,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
     )
     found.add_argument("--threads", type=int, nargs="+", help="of each process.  [default: 1 2, of --ranks 1]")
     found.add_argument("--contact", action="store_true", help="the periodic mesh with its contacts at 12 %% strain")
-    found.add_argument("--rounds", type=int, default=5, help="turns, of which the best counts")
+    found.add_argument("--rounds", type=int, default=5, help="turns; of these the best counts")
     found.add_argument("--seconds", type=float, default=0.3, help="about how long a turn takes")
     found.add_argument("--device", default="cpu")
     found.add_argument("--minutes", type=float, default=9.0, help="on a GPU: what takes longer is left out")
@@ -82,8 +82,8 @@ def main() -> None:
         options.nodes = SIZES.get(options.part, [1e4, 1e5, 1e6])
     if options.threads is None:
         options.threads = [1] if options.part == "ranks" else [1, 2]
-    part = import_module(f"benchmarks.{options.part}")  # before the device, as it tells Warp to be quiet
-    if options.part != "ranks":  # each of which finds its own
+    part = import_module(f"benchmarks.{options.part}")  # before the device, because it quiets Warp
+    if options.part != "ranks":  # every rank finds its own
         options.device = find_device(options.device)
     results = []
     for found in part.cases(options):

@@ -20,14 +20,16 @@ SAMPLES = 32
 
 
 def import_scene(path: str) -> None:
-    """Import a stage into an empty scene, and give every wire and contact the material that shows its colours."""
+    """Import a stage into an empty scene, with materials that show its colours."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.world = world = bpy.data.worlds.new("World")  # that the dome light of the stage sets
     bpy.ops.wm.usd_import(filepath=path, scale=SCALE, import_all_materials=True, set_frame_range=True)
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)  # Blender reads its intensity only
     material = bpy.data.materials["DisplayColor"]
     for shape in bpy.data.objects:
-        if shape.type in ("CURVES", "POINTCLOUD", "MESH") and not shape.data.materials:  # Blender binds those of meshes only
+        if (
+            shape.type in ("CURVES", "POINTCLOUD", "MESH") and not shape.data.materials
+        ):  # Blender binds the materials of meshes only
             shape.data.materials.append(material)
         if shape.type == "POINTCLOUD":  # points whose number changes lose it
             modifier = shape.modifiers.new("Material", "NODES")

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .solve.simulate import Simulation
     from .wires.arrays import wires_from_arrays
 
-_DOOR = {
+_PUBLIC = {
     "load_scene": "scene",
     "wires_from_arrays": "wires.arrays",
     "build_model": "solve.model",
@@ -78,10 +78,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Names are imported when they are asked for, so that importing the package is quick."""
-    if name not in _DOOR:
+    """Import a name of the public API on first use."""
+    if name not in _PUBLIC:
         raise AttributeError(f"module 'warpknit' has no attribute {name!r}")
-    module = _DOOR[name]
+    module = _PUBLIC[name]
     return import_module(f"warpknit.{name}") if module is None else getattr(import_module(f"warpknit.{module}"), name)
 
 

@@ -1,4 +1,4 @@
-"""Every way a command can end other than well, each with the exit status it maps to.
+"""Errors of the package, with their exit statuses.
 
 The command line catches these in one place (`warpknit.commands.cli`). The text of an error is one line that a person can act on:
 `FILE: KEY: what is wrong; what to write instead`, with the value that was given in the first part.
@@ -35,7 +35,7 @@ class SceneError(InputError):
 
 
 class ModelError(InputError):
-    """The scene is well formed, but no model can be built from it."""
+    """No model can be built from a valid scene."""
 
 
 class MemoryNeeded(ModelError):
@@ -88,7 +88,7 @@ class OutOfResources(WarpknitError):
 
 
 class BadValue(Exception):
-    """A value that cannot be used, in a file that is not known here: its key, what is wrong and what to write instead."""
+    """A value that cannot be used, in a file not known here: key, fault and remedy."""
 
     def __init__(self, key: str, wrong: str, instead: str) -> None:
         super().__init__(f"{key}: {wrong}; {instead}")
@@ -106,7 +106,7 @@ def naming_arguments() -> Iterator[None]:
 
 @contextmanager
 def needing_extra(what: str, extra: str) -> Iterator[None]:
-    """Name the extra of a package that `what` needs and that is not installed. Raises `MissingExtra`."""
+    """Raise `MissingExtra` for a package of `extra` that `what` needs."""
     try:
         yield
     except ModuleNotFoundError as error:

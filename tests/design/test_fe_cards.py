@@ -347,7 +347,7 @@ def test_a_code_that_cannot_hold_the_card_gets_none(tmp_path):
 @pytest.mark.parametrize(
     ("card", "path", "why"),
     [
-        (replace(CARD, jumps="the mesh jumps"), PATH, "the mesh jumps to another equilibrium on the way to the card"),
+        (replace(CARD, jumps="the mesh jumps"), PATH, "the mesh snaps through to another equilibrium on the way to the card"),
         (
             CARD,  # a slack weft contracts while the tension rises
             [Row(strain_weft=0.12, strain_warp=0.02, tension_weft_N_per_m=0.01, tension_warp_N_per_m=0.01), PATH[-1]],
@@ -368,8 +368,8 @@ def test_curves_that_end_say_where_and_why():
     assert limit_of_curves(CARD, PATH, ["nastran", "abaqus"], at_jump=False) is None
     beyond = limit_of_curves(CARD, PATH, ["abaqus", "radioss"], at_jump=True)
     assert beyond == (
-        "the tension-strain curves (FABRIC) of the files for Abaqus and Radioss end at 110 mN/m, mean of weft and warp: the mesh"
-        " jumps to another equilibrium beyond"
+        "the tension-strain curves (FABRIC) of the files for Abaqus and Radioss end at 110 mN/m, mean of weft and warp:"
+        " snap-through to another equilibrium beyond"
     )
     at_card = limit_of_curves(CARD, PATH[:-1], list(CODES), at_jump=False)
     assert "Abaqus, LS-DYNA and Radioss end at 75 mN/m" in at_card and at_card.endswith("did not converge beyond the card")

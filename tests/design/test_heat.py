@@ -30,8 +30,8 @@ def test_a_temperature_that_is_not_reached_is_told(scene: Scene, monkeypatch: py
     """The answers are those of the records before, and the mesh says where it stopped; the other case goes on."""
 
     class Failing(LoadPath):
-        def load(self, stage, levels, watch=lambda _: None):
-            for number, record in enumerate(super().load(stage, levels, watch)):
+        def load(self, stage, levels, monitor=lambda _: None):
+            for number, record in enumerate(super().load(stage, levels, monitor)):
                 if "tension held" in stage.name and number == 1:
                     raise Diverged("no progress")
                 yield record
@@ -51,7 +51,7 @@ def test_heat_that_is_not_shown_has_its_reason(scene: Scene, monkeypatch: pytest
     assert heat(scene, path, None)[0] == [] and "no tension was found" in heat(scene, path, None)[1]
 
     class Failing(LoadPath):
-        def load(self, stage, levels, watch=lambda _: None):
+        def load(self, stage, levels, monitor=lambda _: None):
             raise Diverged("no progress")
 
     monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)

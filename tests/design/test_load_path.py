@@ -94,9 +94,9 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
     tried = []
 
     class Failing(LoadPath):
-        def load(self, stage, levels, watch=lambda _: None):
+        def load(self, stage, levels, monitor=lambda _: None):
             tried.append(stage.tension_weft)
-            for number, record in enumerate(super().load(stage, levels, watch)):
+            for number, record in enumerate(super().load(stage, levels, monitor)):
                 if number == 1 and 1 < len(tried) <= 1 + failing:
                     raise Diverged("no progress")
                 yield record

@@ -164,7 +164,7 @@ def test_contacts_elsewhere_are_diamonds_where_there_are_some(
         assert (line.get_markerfacecolor() != "none") == (line.get_zorder() > diamonds.get_zorder())
     told = [[text.get_text() for legend in figure.legends for text in legend.get_texts()] for figure in figures]
     for texts, not_drawn in zip(told, ("", ", not drawn"), strict=True):
-        assert (f"active contacts elsewhere: {count}{not_drawn}" in texts) == (count > 0)
+        assert (f"active contacts between stitches: {count}{not_drawn}" in texts) == (count > 0)
 
 
 @pytest.mark.parametrize("count", [40, 1000, 4000])

@@ -190,10 +190,10 @@ def test_a_click_tells_a_contact_elsewhere_and_follows_its_wires(
     ]
     viewer = open_view(write_run(tmp_path, layout, frames))
     viewer.pick(*above(viewer, 1e3 * frames[2].elsewhere_position[1]))
-    assert "**contact elsewhere**, active  \nforce 10 mN  \nwires 1 and 2  \n" in viewer.picked.content
-    assert "4 contacts elsewhere" in viewer.title.content and viewer.largest_force == pytest.approx(3e4)
+    assert "**contact between stitches**, active  \nforce 10 mN  \nwires 1 and 2  \n" in viewer.picked.content
+    assert "4 contacts between stitches" in viewer.title.content and viewer.largest_force == pytest.approx(3e4)
     viewer.show(1)
-    assert viewer.picked.content == viewers().ASK and "elsewhere" not in viewer.title.content
+    assert viewer.picked.content == viewers().ASK and "between stitches" not in viewer.title.content
     viewer.show(0)
     assert "force 20 uN  \nwires 1 and 2" in viewer.picked.content
 

@@ -100,7 +100,7 @@ def test_sleeping_pairs_touch_nothing(mesh: str) -> None:
         looks, slept = looks + 1, slept + int(sleeping.sum())
         state.restore(kept)
 
-    simulation.watch = look
+    simulation.monitor = look
     for _record in simulation.run():
         pass
     assert looks > 10

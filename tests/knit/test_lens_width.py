@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.knit.clasps import Arm, Clasp
-from warpknit.mesh.tight_loops import lens_widths, way_left
+from warpknit.mesh.tight_loops import approach_at_touch, lens_widths
 
 DIAMETER, CURVATURE, WIDTH = 15e-6, 400.0, 90e-6
 
@@ -34,9 +34,11 @@ def test_wires_touch_where_the_law_of_the_lens_says(q: float) -> None:
     assert touching == pytest.approx(law * DIAMETER, rel=0.03)
 
 
-def test_way_left_is_that_of_the_first_to_touch() -> None:
+def test_the_approach_is_the_share_at_the_first_touch() -> None:
     q = 0.25
     cloth = two_hooked(np.sqrt(q * 2.0 * CURVATURE * DIAMETER))
     touching = 0.5 * (q + 1.0 / q) * DIAMETER
-    assert way_left(cloth, DIAMETER, 1.25 * DIAMETER) == pytest.approx((WIDTH - touching) / (WIDTH - 1.25 * DIAMETER), rel=0.02)
-    assert way_left(two_hooked(0.5), DIAMETER, 1.25 * DIAMETER) == 1.0
+    assert approach_at_touch(cloth, DIAMETER, 1.25 * DIAMETER) == pytest.approx(
+        (WIDTH - touching) / (WIDTH - 1.25 * DIAMETER), rel=0.02
+    )
+    assert approach_at_touch(two_hooked(0.5), DIAMETER, 1.25 * DIAMETER) == 1.0

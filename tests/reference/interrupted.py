@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpknit.runner.monitor import Monitor
 from warpknit.runner.run import run_scene
-from warpknit.runner.watch import Watch
 from warpknit.scene import Scene
 
 
@@ -15,16 +15,16 @@ def assert_parts_are_the_whole(scene: Scene, directory: Path, monkeypatch: pytes
     where the parts are. Without figures and stage, which take longer than the run."""
     scene = scene.changed({"output.figures": False, "output.usd": False})
     assert run_scene(scene, out=directory / "whole", device="cpu").exit_code == 0
-    original, checks = Watch._check, 0
+    original, checks = Monitor._check, 0
 
-    def interrupt_now_and_then(self: Watch, progress: object) -> None:
+    def interrupt_now_and_then(self: Monitor, progress: object) -> None:
         nonlocal checks
         checks += 1
         if checks % every == 7:
             self.interrupts.request()
         original(self, progress)
 
-    monkeypatch.setattr(Watch, "_check", interrupt_now_and_then)
+    monkeypatch.setattr(Monitor, "_check", interrupt_now_and_then)
     code = run_scene(scene, out=directory / "parts", device="cpu").exit_code
     interruptions = 0
     while code == 130:

@@ -55,8 +55,8 @@ def test_keys(keys, line):
 @pytest.mark.parametrize(
     ("other", "line"),
     [
-        ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} cannot be combined with knit = {}"),
-        ({"hook": {}}, "cannot be combined with hook = {}; leave out one of knit, hook, wires"),
+        ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} cannot be combined with [knit]"),
+        ({"hook": {}}, "cannot be combined with [hook]; leave out one of knit, hook, wires"),
         ({"panel": {"outline": "disc", "size": "10 mm"}}, "panel: {"),
         ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "sweep: {"),
         ({"solver": {"drive": "ramp"}}, "solver.drive: 'ramp'"),

@@ -1,4 +1,4 @@
-"""What a contact map costs as one batch, beside the same cells run one by one.
+"""Cost of a contact map as one batch, beside single cells.
 
 A round gives cell-steps per second of the batch on one and on all threads and of `Simulation` cell by cell (the time loop alone,
 without building and files), measured in turn, and the seconds that all cells take or would take: of wall time, and of all cores

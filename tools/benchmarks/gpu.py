@@ -1,9 +1,8 @@
-"""What a GPU does with both models: its copy bandwidth, steps at many sizes, and both scenes of a million whole.
+"""Both models on a GPU: copy bandwidth, steps at many sizes, both scenes of a million nodes.
 
-Steps are taken in the state that a periodic tile starts from at its load, one repeat in equilibrium laid out over all; free wires
-have no contact. Bytes of a step are those of the arrays that its launches take: read once, written once, without kernels that few
-contacts need. Runs of scenes write no files. `--minutes` shortens the list: a case that would take longer than what is
-left is noted as left out.
+Steps start from a periodic tile at its load, one repeat in equilibrium laid out over all; free wires have no contact. Bytes of a
+step count the arrays of its launches: read once, written once, without kernels that few contacts need. Runs of scenes write no
+files. `--minutes` shortens the list: cases that would exceed the remaining time are noted as left out.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ REPEATS = 20  # of a launch that is timed alone
 EMPTIES = ("empty_pair_lists", "list_awake_pairs", "find_followed_contacts")
 FEW = ("find_closest_places", "warpknit.kernels.wire_contact_forces")  # kernel and module that find what few contacts leave
 SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
-NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and those of a model
+NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and a model's
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it
 DRIVE = {"_solve_smaller": "smaller meshes", "_prepare": "response of the cloth", "_start_level": "start from the smaller mesh"}
 MECHANICS = {
@@ -64,7 +63,7 @@ class OutOfTime(Exception):
 
 
 def at_load(kind: str, nodes: int, precision: str, device: str) -> Simulation:
-    """A periodic tile of about so many nodes, at its load in the state of one repeat."""
+    """A periodic tile of about `nodes` nodes, at its load."""
     settings = [
         "solver.preset=draft",
         f"solver.precision={precision}",
@@ -145,7 +144,7 @@ def steps(kind: str, nodes: int, options: argparse.Namespace, copy: float) -> It
 
 
 def times_of_launches(recorded: list[wp.Launch], launches: list[Launch], options: argparse.Namespace) -> list[dict[str, Any]]:
-    """What each launch of a step takes where it is repeated alone, or behind the one that empties the list that it fills."""
+    """Time of each launch of a step, repeated alone. Where it fills a list, behind the launch that empties it."""
     groups: list[list[int]] = []
     for k in range(len(launches)):
         if k > 0 and launches[k - 1].kernel.key in EMPTIES:
@@ -170,7 +169,7 @@ def times_of_launches(recorded: list[wp.Launch], launches: list[Launch], options
 
 
 class Parts:
-    """Time [s] of methods, each without that of those which it calls."""
+    """Time [s] of methods, each without the methods that it calls."""
 
     def __init__(self, device: str) -> None:
         self.seconds: dict[str, float] = {}
@@ -206,7 +205,7 @@ def whole(scene: Scene, device: str, end: float) -> dict[str, Any]:
     """A run of a scene and its parts; one that is not done at the time `end` is broken off."""
     parts, finished = Parts(device), True
 
-    def watch(_progress: Progress) -> None:
+    def stop_late(_progress: Progress) -> None:
         if time.perf_counter() > end:
             raise OutOfTime
 
@@ -214,7 +213,7 @@ def whole(scene: Scene, device: str, end: float) -> dict[str, Any]:
     with parts.part("mesh and model"):
         model = build_model(scene, device)
     with parts.part("smaller meshes built"):
-        simulation = Simulation(model, watch=watch)
+        simulation = Simulation(model, monitor=stop_late)
     drive = simulation.drive
     for owner, methods in ((drive, DRIVE), (drive.mechanics, MECHANICS), (getattr(drive, "membrane", None), MEMBRANE)):
         parts.time(owner, methods)
@@ -276,7 +275,7 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 
 def expected(spent: list[tuple[int, float]], nodes: int) -> float:
-    """[s] of a case of so many nodes, on the line through the smallest mesh and the last one; the first case is tried."""
+    """Expected time [s] of a case, linear in the number of nodes; the first case is tried."""
     (first, begin), (last, seconds) = spent[0], spent[-1]
     return seconds + max(0.0, seconds - begin) * (nodes - last) / max(1, last - first)
 

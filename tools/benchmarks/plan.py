@@ -1,4 +1,4 @@
-"""What `warpknit plan` says of scenes beside what they take: steps and wall time, on an idle machine."""
+"""Steps and wall time of `warpknit plan` beside runs, on an idle machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The planar step beside a C loop and the memory bandwidth, measured in the same run.
+"""The planar step beside a C loop and memory bandwidth, in one run.
 
 Each case is measured in `--rounds` turns, warpknit and the C loop one after the other, and the best turn of each counts; on
 a busy machine compare the ratio, not the speed. `--contact` steps the periodic mesh of scenes/atlas_cell.toml at 12 % with
@@ -43,7 +43,7 @@ GRAPH = 50  # steps are taken in multiples of it
 
 
 def tile(nodes: int, precision: str, device: str) -> Model:
-    """A periodic tile of about so many nodes."""
+    """A periodic tile of about `nodes` nodes."""
     one = build_model(load_scene(CELL)).panel.node_count
     columns = max(1, round(math.sqrt(nodes / one)))
     rows = max(1, round(nodes / one / columns))
@@ -102,7 +102,7 @@ class Steps:
 
 
 class CLoop:
-    """planar_loop.c with the rest data of the model's first thread, as one wire of as many nodes."""
+    """planar_loop.c with the rest data of the model's first thread, as one wire."""
 
     def __init__(self, model: Model, folder: Path) -> None:
         self.real, self.c_real, name = REAL[model.precision.name]
@@ -141,7 +141,7 @@ class CLoop:
 
 
 def triad_bandwidth(library: ctypes.CDLL, threads: int, elements: int = 8_000_000) -> float:
-    """[B/s] of a = b + s c on arrays far beyond the cache, the best of five rounds."""
+    """Bandwidth [B/s] of a = b + s c beyond the cache; best of five rounds."""
     arrays = [np.ones(elements) for _ in range(3)]
     addresses = [a.ctypes.data_as(ctypes.c_void_p) for a in arrays]
     given = (ctypes.c_int64(elements), 1, threads, *addresses, ctypes.c_double(2.0))

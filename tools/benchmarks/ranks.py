@@ -1,12 +1,12 @@
-"""Time of a step where ranks share a mesh, and what of it they spend on each other.
+"""Time of a step of ranks that share a mesh, and its communication.
 
     python tools/bench.py --ranks --threads 1 2                     one rank
     mpirun -n 2 python tools/bench.py --ranks --nodes 1e5 1e6       two ranks
 
-The mesh is the periodic tile of scenes/atlas_cell.toml at rest under 12 % both ways, with about as many columns as rows of
-repeats, or `--rows` of them. `step_us` is the best of `--rounds` turns, `swap_us` the swap of forces at the borders and `rows_us`
-that of the partial sums, both alone; `work_us` is the processor time of a step of one rank that waits for nobody, which other
-programs on the machine hardly change. `border_bytes` is the most that a rank sends to its neighbours in a step. To compare
+The mesh is the periodic tile of scenes/atlas_cell.toml at rest under 12 % both ways, with similar numbers of columns and rows of
+repeats, or `--rows` of them. `step_us` is the best of `--rounds` turns. `swap_us` is the swap of forces at the borders and
+`rows_us` the swap of partial sums, both alone. `work_us` is the processor time of a step of one rank that waits for nobody, which
+other programs on the machine hardly change. `border_bytes` is the most that a rank sends to its neighbours in a step. To compare
 numbers of ranks, take turns.
 """
 

@@ -1,4 +1,4 @@
-"""What finding contacts costs: the neighbour search, the walk along the arc, and what sleeping pairs save.
+"""Cost of finding contacts: neighbour search, walk along the arc, sleeping pairs.
 
 Runs a scene, then times, on the state it has then: one neighbour search, one step's contact kernel with the
 pairs that sleep, the same with every pair awake (each walks along the arc from its last contact point), and the whole step.

@@ -1,10 +1,10 @@
-"""A step in space beside a C loop of rods, where its time goes kernel by kernel, and the search of pairs.
+"""Times of a spatial step: whole, by kernel, in a C loop, and the pair search.
 
 Runs the double atlas of the spatial cell to 10 % and a tight tricot to 6 %, both roughly, then times their steps in the state
-reached: free, without contact, and with it. A small mesh is measured on one thread alone. The C loop (rod_loop.c, needs
-gcc) steps rods of as many nodes, turn about with warpknit: free ones, and with plain contact of the same wires in the same state.
-Kernels alone are timed with a time step of zero, which leaves the state where it is; theirs are the times of one thread with its
-part of the mesh. Times are in us, that of the search spread over all steps.
+reached: free, without contact, and with it. A small mesh is measured on one thread alone. The C loop (rod_loop.c, needs gcc)
+steps the same number of rod nodes, turn about with warpknit: free ones, and with plain contact of the same wires in the same
+state. Kernels alone are timed with a time step of zero, which keeps the state: times of one thread with its part of the mesh.
+Times are in us; the search is spread over all steps.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def kernels_alone(relaxation: Simulation, rounds: int) -> dict[str, float]:
 
 
 class CLoop:
-    """rod_loop.c on the nodes of a stepper in its present state, as one closed wire."""
+    """rod_loop.c on the nodes of a stepper, as one closed wire."""
 
     def __init__(self, stepper: RodStepper, folder: Path, own: int = 0) -> None:
         """own: segments along the wire that never touch; 0: without contact."""
@@ -143,7 +143,7 @@ class CLoop:
 def measure(
     knit: str, repeats: int, precision: str, threads: int, options: argparse.Namespace, folder: Path
 ) -> Iterator[dict[str, Any]]:
-    """What a step takes, and its parts; without contact, then with it. Nothing of a mesh too small for so many threads."""
+    """Time of a step and its parts; without contact, then with it. Nothing for a mesh too small for its threads."""
     os.environ["WARPKNIT_THREADS"] = str(threads)
     relaxation = at_load(knit, repeats, [*options.overrides, f"solver.precision={precision}"], options.device)
     stepper, contact, steps = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.progress.steps
@@ -200,7 +200,7 @@ def measure(
 
 
 def cases(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Two dictionaries a knit, a size, a precision and a number of threads, of as many columns as rows of repeats."""
+    """Two dictionaries a knit, size, precision and number of threads. Meshes are square in repeats."""
     with tempfile.TemporaryDirectory() as folder:
         for knit, overrides in KNITS.items():
             one = build_model(load_scene(SCENE, [*overrides, f"model.nodes_per_loop={NODES_PER_LOOP}", "knit.repeats=[3, 3]"]))

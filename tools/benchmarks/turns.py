@@ -12,7 +12,7 @@ import warp as wp
 def best(
     works: dict[str, Callable[[], object]], rounds: int, times: int = 1, device: str | wp.Device | None = None
 ) -> dict[str, float]:
-    """[s] of one call of each, in the best of the rounds; a turn is so many calls."""
+    """Time [s] of one call of each, in the best of the rounds; a turn is `times` calls."""
     found = dict.fromkeys(works, math.inf)
     for _ in range(rounds):
         for name, work in works.items():

@@ -1,4 +1,4 @@
-"""What writing USD costs: its speed beside `numpy.tofile`, and by how much it slows the steps.
+"""Cost of writing USD: speed beside `numpy.tofile`, and slow-down of the steps.
 
 Write speed: frames of a gripped panel go through `StageWriter`, and the same number of bytes through `numpy.tofile` with
 fsync, in turns. Slowdown: stretches of steps with a frame handed over to the writer process before each, in turns with
@@ -40,7 +40,7 @@ PANEL = Path(__file__).parents[2] / "scenes/panel_million.toml"
 
 
 def panel(nodes: int) -> Model:
-    """A gripped panel of about so many nodes, as wide as high in repeats."""
+    """A gripped panel of about `nodes` nodes, square in repeats."""
     side = 16
     one = build_model(load_scene(PANEL, [f"knit.repeats=[{side}, {side}]"]), "cpu").panel.node_count / side**2
     side = max(2, round(math.sqrt(nodes / one)))

@@ -1,4 +1,4 @@
-"""What settings miss: presets, the estimate of `warpknit run --error`, and single precision, each against a truer run.
+"""Errors of presets, of `warpknit run --error` and of single precision, against better runs.
 
     python tools/studies/accuracy.py presets [DIR] [--quick]
     python tools/studies/accuracy.py space [DIR] [--quick]
@@ -10,8 +10,8 @@ scene is run at each setting, tiles in five levels, patches in one, hooks in the
 precision to a tolerance of 1e-4 (1e-3 of patches and with friction). Leaves presets.csv, a row a scene and setting, and prints
 the worst and the median error of each setting; goes on with the scenes that are missing there.
 
-*space*: the same of the presets in space, on the tile of the double atlas, on two tight knits, and on four of thick wire, in
-presets_spatial.csv.
+*space*: the same for presets of spatial models, on the tile of the double atlas, on two tight knits, and on four of thick wire,
+in presets_spatial.csv.
 
 *estimate*: is the error that `warpknit run --error 2` estimates above the true one? Ten scenes that its numbers were not set by,
 each run as `run --error` runs it, in five levels, and then with CHECK_NODES in double precision to a tolerance of 1e-4 (1e-3 of a
@@ -21,8 +21,8 @@ under the estimate.
 *precision*: single against double precision, error and speed on the main patch and on a strip of one metre, in precision.csv.
 Single precision is a mixed one: displacements are 32-bit fixed point; forces, velocities and rest data float32; what adds up
 over steps or over the mesh (load, time, sums of energy and forces, places in the neighbour search) float64. In double precision
-all is float64. Both run the same scene; errors are against double precision with a residual ten times smaller. Speed is that of
-steps on one thread from the state at rest, the best of rounds in which both precisions take turns. --quick leaves out the strip.
+all is float64. Both run the same scene; errors are against double precision with a residual ten times smaller. Speed is
+measured on one thread from the state at rest, the best of rounds with both precisions in turn. --quick leaves out the strip.
 """
 
 from __future__ import annotations

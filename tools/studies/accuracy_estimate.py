@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from accuracy_scenes import CHECKED
 from study import read_rows, run, scene_of, show_rows, table_path, write_rows
 
-from warpknit.mechanics.trial import edge_of
+from warpknit.mechanics.probe_settings import edge_of
 from warpknit.solve.model import build_model
 from warpknit.studies.point import errors_of, results_of, scales_of
 from warpknit.studies.probe_run import estimate_of, settings_for_error

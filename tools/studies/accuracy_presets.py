@@ -65,7 +65,7 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
 
     def outcome(keys: Sequence[tuple[str, Any]]) -> Any:
         levels = (LEVELS,) if file == "atlas_cell.toml" else ()
-        return run_point(lambda: scene_of(file, *overrides, *levels, *keys), watch=lambda _progress: None)
+        return run_point(lambda: scene_of(file, *overrides, *levels, *keys), monitor=lambda _progress: None)
 
     nodes = 30 if quick else TRUE_NODES.get(name.split(maxsplit=1)[0], TRUE_NODES["cell"])
     tolerance, softening = 1e-4, 64.0
@@ -90,11 +90,11 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
 
 
 def rows_in_space(name: str, overrides: Sequence[str], quick: bool) -> Iterator[PresetRow]:
-    """One scene in space with every preset."""
+    """One spatial scene with every preset."""
 
     def outcome(keys: Sequence[tuple[str, Any]]) -> Any:
         levels = "output.frames=1" if quick else LEVELS
-        return run_point(lambda: scene_of("atlas_cell.toml", *overrides, levels, SPACE, *keys), watch=lambda _progress: None)
+        return run_point(lambda: scene_of("atlas_cell.toml", *overrides, levels, SPACE, *keys), monitor=lambda _progress: None)
 
     truth = outcome((("model.nodes_per_loop", 56), ("solver.residual_tolerance", 3e-3)) if quick else TRUE_IN_SPACE)
     if truth.results is None:
@@ -127,7 +127,7 @@ def _row(name: str, setting: str, keys: dict[str, Any], outcome: Any, truth: Res
 
 @dataclass(frozen=True)
 class Worst:
-    """What a setting misses over all scenes [%]."""
+    """Largest errors of a setting over all scenes [%]."""
 
     setting: str
     median: float

@@ -1,4 +1,4 @@
-"""The scenes of accuracy.py: those of its presets, in the plane and in space, and those of its estimates."""
+"""Scenes of accuracy.py: of its presets, planar and spatial, and of its estimates."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def scenes() -> dict[str, tuple[str, tuple[str, ...]]]:
 
 
 def scenes_in_space() -> dict[str, tuple[str, ...]]:
-    """The same of tiles in space: overrides by name."""
+    """The same for spatial tiles: overrides by name."""
     left_out = ("friction", "unmerged")  # states that depend on the path; lenses are of the plane
     found = {
         name: overrides

@@ -41,7 +41,7 @@ class ClaspRow:
     """One state of the clasp. Lengths over d, forces over B/d^2."""
 
     friction: float
-    twist: float  # GJ over that of the rod
+    twist: float  # GJ over the rod's
     spacing: float
     shear: float
     tension: float  # of an arm, mean of four
@@ -52,7 +52,7 @@ class ClaspRow:
     reach: float  # arc from the tip to the outermost contact
     mean_place: float  # mean distance of the contact force from the tips
     balance: float  # contact force along x over 2 T
-    asymmetry: float  # first moment of the contact force along the first rod, over that of its absolute value
+    asymmetry: float  # first moment of the contact force along the first rod, over its absolute value's
     contacts: int
     overlap: float
     steps: int
@@ -147,7 +147,7 @@ def clasp_states(
 
 PULLED, TIGHT = (0.016, 0.0265, 0.03), 0.025  # strains
 FINE_SPACING, SPACING = 1.0 / 6.0, 0.25  # [d] of nodes: without and with friction
-FRICTIONS = ((0.2, 1.0), (0.2, 100.0), (0.4, 100.0))  # friction coefficient, and GJ over that of the rod
+FRICTIONS = ((0.2, 1.0), (0.2, 100.0), (0.4, 100.0))  # friction coefficient, and GJ over the rod's
 SHEAR = 0.6
 SHOWN = (0.4, 0.75, 2.5, 13.0)  # T of the states in the picture
 
@@ -163,14 +163,14 @@ def clasp_rows(*, quick: bool = False) -> list[Pressure]:
 
 
 def profile(p: Pressure, width: float = 0.25) -> tuple[np.ndarray, np.ndarray]:
-    """Contact force per length of the first rod over 2 T/d, in bins of `width` [d], and their middles."""
+    """Contact force per length of the first rod over 2 T/d, in bins of `width` [d]; their middles."""
     edges = np.arange(-2.25 - 0.5 * width, 2.25 + width, width)
     total, _ = np.histogram(p.first, edges, weights=p.force)
     return 0.5 * (edges[1:] + edges[:-1]), total / width / (2.0 * p.row.tension)
 
 
 def draw_clasp(path: Path, found: list[Pressure]) -> None:
-    """Where the rods touch by tension, the places of contact, and the pressure along a rod without and with friction."""
+    """Draw the places of contact by tension, and the pressure along a rod."""
     figure, ((shape, ridge), (along, slid)) = new_figure(11.0, 8.0, 2, 2)
     free = [p for p in found if p.row.friction == 0.0 and p.row.spacing == found[0].row.spacing]
     tension = [p.row.tension for p in free]

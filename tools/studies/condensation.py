@@ -1,21 +1,21 @@
-"""What condensing the crossings into the plane costs: knits planar and in space, level by level, and why they differ.
+"""Cost of condensing crossings to planar contacts: planar and spatial knits, level by level.
 
     python tools/studies/condensation.py levels [--scene FILE] [--strain 0.2] [--levels 10] [--set KEY=VALUE]...     5 min
     python tools/studies/condensation.py causes [DIR] [--draw]                                                       3 min
     python tools/studies/condensation.py tight [DIR]                                                                 2 min
 
 *levels* prints one row a level and model: tension, share of active contacts, sum and largest of the contact forces, largest
-stress, node-steps and wall time. A third run shows the planar model with wires that close at one diameter, as they do in space,
+stress, node-steps and wall time. A third run shows the planar model with wires that close at one diameter, as spatial wires do,
 in place of 1.25.
 
 *causes* switches off each cause, on the cell to 20 % both ways and on a closed tricot to 10 %: the planar model closed at 1.25
-and at one diameter, wires in space, the same with twist made twenty times as stiff (no twist), and with the knit's heights
+and at one diameter, spatial wires, the same with twist made twenty times as stiff (no twist), and with the knit's heights
 doubled, so that wires cross over and under each other at twice the angle. It leaves condensation.csv, condensation_clasps.csv
-(every clasp of the cell in space and the width of its lens) and condensation.png; with --draw it draws from the tables.
+(every clasp of the spatial cell and the width of its lens) and condensation.png; with --draw it draws from the tables.
 
-*tight* says why tight knits hook sooner in space, in tight_knits.csv. A tricot, whose two bars slide along each other in the
-plane: with wires kept from sliding there, and in space with no contact but in the clasps that carry in the plane. A single atlas,
-whose feet turn round the head below in a loop of 9 diameters: in space as knitted and with all heights doubled and tripled.
+*tight* says why spatial tight knits hook sooner, in tight_knits.csv. A tricot, whose two bars slide along each other in the
+planar model: with wires kept from sliding there, and spatial with contact only in the clasps that carry there. A single atlas,
+whose feet turn round the head below in a loop of 9 diameters: spatial as knitted and with all heights doubled and tripled.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def spatial_rows(scene: str, overrides: list[str]) -> Iterator[Row]:
 
 
 def record_row(name: str, relaxation: Simulation, record: Record, wall: float = float("nan")) -> Row:
-    """The row of a record in space."""
+    """Row of a spatial record."""
     r = record.observables
     return Row(
         name,
@@ -149,7 +149,7 @@ class KnitRow(Row):
 
 @dataclass(frozen=True)
 class Clasp:
-    """A place where two wires hook, in space: the lens that they bound in plan view, lengths in diameters of the wire."""
+    """A place where two wires hook, with its lens in plan view; lengths in wire diameters."""
 
     strain: float
     site: int
@@ -228,7 +228,7 @@ def curve_about(rods: Rods, reading: SpatialObservables, node: int) -> np.ndarra
 
 
 def runs() -> Iterator[tuple[KnitRow, list[Clasp]]]:
-    """All rows, with the clasps of those of the cell in space."""
+    """All rows, with the clasps of the spatial cell's rows."""
     for knit, load in (("double atlas", CELL), ("tricot", TRICOT)):
         for name, more in (("planar, 1.25 d", []), ("planar, one d", [f"model.body_radius={THIN_BODY!r}"])):
             for row in planar_rows(name, SCENE, [*load, *PLANAR, *more]):
@@ -254,7 +254,7 @@ def draw(path: Path, rows: list[KnitRow], clasps: list[Clasp]) -> None:
         error = [100 * (r.weft / base[round(r.strain, 4)] - 1) for r in level]
         left.plot([100 * r.strain for r in level], error, marker="o", label=model)
     left.axhline(0.0, color="black", linewidth=1)
-    left.set(xlabel="strain, both ways [%]", ylabel="weft tension over that in space [%]", title="Double atlas cell")
+    left.set(xlabel="strain, both ways [%]", ylabel="weft tension over spatial one [%]", title="Double atlas cell")
     q = np.linspace(0.25, 3.0, 200)
     right.plot(q, np.where(q < 1, 0.5 * (q + 1 / q), 1.0), color="black", label="(q + 1/q)/2, 1 above q = 1")
     for number, label in ((1, "wires touch once"), (2, "wires touch twice")):
@@ -262,7 +262,7 @@ def draw(path: Path, rows: list[KnitRow], clasps: list[Clasp]) -> None:
         right.plot([one.q for one in found], [one.width for one in found], "o", label=label)
     right.axhline(1.25, color="grey", linestyle=":", label="planar law")
     right.set(xlabel="q = slope difference$^2$/(curvature d)", ylabel="width of the lens [d]")
-    right.set_title("Clasps in space, 12 to 20 %")
+    right.set_title("Spatial clasps, 12 to 20 %")
     tidy(panels)
     figure.savefig(path)
 
@@ -279,7 +279,7 @@ IN_PLANE = ["model.kind=planar", "model.nodes_per_loop=24", "solver.precision=do
 # wires kept from sliding are not in balance as a whole, and beyond 6 % not within any tolerance
 HELD = ["solver.residual_tolerance=2e-2", "load.strain_weft=0.06", "load.strain_warp=0.06", "output.frames=3"]
 FAR = 1.0  # [m]
-CARRYING = {4, 10}  # clasps of a repeat of the tricot that carry in the plane
+CARRYING = {4, 10}  # clasps of a repeat of the tricot that carry in the planar model
 
 
 @dataclass(frozen=True)
@@ -298,7 +298,7 @@ class TightLevel:
 def tight_in_plane(knit: str, name: str, overrides: list[str], *, may_slide: bool = True) -> Iterator[TightLevel]:
     model = build_model(load_scene(SCENE, overrides))
     state, start = initial_state(model), model.panel.wire_first
-    simulation = Simulation(model, state, watch=lambda _: None if may_slide else hold_wires(state, start))
+    simulation = Simulation(model, state, monitor=lambda _: None if may_slide else hold_wires(state, start))
     for record in simulation.run():
         r = record.observables
         force = r.pair_force.reshape(-1, 2).min(axis=1)
@@ -330,7 +330,7 @@ def tight_in_space(
 
 
 def searching_only(relaxation: Simulation, mesh: SpatialModel, clasps: set[int]) -> Callable[[], None]:
-    """A search for contacts after which wires elsewhere than in these clasps of a repeat are far apart."""
+    """A search for contacts with wires far apart outside these clasps of a repeat."""
     contact, search = relaxation.mechanics.contact, relaxation.mechanics.contact.search
     assert mesh.cloth is not None
     of_repeat = len(mesh.cloth.clasps)

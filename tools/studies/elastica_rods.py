@@ -23,7 +23,7 @@ MEASURED = 0.2  # of a level, at its end: forces are means over it
 
 
 class System(ea.BaseSystemCollection, ea.Constraints, ea.Damping, ea.Contact):
-    """What PyElastica assembles a simulation from."""
+    """Base of a PyElastica simulation."""
 
 
 class Clamps(ea.ConstraintBase):
@@ -62,7 +62,7 @@ def place_ends(
     guided: np.ndarray,
     course: np.ndarray,
 ) -> None:
-    """Write positions and sections of both end segments, from those at first and the share of their move."""
+    """Write positions and sections of both end segments at a share of their move."""
     for end in range(2):
         node = 0 if end == 0 else position.shape[1] - 2
         first = 2 * end

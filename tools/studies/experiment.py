@@ -2,10 +2,10 @@
 
     python tools/studies/experiment.py [DIR] [--quick]
 
-Two samples: a control, on which the models in the plane and in space agree, and a tight mesh, on which they do not. At each
-tension of weft and warp alike, one of them is raised by a fifth with the other held: stiffness and Poisson's ratio. Each round
-(STEPS) closes, so that it tells as well whether the mesh has an energy. What a laboratory would not know is varied one at a time
-(CASES). Prints and writes a row for each state (experiment.csv) and the picture.
+Two samples: a control, for which planar and spatial models agree, and a tight mesh, for which they do not. At each tension of
+weft and warp alike, one of them is raised by a fifth with the other held: stiffness and Poisson's ratio. Each round (STEPS)
+closes, so that it shows whether the mesh has an energy. What a laboratory would not know is varied one at a time (CASES). Prints
+and writes a row for each state (experiment.csv) and the picture.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def scene_of(
 
 @dataclass
 class _Ends:
-    """Records at the ends of the stages of a run, and why it ended early."""
+    """Records at the ends of load steps, and why a run ended early."""
 
     observed: list[Any] = field(default_factory=list)
     said: str = ""
@@ -166,7 +166,7 @@ def rows_of(sample: Sample, model: str, case: str, scene: Scene, tensions: tuple
 
 
 def _contraction(before: Any, after: Any, raised: int) -> float:
-    """[m/N] decrease of the other side, relative to its length, by the tension of the `raised` side."""
+    """Relative decrease of the other side [m/N] by the tension of the `raised` side."""
     shorter = np.log1p(_strains(before)[1 - raised]) - np.log1p(_strains(after)[1 - raised])
     return float(shorter / (measure.mesh_tension(after)[raised] - measure.mesh_tension(before)[raised]))
 

@@ -22,7 +22,7 @@ PANELS = (  # title, columns by side, unit of the axis, its factor, logarithmic
     ("contact resistance, median", "contact_ohm", "mOhm", 1e3, True),
     ("sheet resistance", "sheet_{}_ohm", "mOhm", 1e3, True),
 )
-POISSON = (-1.0, 2.5)  # beyond it mesh jumps between two readings
+POISSON = (-1.0, 2.5)  # beyond it the mesh snaps to another equilibrium between two readings
 NO_SIDE = "#444444"  # colour of readings without a direction
 ALPHA = {"planar": 0.12, "spatial": 0.25}  # of the bands
 COLUMNS = 3  # of panels

@@ -2,11 +2,11 @@
 
     python tools/studies/extremes.py [DIR] [--only WORD] [--quick]
 
-Each has to end in one of three ways: in a right answer, which is checked against another run (a mesh that is similar, the same
-mesh finer, mirrored, or by another way); in such an answer with a warning that tells of what is out of range; or with exit
-status 2 or 3 and a line that says why. A case that is warned of and not compared has wires far beyond their strength, where a
-mesh has several states or depends on every node. Tensions are T C^3/EI. Prints the table and leaves it in extremes.csv; ends
-with status 1 where a case did not end as it has to. --quick leaves out what takes minutes.
+Each ends in one of three ways: in a right answer, which is checked against another run (a mesh that is similar, the same mesh
+refined, mirrored, or by another load path); in such an answer with a warning of what is out of range; or with exit status 2 or 3
+and a line that says why. A case with a warning and no comparison has wires far beyond their strength, where a mesh has several
+states or depends on every node. Tensions are T C^3/EI. Prints the table and writes it to extremes.csv; ends with status 1 where a
+case did not end as expected. --quick leaves out cases of minutes.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ Table = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended."""
+    """Ending of a run."""
 
     exit: int
     seconds: float
@@ -126,7 +126,7 @@ def scaled(made: Scene, tension: Sequence[float]) -> tuple[float, float]:
 
 
 def rotated(angle: float) -> tuple[Outcome, Outcome]:
-    """A tile that is turned as a whole by an angle [rad] after it was strained, and the same unturned."""
+    """A strained tile turned as a whole by an angle [rad], and unturned."""
     made = make_scene(scene())
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     found = []
@@ -150,7 +150,7 @@ def rotated(angle: float) -> tuple[Outcome, Outcome]:
 
 
 def warmer(temperature: float) -> tuple[Table, float]:
-    """The mesh at the reference temperature that a mesh at another one is like, and by what its tensions count.
+    """Equivalent mesh at the reference temperature, and the factor of its tensions.
 
     All lengths grow by f = 1 + alpha (T - T0), so the held edges strain it by (1 + strain)/f - 1, and T = EI/L^3 g.
     """
@@ -294,7 +294,7 @@ def judged(case: Case) -> Row:
 
 
 def ending(case: Case, outcome: Outcome, other: Outcome | None, difference: float) -> str:
-    """How a case ended, or WRONG."""
+    """Ending of a case, or WRONG."""
     if outcome.exit:
         line = outcome.message
         known = outcome.exit in (2, 3) and "\n" not in line and any(part in line for part in case.refused)
@@ -309,7 +309,7 @@ def ending(case: Case, outcome: Outcome, other: Outcome | None, difference: floa
 
 
 def in_order(rows: list[Row], path: Path, names: list[tuple[str, str]]) -> list[Row]:
-    """The rows and those of cases that were run before, in the order of the cases."""
+    """The rows and earlier ones, in the order of the cases."""
     known = {(row.group, row.case): row for row in read_rows(path, Row)}
     known |= {(row.group, row.case): row for row in rows}
     return [known[name] for name in names if name in known]

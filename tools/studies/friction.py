@@ -1,4 +1,4 @@
-"""How the answers of four knits depend on the friction of their wires.
+"""Answers of four knits against the friction of their wires.
 
     python tools/studies/friction.py [DIR]      an hour; --quick 3 min
 

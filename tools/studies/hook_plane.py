@@ -1,4 +1,4 @@
-"""The hook of hooks.py in the plane: runs of its contact treatments, and their errors."""
+"""The planar hook of hooks.py: runs of its contact treatments, and their errors."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Contact:
     left: np.ndarray  # (n, 2) [m] centre lines
     right: np.ndarray
     residual: float  # largest relative residual that solve_bvp reports
-    curvature: float = np.nan  # [1/m] of the left wire less that of the right one at the contact
+    curvature: float = np.nan  # [1/m] of the left wire less the right one's at the contact
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class _Unit:
         return before
 
     def clearance(self, displacement: float) -> tuple[float, float, float]:
-        """How far the wires are from touching along their common normal, and the arcs of that place."""
+        """Distance of the wires along their common normal, and the arcs there."""
         right = self.alone(displacement).sol
         centre = np.array([self.foot[0] - np.cos(self.direction[0] - 0.5 * np.pi), np.sin(0.5 * self.length)])
 
@@ -182,7 +182,7 @@ class _Unit:
         top_left, top_right = (self.rest(wire, np.array([self.length]))[:, 0] for wire in (0, 1))
 
         def forces(y: np.ndarray, p: np.ndarray) -> list[tuple[int, float, float, float]]:
-            """(wire, arc length, H, V) of the four parts; `y` at the end of the parts below tells the normal."""
+            """Wire, arc length, H and V of the four parts; `y` at the end of the parts below gives the normal."""
             arc_left, arc_right, force, pull_left, pull_right = p
             theta = y
             # left normal of the wires: the right wire lies there as seen from the left one, and pushes it the other way
@@ -230,7 +230,7 @@ class _Unit:
 
 @dataclass(frozen=True)
 class _Start:
-    """What looks like a solution of solve_bvp, to begin with."""
+    """Initial guess in the form of a solution of solve_bvp."""
 
     x: np.ndarray
     y: np.ndarray

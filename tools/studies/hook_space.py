@@ -1,4 +1,4 @@
-"""The hook of hooks.py in space, beside the planar one with a free body, the reference and the lens law."""
+"""The spatial hook of hooks.py, beside planar one, reference and lens law."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class Row:
     contacts: int = 0
     contact_force_N: float = math.nan  # of all contacts, added up as numbers
     across: float = math.nan  # share of that which is across the plane
-    span_d: float = math.nan  # in the plane, in thicknesses where they touch
+    span_d: float = math.nan  # planar, in thicknesses where they touch
     steps: int = 0
     wall_s: float = 0.0
 
 
 def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 1.0, twist: float = 1.0) -> list[Row]:
-    """The hook in space."""
+    """The spatial hook."""
     scene = load_scene(SCENES / "hook_spatial.toml", [*overrides, f"contact.friction={friction}"])
     if thickness != 1.0:
         assert scene.hook is not None and scene.hook.crossing_distance is not None
@@ -79,7 +79,7 @@ def _spatial_rows(mesh: SpatialModel, friction: float, thickness: float, twist: 
 
 
 def free_body(overrides: Sequence[str], friction: float) -> list[Row]:
-    """The hook in the plane."""
+    """The planar hook."""
     given = [o for o in overrides if not o.startswith("model.")]
     model = build_model(load_scene(SCENES / "hook_free_body.toml", [*given, f"contact.friction={friction}"]))
     begin, rows = time.perf_counter(), []
@@ -150,7 +150,7 @@ def draw_space(path: Path, rows: list[Row]) -> None:
         chosen = [r for r in rows if (r.kind, r.friction, r.thickness, r.twist) == same]
         axes.plot([1e3 * r.displacement_m for r in chosen], [1e3 * r.force_N for r in chosen], label=label, **style)
 
-    curve(panels[0], "spatial", "in space", color=blue, marker="o")
+    curve(panels[0], "spatial", "spatial", color=blue, marker="o")
     curve(panels[0], "lens law", "plane, span of the lens law", color="black", **CROSSES)
     curve(panels[0], "reference 1.25 d", "plane, span 1.25 d", color=red)
     curve(panels[0], "reference 1 d", "plane, span 1 d", color=red, linestyle="--")

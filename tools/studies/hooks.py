@@ -1,4 +1,4 @@
-"""Two hooked wires: what the treatments of their contact miss in the plane, and what the plane misses of wires in space.
+"""Two hooked wires: errors of planar contact treatments, and of the planar model.
 
     python tools/studies/hooks.py plane [DIR] [--nodes N]                  some minutes
     python tools/studies/hooks.py space [DIR] [--nodes N] [--levels N]     about fifteen minutes
@@ -8,9 +8,9 @@ a recorded state), hook_sweeps.csv (a row a run), and hook_study.png. The refere
 each treatment (1.25 d where a body of radius d/8 sits in between, d for a point, negative for a ring), so that an error is the
 treatment's and not its geometry's; `against_hook` compares with 1.25 d whatever the treatment.
 
-*space* runs the hook in space and with a free body at several coefficients of friction, and without friction with wires that
-touch at a part of their thickness and with other resistance to twist; it compares them with the reference at fixed spans, and at
-the span that wires which wind round each other keep (lens_law.py). It leaves hook_spatial.csv and hook_spatial.png.
+*space* runs the spatial hook and a free body at several coefficients of friction, and without friction with wires that touch at a
+part of their thickness and with other resistance to twist; it compares them with the reference at fixed spans, and at the span
+that wires which wind round each other keep (lens_law.py). It writes hook_spatial.csv and hook_spatial.png.
 """
 
 from __future__ import annotations

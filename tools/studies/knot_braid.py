@@ -6,8 +6,8 @@ the braid is short, l = sqrt(2 h R), so the difference of its strands, 2 h u(s/l
 
     minimize  1/2 int |u''|^2 - [m u'] over all u with |u| >= 1 that wind by N half-turns;   m = -y on the left, y on the right
 
-The couples m are those of the loop, B/R, on one strand at either end. With Q the sum of the contact forces and P the smallest
-value, in excess of that of a loop whose strands cross at a point, it follows that
+The couples m are the loop's, B/R, on one strand at either end. With Q the sum of the contact forces and P the smallest value, in
+excess of a loop whose strands cross at a point, it follows that
 
     contact force   q h^2/B = sigma e^3,    sigma = Q/sqrt(8)
     energy          E = pi B/R (1 + c e),    c = P/(sqrt(2) pi)
@@ -63,7 +63,7 @@ class Braid:
 
 @cache
 def braid(turns: int, spacing: float = SPACING) -> Braid:
-    """The braid of a knot of so many turns; half of it is computed, the other half is its mirror image."""
+    """The braid of a knot of `turns` turns; one half is computed, the other its mirror image."""
     half_turns = 2 * turns + 1
     length = 1.75 * half_turns + 2.0
     k = round(length / spacing) + 1
@@ -120,7 +120,7 @@ def _start(s: np.ndarray, half_turns: int) -> np.ndarray:
 
 
 def _contact_forces(compliance: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Forces >= 0 that close the overlaps `gap` of nodes with this compliance, by non-negative least squares."""
+    """Forces >= 0 that close the overlaps `gap` of nodes, by non-negative least squares."""
     count = len(gap)
     factor = cholesky(compliance + 1e-10 * np.trace(compliance) / count * np.eye(count))
     return nnls(factor, solve_triangular(factor.T, gap, lower=True), maxiter=20 * count)[0]

@@ -36,7 +36,7 @@ def overhand(turns: int, radius: float, tail: float) -> np.ndarray:
 
 
 def clasp(arm: float, bend: float = 1.0) -> list[np.ndarray]:
-    """Points (m, 3) [d] of two hooked wires: one in the plane xy with its arms towards -x, one in xz with its arms towards x.
+    """Points (m, 3) [d] of two hooked wires: one in xy with its arms towards -x, one in xz with its arms towards x.
 
     arm: length of the straight arms; bend: radius of both turns. The inner sides of the turns face each other at the origin.
     """
@@ -62,7 +62,8 @@ def pulled(
     shear: float = 0.0,
     penalty: float | None = None,
 ) -> Scene:
-    """Wires (m, 3) [d], straight without load, whose ends are clamped along x and moved apart by strains of their distance.
+    """Scene of wires (m, 3) [d], straight without load, with ends pulled along x. The ends are clamped and moved apart by strains
+    of their distance.
 
     The strains follow each other as stages of `levels` levels each, and then the shear. diameter [d]: of the wire of the scene.
     penalty [B/d^3]: of contact; too soft a one lets wires pass through each other in level 0, which relaxes the shape.

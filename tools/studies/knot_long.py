@@ -1,4 +1,4 @@
-"""A long overhand knot that slides with friction, whatever the length of its braid against its loop.
+"""A long overhand knot that slides with friction, for any braid length.
 
 From Jawed, Dieleman, Audoly and Reis (PRL 115, 118302), equations 3 to 5. The text of the paper was not available: the equations
 are as quoted, with the paper's numbers, in the public examples of another code (ryanchaiyakul/dismech-newton), and agree with
@@ -17,7 +17,7 @@ The loop turns by 2 pi, with curvature (1 - m sin^2(theta/2))^(1/2)/r at the ang
     L = 4 K r,    l = (8 (K - E)/m - 4 K) r        complete elliptic integrals K(m), E(m)
 
 m = 0 is the circle, m near 1 a narrow loop by a long braid. The end-to-end shortening is S = L + l; F against S is equation 5.
-The pull that bends the loop without friction, B/(2 r^2) or so, is left out: the law is that of large friction and n much above 1.
+The pull that bends the loop without friction, B/(2 r^2) or so, is left out: the law holds for large friction and n much above 1.
 """
 
 from __future__ import annotations

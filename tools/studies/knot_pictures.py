@@ -13,7 +13,7 @@ from study import COLOURS, new_figure, tidy
 
 
 class State(Protocol):
-    """What the pictures need of a state of a knot (knots.py)."""
+    """State of a knot (knots.py) for pictures."""
 
     turns: int
     friction: float

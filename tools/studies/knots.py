@@ -1,4 +1,4 @@
-"""Knots and clasps of elastic rods in space, against theory and measurements that others published.
+"""Knots and clasps of elastic rods, against published theory and measurements.
 
     python tools/studies/knots.py knots [DIR] [--jobs N]   # 40 min, --quick 2: overhand knots of one to four turns, with friction
     python tools/studies/knots.py friction [DIR]           # 2 min: friction by the spacing of nodes and the steps of an increment
@@ -66,7 +66,7 @@ class Case:
 
 FRICTIONS = (0.1, 0.2, 0.3)
 SPACINGS = (1.5, 2.0, 3.0)  # [d]
-LOAD_STEPS = (200, 1600)  # the usual number, and eight times as many
+LOAD_STEPS = (200, 1600)  # the usual number, and eight times that number
 CASES = (
     *(Case(4, 80.0, 0.05, 1.5, friction, 2, tolerance=2e-2) for friction in FRICTIONS),
     *(Case(3, 60.0, 0.075, 1.5, friction, 3, tolerance=2e-2) for friction in FRICTIONS),
@@ -104,7 +104,7 @@ class Row:
     loop_radius_h: float
     force: float
     force_radius: float  # F R^2/B
-    energy_force: float  # F R^2/B without friction at this e, -dE/dS by the energies of all states of so many turns
+    energy_force: float  # F R^2/B without friction at this e, -dE/dS by the energies of all states with this number of turns
     theory: float  # F h^2/B to first order in e and friction
     long_knot: float  # F h^2/B of a long knot that slides, knot_long.py; 0 without friction
     contact_force: float  # of all contacts
@@ -118,7 +118,7 @@ class Row:
 
     @property
     def key(self) -> tuple[float, ...]:
-        """That of its case."""
+        """Key of its case."""
         return self.turns, self.radius_d, self.spacing_d, self.friction, self.tolerance
 
 
@@ -142,7 +142,7 @@ def row_of(model: SpatialModel, record: Record, case: Case, way: str, cpu: float
 
 
 def line_share(t: Contacts) -> float:
-    """Share of the contact force at contacts along a line, which a node of either wire bounds."""
+    """Share of the contact force at contacts along a line, bounded by nodes."""
     along = np.any((t.place <= 0.0) | (t.place >= 1.0), axis=1)
     return float(t.force[along].sum() / t.force.sum())
 
@@ -195,7 +195,7 @@ def energy_terms(rows: list[Row]) -> np.ndarray:
 
 
 def with_energy_force(rows: list[Row]) -> list[Row]:
-    """The rows with the force -dE/dS = B/(2 R^2) (1 + 3/2 k1 e + 2 k2 e^2) without friction, and what friction adds to it."""
+    """Rows with the force -dE/dS = B/(2 R^2) (1 + 3/2 k1 e + 2 k2 e^2) without friction, and the part of friction."""
     done = []
     for row in rows:
         free = [r for r in rows if (r.turns, r.friction, r.way) == (row.turns, 0.0, "tighten")]
@@ -225,7 +225,7 @@ def study_knots(given: argparse.Namespace) -> None:
 
 @dataclass(frozen=True)
 class FrictionRow:
-    """A knot of two turns with friction 0.2 and with none, after one level of 2.5 % strain. Forces are over B/h^2."""
+    """A knot of two turns with friction 0.2 and 0, after one level of 2.5 % strain. Forces are over B/h^2."""
 
     spacing_d: float
     load_steps: int  # in which an increment of load is applied

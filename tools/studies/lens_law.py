@@ -1,14 +1,14 @@
-"""How wide the lens of two hooked wires stays when they press: beams that wind round each other, in place of a fixed 1.25 d.
+"""Width of the lens of two hooked wires under load, from beam theory.
 
     lens = press(force, Wires(bending_stiffness, thickness, arms, curvature, slope))
 
 Two wires that hook pass over each other at one end of their lens and under at the other. Drawn together they touch near both
-ends, at -c and +c along them, where the line between their axes stands at the angle phi to the plane. With X, Z the distances of
-the axes in the plane and across it, N the force of either contact and F what one wire has of the other,
+ends, at -c and +c along them, where the line between their axes stands at the angle phi to the plane. With X, Z the in-plane and
+out-of-plane distances of the axes, N the force of either contact and F the force of one wire on the other,
 
     X(c) = d sin phi     Z(c) = d cos phi     X X' + Z Z' = 0 at c     F = 2 N sin phi
 
-(the third: nowhere are they nearer). Both distances are those of straight beams that are clamped at the far ends of their arms,
+(the third: nowhere are they nearer). Both distances belong to straight beams that are clamped at the far ends of their arms,
 
     X = X_0 - kappa x^2/2 + (F/2) [G(x, c) + G(x, -c)]           Z = slope x + N cos phi [G(x, c) - G(x, -c)]
 
@@ -52,12 +52,12 @@ class Wires:
     slope: float  # relative, across the plane, without the contact
 
     def deflection(self, x: float, at: float) -> tuple[float, float]:
-        """Of both wires together at x [m] by a unit force at `at`, and its slope."""
+        """Deflection of both wires at x [m] by a unit force at `at`, and slope."""
         found = [_clamped_beam(self.bending_stiffness, below + above, below + x, below + at) for below, above in self.arms]
         return sum(f[0] for f in found), sum(f[1] for f in found)
 
     def pair(self, c: float, sign: float) -> tuple[float, float]:
-        """Deflection and slope at c by unit forces at c and, times `sign`, at -c: the mean of both ends."""
+        """Mean deflection and slope at both ends. By unit forces at c and, times `sign`, at -c."""
         (a, p), (b, q) = self.deflection(c, c), self.deflection(c, -c)
         (e, r), (f, s) = self.deflection(-c, -c), self.deflection(-c, c)
         return 0.5 * (a + e + sign * (b + f)), 0.5 * (p - r + sign * (q - s))
@@ -108,7 +108,7 @@ def press(force: float, wires: Wires) -> Lens:
 
 
 def _clamped_beam(stiffness: float, length: float, x: float, at: float) -> tuple[float, float]:
-    """Deflection and slope at x of a beam clamped at both ends, by a unit force at `at`."""
+    """Deflection and slope at x of a clamped beam; unit force at `at`."""
     if x > at:
         value, slope = _clamped_beam(stiffness, length, length - x, length - at)
         return value, -slope
@@ -118,7 +118,7 @@ def _clamped_beam(stiffness: float, length: float, x: float, at: float) -> tuple
 
 
 class Law:
-    """The planar hook at the span that its wires keep in space."""
+    """The planar hook at the span of spatial wires."""
 
     def __init__(self, hook: SceneHook, bending_stiffness: float, thickness: float) -> None:
         """thickness [m] where they touch."""
@@ -131,7 +131,7 @@ class Law:
         return _solved(replace(self.planar, span=span), displacement)
 
     def lens(self, c: Contact, force: float | None = None) -> Lens:
-        """What the wires in space do where they stand as in the plane, under its force or another one [N]."""
+        """Lens of spatial wires at the planar position, under its force or another one [N]."""
         arms = [(arc, self.length - arc) for arc in (c.arc_left, c.arc_right)]
         wires = Wires(self.bending_stiffness, self.thickness, arms, 1.0, self.slope)
         step = 1e-4 * self.length

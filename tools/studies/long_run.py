@@ -6,16 +6,16 @@ One repeat of the double atlas mesh, periodic, as knitted and at 14 % both ways.
 
     shaken  real masses, double precision, no damping, small random speeds to begin with: the mesh is shaken for good, and what it
             has in energy has to stay
-    ramp    the same with the damping of a ramp: it comes to rest, and has to stay there
+    ramp    the same with the damping of a ramp: it reaches equilibrium, and has to stay there
     relax   fictitious masses, as a relaxation steps it: it rests, and has to stay where it is
 
 The shaken mesh has to keep its energy, to BOUNDS of what the shaking put in; one at rest may move by what the residual tolerance
 of 1e-3 lets through: 1e-3 of its tension and of its largest strain. No more than one contact may open or close. Ends with
 status 1 where one of them went further.
 
-Prints how far energy, the largest axial strain, tension and active contacts, averaged over fiftieths of the steps, come from
-those of the first, and leaves long_run.csv, and those averages in long_run_course.csv. --only runs one drive and keeps the
-rows of the others.
+Prints how far energy, the largest axial strain, tension and active contacts, averaged over fiftieths of the steps, move from the
+first fiftieth, and writes long_run.csv, and those averages to long_run_course.csv. --only runs one drive and keeps the rows of
+the others.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Loops that are set in part: the natural curvature of the wire, taken step by step from that as knitted to a share of it.
 
-At once, wires in space would spring into each other. A run with `wire.set_fraction` takes the same steps before its first record;
+At once, spatial wires would spring into each other. A run with `wire.set_fraction` takes the same steps before its first record;
 this is for meshes whose loads a study finds itself.
 """
 
@@ -16,8 +16,9 @@ STEP = 0.02  # of the curvature as knitted
 
 
 def releases(simulation: Simulation, fraction: float) -> Iterator[float]:
-    """Take the natural curvature of a spatial mesh, built with stress-free loops, to `fraction` of it; yields the share after
-    each step, for its equilibrium to be found."""
+    """Change the natural curvature of a mesh to `fraction` of itself, in steps. Yields the share after each step,
+    for its equilibrium.
+    """
     arrays = simulation.mechanics.stepper.arrays
     curvature, twist = fetch(arrays.natural_curvature).copy(), fetch(arrays.natural_twist).copy()
     count = math.ceil((1.0 - fraction) / STEP - 1e-9)

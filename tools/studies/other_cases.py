@@ -1,4 +1,4 @@
-"""The hook and the knot of other_codes.py, as problems of rods (rod_problem.py) and as scenes of warpknit.
+"""Hook and knot of other_codes.py, as problems of rods (rod_problem.py) and scenes.
 
 The hook is scenes/hook_spatial.toml: two circular arcs, stress-free as placed, whose lower ends are clamped; the upper ends keep
 their direction, the left one at its x, the right one moved by 0.8 mm, both free along y. The knot is one turn of
@@ -33,11 +33,11 @@ PENALTY = 30.0  # [B/d^3] of contact in the relaxation of the knot: too soft a o
 
 @dataclass(frozen=True)
 class Numerics:
-    """How finely a code solves a case; what a code does not have is 0."""
+    """Numerical parameters of a code for a case; 0 where it has none."""
 
     segments: int  # of a wire between its clamps
     periods: float = 0.0  # time of a level over the period of the lowest mode of a wire without contact
-    step: float = 0.0  # time step over that of `time_step_unit`
+    step: float = 0.0  # time step over `time_step_unit`
     damping: float = 0.0  # PyElastica: over critical damping of that mode; Yade: local damping
     stiffness: float = 0.0  # [B/d^3] of contact
     tolerance: float = 0.0  # warpknit: residual tolerance
@@ -72,7 +72,7 @@ def knot_line(beyond: float) -> np.ndarray:
 
 
 def knot_shortening() -> tuple[float, float, float]:
-    """[d] distance of the clamps at first, and the end-to-end shortening then and at the last level."""
+    """Distance of the clamps at first [d]; end-to-end shortening then and at the last level."""
     line = overhand(1, KNOT_RADIUS, KNOT_TAIL)
     distance = float(line[-1, 0] - line[0, 0])
     return distance, float(arcs(line)[-1]) - distance, 2.0 * np.pi * RADIUS / KNOT_E**2

@@ -1,13 +1,13 @@
-"""PyElastica and Yade on the same wires as warpknit: one hook in space and one knot, by force, error and processor time.
+"""PyElastica and Yade on the same wires: spatial hook and knot, error and processor time.
 
     python tools/studies/other_codes.py [DIR] [--case hook|knot] [--code CODE]     # 15 min, --quick 1
 
 Each code solves each case (other_cases.py) at several discretizations and, the explicit codes, at several rates. An error is the
-largest over the last two of four levels of the force, over that of a reference: warpknit's two finest runs, extrapolated by the
-square of the spacing for the hook, and the mean of both for the knot. Times are processor times of one core from the assembled
-model to the last level; what compiles or assembles stands apart. Each code runs in turn, the others in processes of their own.
-PyElastica comes with the extra `other-codes`, Yade with the package `yade` of Debian; a code that is absent is left out, and
-says so. With --case or --code the other rows of the table stay.
+largest force error over the last two of four levels, over the reference's: warpknit's two finest runs, extrapolated by the square
+of the spacing for the hook, and the mean of both for the knot. Times are processor times of one core from the assembled model to
+the last level; compilation and assembly stand apart. Each code runs in turn, the others in processes of their own. PyElastica
+comes with the extra `other-codes`, Yade with the package `yade` of Debian; a code that is absent is left out, and says so. With
+--case or --code the other rows of the table stay.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def is_here(code: str) -> bool:
 
 
 def result_of(code: str, problem: Problem) -> dict[str, Any]:
-    """What PyElastica or Yade makes of a problem, in a process of its own. Raises `RuntimeError` where there is no result."""
+    """Result of PyElastica or Yade for a problem, in a process of its own. Raises `RuntimeError` without one."""
     with tempfile.TemporaryDirectory() as folder:
         given, found = Path(folder) / "problem.npz", Path(folder) / "result.json"
         problem.save(given)
@@ -162,7 +162,7 @@ def reference_row(case: str, wanted: np.ndarray) -> Row:
 
 
 def time_to(rows: list[Row], case: str, code: str, bound: float) -> Row | None:
-    """The cheapest run of a code within an error that finer and slower runs keep; None where there is none."""
+    """Cheapest run of a code within a stable error; None without one. The runs with smaller steps and rates keep it."""
     own = [r for r in rows if (r.case, r.code) == (case, code)]
 
     def keeps(r: Row) -> bool:
@@ -182,7 +182,7 @@ def show_times(rows: list[Row]) -> None:
 
 
 def draw(path: Path, rows: list[Row]) -> None:
-    """Error against processor time, and the force of each code's finest run against displacement or size of the loop."""
+    """Draw error against processor time, and the force of each code's finest run."""
     figure, panels = new_figure(11.0, 8.0, 2, 2)
     _, first, last = knot_shortening()
     shares = np.arange(1, LEVELS + 1) / LEVELS
@@ -208,7 +208,7 @@ def draw(path: Path, rows: list[Row]) -> None:
             axis.set_major_formatter("{x:g}")
     panels[0, 1].set(xlabel="displacement [mm]", ylabel="contact force [0.001 B/d²]", title="hook: least error of each code")
     panels[1, 1].set(ylabel="pull F R²/B [-]", title="knot: least error of each code")
-    panels[1, 1].set(xlabel="radius of the loop over that of the wire [-]")
+    panels[1, 1].set(xlabel="radius of the loop over wire radius [-]")
     tidy(panels)
     panels[1, 0].get_legend().remove()
     figure.savefig(path)

@@ -92,7 +92,7 @@ class Overload:
 
 
 def states_of(records: Sequence[Record]) -> list[State]:
-    """What is wanted of the records of a run, with the work along them."""
+    """Values of the records of a run, with the work along them."""
     found: list[State] = []
     work, last = 0.0, None
     for record in records:

@@ -1,4 +1,4 @@
-"""Metal meshes that were pulled to break, as published, and what was not published of them, as it is varied.
+"""Metal meshes pulled to break, as published; unpublished values are varied.
 
 Source: "Research on the Knittability of Metallic Yarns in the Warp-knitted Mesh of a Deployable Antenna", Fibres & Textiles in
 Eastern Europe 2023, doi 10.2478/ftee-2023-0015, tables: yarn, lapping, run-in a rack, and of strips of 100 mm between clamps with
@@ -22,7 +22,7 @@ OPEN_TRICOT = ({"chain": "0-1/2-1"}, {"chain": "2-1/0-1"})
 
 @dataclass(frozen=True)
 class Measured:
-    """Force and elongation at break of a strip, mean and coefficient of variation of the samples."""
+    """Force and elongation at break of a strip: mean and coefficient of variation."""
 
     width: float  # [m]
     force: float  # [N]
@@ -33,7 +33,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Mesh:
-    """What was published of a mesh, and the spacings of its cases."""
+    """Published data of a mesh, and the spacings of its cases."""
 
     name: str
     bars: tuple[dict[str, str], ...]
@@ -81,7 +81,7 @@ MESHES = (
 
 
 def with_run_in(scene: Scene, run_in: tuple[float, ...] | None) -> Scene:
-    """The scene with loops of each bar that take its run-in [m] a rack, or as it is."""
+    """Scene with the run-in [m] a rack of each bar, or unchanged."""
     if run_in is None:
         return scene
     bars = fit_run_in(scene, tuple(length / RACK for length in run_in)).scene.knit.bars

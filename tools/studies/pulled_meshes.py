@@ -1,4 +1,4 @@
-"""Metal meshes pulled to break (Fibres & Textiles in Eastern Europe 2023, doi 10.2478/ftee-2023-0015), in space.
+"""Spatial metal meshes pulled to break (Fibres & Textiles in Eastern Europe 2023, doi 10.2478/ftee-2023-0015).
 
     python tools/studies/pulled_meshes.py [DIR] [--quick] [--only MESH] [--case NAME]
 
@@ -80,7 +80,7 @@ T = TypeVar("T", Row, LevelRow)
 
 
 def scene_of(mesh: Mesh, spacing: tuple[float, float], case: Case) -> Scene:
-    """One repeat, with the loops of each bar sized by its run-in where that was published."""
+    """One repeat, with each bar's loops sized by its published run-in."""
     table = {
         "wire": {
             **mesh.wire, "yield_stress": YIELD * mesh.middle, "tensile_strength": mesh.middle, "plastic": True, "hardening": 0.01,
@@ -138,7 +138,7 @@ def pulls_of(mesh: Mesh, *, case: str | None = None, quick: bool = False) -> Ite
 
 
 def renewed(path: Path, rows: list[T], kind: type[T]) -> list[T]:
-    """The rows and those of other pulls that are in the file already, in the order of meshes and cases."""
+    """The rows and earlier ones of other pulls, by meshes and cases."""
     pulls = {(row.mesh, row.direction, row.case) for row in rows}
     kept = [row for row in read_rows(path, kind) if (row.mesh, row.direction, row.case) not in pulls]
     order = [(mesh.name, case.name, direction) for mesh in MESHES for case, _ in cases_of(mesh) for direction in DIRECTIONS]

@@ -41,7 +41,7 @@ def draw(path: Path, rows: Sequence[Any], levels: Sequence[Any], meshes: Sequenc
 
 
 def _draw_curves(panel: Axes, curves: dict[str, list[Any]]) -> None:
-    """The curve of the base case, those of the others, and the band between them."""
+    """Draw the curve of the base case, the others, and the band between."""
     farthest = max(curve[-1].strain for curve in curves.values())
     strain = np.linspace(0.0, farthest, 300)
     force = [np.interp(strain, [v.strain for v in c], [max(v.force, 1e-3) for v in c], right=np.nan) for c in curves.values()]
@@ -58,7 +58,7 @@ def _draw_curves(panel: Axes, curves: dict[str, list[Any]]) -> None:
 
 
 def _draw_strength(panel: Axes, rows: Sequence[Any]) -> None:
-    """Of the base case: where wire is straight, the force at the strength of the wires, and that of all wires across a line."""
+    """Draw forces of the base case: where wire is straight, at the wires' strength, and of all wires across a line."""
     (base,) = (row for row in rows if row.case == "base")
     panel.axvline(base.straight_strain, color="#777777", lw=0.8, ls=":", label="wire straight")
     weak, strong = base.force_weak, base.force_strong

@@ -170,7 +170,7 @@ def nodes(portions: Sequence[int]) -> list[Row]:
 
 
 def masses_and_times(masses: Sequence[float], times: Sequence[str]) -> list[Row]:
-    """Ramps in real time at the draft preset, against one so slow that it passes through states at rest."""
+    """Ramps in real time at the draft preset, against a nearly static one."""
     kept = ["solver.preset=draft", "solver.precision=double", "solver.drive=ramp"]
     curve = curve_of(*kept, SLOWLY)
     rows = []

@@ -21,7 +21,7 @@ NEAR = 1e-2  # of a segment, over which tangents are taken
 
 @dataclass(frozen=True)
 class Problem:
-    """Centre lines between clamps, how their ends move, and how a dynamic code runs them."""
+    """Centre lines between clamps, motion of their ends, and settings of dynamic codes."""
 
     lines: np.ndarray  # (wire, point, 3) [d] dense, from clamp to clamp, with one clamp segment beyond each
     beyond: float  # [d] arc of a line beyond each clamp
@@ -31,7 +31,7 @@ class Problem:
     levels: int  # of equal displacement; each is a ramp, then a hold
     relaxes: bool  # whether a level without displacement comes first
     segments: int  # of a wire between its clamps
-    level_time: float  # of a level, half of which is the ramp
+    level_time: float  # of a level; one half is the ramp
     time_step: float
     damping: float  # PyElastica: rate at which velocities fall; Yade: share of local damping
     stiffness: float  # [B/d^3] of contact
@@ -52,7 +52,7 @@ class Problem:
         return np.stack([np.interp(along, arc, x) for x in self.lines[wire].T], axis=1)
 
     def tangents(self, wire: int) -> np.ndarray:
-        """(node, 3) unit vectors along a line at nodes at the clamps and equally spaced between them."""
+        """Unit vectors (node, 3) along a line at nodes: at the clamps and equally spaced between."""
         step = self.length / self.segments
         along = self.beyond + np.arange(self.segments + 1) * step
         arc, near = arcs(self.lines[wire]), NEAR * step
@@ -79,7 +79,7 @@ def arcs(line: np.ndarray) -> np.ndarray:
 
 
 def frames(points: np.ndarray) -> np.ndarray:
-    """(segment, 3, 3) rows normal, binormal, tangent of segments between points, without twist from one to the next."""
+    """Normal, binormal, tangent (segment, 3, 3) as rows of segments between points, without twist."""
     tangent = np.diff(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1)[:, None]
     normal = np.cross(tangent[0], np.eye(3)[np.argmin(np.abs(tangent[0]))])

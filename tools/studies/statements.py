@@ -98,8 +98,9 @@ class SweepRow:
 
 
 def contact_maps(file: str, *overrides: str, strains: np.ndarray = STRAINS) -> tuple[ContactMap, ContactMap]:
-    """Maps of all contacts and of the central rhombus, nan where the mesh does not converge, which is said. Raises SceneError
-    where loops of such proportions make no knit."""
+    """Maps of all contacts and of the central rhombus, nan without convergence. Raises SceneError where loops of such proportions
+    make no knit.
+    """
     n = len(strains)
     found = np.full((4, n, n), np.nan)
     frames = {"frames": n - 1}
@@ -132,7 +133,7 @@ def heat_shares(file: str, *overrides: str) -> list[float]:
 
 
 def sweep_row(geometry: str, bodies: int, m: ContactMap) -> SweepRow:
-    """What decides the statements on a map of at least 10 % +- 2 %."""
+    """Values that decide the statements on a map of at least 10 % +- 2 %."""
     diagonal = np.diagonal(m.share)
     reached = np.flatnonzero(diagonal >= SIGNIFICANT)
     half_at = float("nan")
@@ -216,7 +217,7 @@ def geometries() -> dict[str, list[str]]:
 
 
 def scattered(count: int, seed: int = 0) -> list[list[str]]:
-    """Overrides of cells all of whose proportions are drawn about the default, normally, within what a scene allows."""
+    """Overrides of cells with proportions drawn normally about the default, within limits."""
     rng = np.random.default_rng(seed)
     cells = []
     for _cell in range(count):

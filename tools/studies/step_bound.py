@@ -1,13 +1,13 @@
-"""How near the step that is taken comes to the step at which a mesh really diverges.
+"""Ratio of the used step to the step at which a mesh diverges.
 
     python tools/studies/step_bound.py [DIR] [--scenes N] [--first N] [--seed S]
 
 Random scenes: pattern, proportions, wire, boundary, nodes, strain, shear, temperature, contact stiffness, body mass, softening,
-mass scaling. Each is brought to rest twice, and stepped from there with small random speeds and no damping, by a step that is
-longer from trial to trial:
+mass scaling. Each is relaxed twice, and stepped from there with small random speeds and no damping, by a step that grows from
+trial to trial:
 
     ramp    with the masses of a ramp and the softening it keeps, by the step of warpknit/planar/time_step.py
-    relax   with fictitious masses, multipliers as they came to rest, by the step of 1 s that they are made for
+    relax   with fictitious masses, multipliers as in equilibrium, by the step of 1 s that they are made for
 
 The true limit is the shortest step tried, to RESOLUTION, at which the kinetic energy grows to GROWTH times what it reaches with
 steps a third as long. `ratio` is the step that is taken, margin included, over the limit; `bound_ratio` leaves the margin out.
@@ -85,7 +85,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A random scene, at rest as a relaxation leaves it and as a ramp steps it."""
+    """A random scene in equilibrium, for a relaxation and a ramp."""
 
     pattern: str
     table: dict[str, Any]
@@ -147,7 +147,7 @@ class Trials:
                 self.kept[name + axis] = speed * random.standard_normal(count)
 
     def diverges(self, step: float) -> bool:
-        """Whether the mesh, undamped, diverges at steps of so many seconds."""
+        """Whether the undamped mesh diverges at steps of `step` seconds."""
         state = self.state
         state.restore(self.kept)
         state.steering.set(
@@ -188,7 +188,7 @@ class Trials:
 
 
 def drawn(number: int, random: np.random.Generator) -> Drawn:
-    """A scene that can be knitted and comes to rest; others are drawn again."""
+    """A knittable scene that reaches equilibrium; others are drawn again."""
     while True:
         pattern, table = random_table(random)
         factor, given = float(10 ** random.uniform(-1, 1)), bool(random.integers(2))

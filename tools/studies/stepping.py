@@ -1,4 +1,4 @@
-"""Meshes at rest that are stepped on without a drive, as a relaxation or a ramp would step them."""
+"""Meshes in equilibrium, stepped without a drive as by a relaxation or a ramp."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def at_rest(table: dict[str, Any], **solver: Any) -> tuple[Model, State]:
 
 
 def as_ramp(table: dict[str, Any], softening: float, scaling: dict[str, float]) -> tuple[Model, State]:
-    """At rest without multipliers, so with the stiffnesses that it is stepped with, and then with the masses of a ramp."""
+    """Equilibrium without multipliers, with softened stiffnesses and a ramp's masses."""
     _, rest = at_rest(table, axial_softening=softening, multipliers=False)
     solver = {**table["solver"], "drive": "ramp", "axial_softening": softening, "mass_scaling": scaling["mass_scaling"]}
     model = build_model(

@@ -25,15 +25,15 @@ def yarns_across(scene: Scene, axis: int) -> float:
 
 
 def strongest(scene: Scene, axis: int, strength: float) -> float:
-    """[N/m] force over the width as knitted at which every wire across a line carries its strength [Pa]: an upper bound."""
+    """Upper bound of the force [N/m] over the knitted width: every wire across a line at its strength [Pa]."""
     return yarns_across(scene, axis) * section_area(scene.wire) * strength
 
 
 def straight_strain(scene: Scene, axis: int) -> float:
     """Strain at which a bar of thin wire is straight: its wire of a course is then all along the pull.
 
-    Along the wales a loop is two legs a course long, and the underlap a third: L = 3 C'. Along the courses it is the underlap,
-    as long as the needles between two loops: L = k W'. The bar that is straight first counts. L is the length in space.
+    Along the wales a loop is two legs a course long, and the underlap a third: L = 3 C'. Along the courses it is the underlap, as
+    long as the needles between two loops: L = k W'. The bar that is straight first counts. L is the spatial length.
     """
     knit, cloth, lapping = scene.knit, knit_scene(scene), lapping_table(scene.knit.bars)
     strains = []

@@ -66,7 +66,7 @@ class Pull:
         return math.nan
 
     def force_at(self, axial: float) -> float:
-        """[N/m] force at an axial stress [Pa], between two levels or in proportion from the last one on; nan without stress."""
+        """Force [N/m] at an axial stress [Pa], between two levels or beyond the last; nan without stress."""
         for before, after in zip(self.levels, self.levels[1:], strict=False):
             if after.axial >= axial > before.axial:
                 share = (axial - before.axial) / (after.axial - before.axial)
@@ -90,8 +90,9 @@ def pull(
     steps: int = 200_000,
     held: bool = False,
 ) -> Pull:
-    """Pull a periodic tile along an axis to the strain `end`, the axial stress `strength` [Pa] or so many time steps; `held`: at
-    the width as knitted, in place of sides that are free."""
+    """Pull a tile along an axis. Up to a strain, stress `strength` [Pa] or number of steps. `held`: at the width as
+    knitted, in place of free sides.
+    """
     fraction = scene.wire.set_fraction
     simulation = Simulation(build_model(scene.changed({"wire.set_fraction": 1.0})))
     strip = _Strip(simulation, axis, held)
@@ -169,7 +170,7 @@ class _Strip:
         tried: list[tuple[float, float]] = []  # strain and tension across
         found = self._search(strain, across, tried)
         if found is None and jumps:
-            contracts = tried[-1][0] < last.strain_across  # to the jump, where it gives way to the tension across
+            contracts = tried[-1][0] < last.strain_across  # to the snap-through under tension across
             behind = [a for a, t in tried if (t < 0.0 if contracts else t > 0.0)]
             if behind:
                 across = max(behind) if contracts else min(behind)

@@ -1,4 +1,4 @@
-"""What studies share: their command line, running a scene without files, tables as CSV and on the screen, figures."""
+"""Common parts of studies: command line, runs without files, tables, figures."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def new_parser(text: str | None) -> argparse.ArgumentParser:
 
 
 def add_directory(parser: argparse.ArgumentParser, quick: str | None = None) -> None:
-    """The argument DIR, and the option --quick where it has one, with what that does."""
+    """Add the argument DIR, and --quick with its effect where there is one."""
     text = "where tables and pictures go.  [default: tools/studies/results and docs/images, where they are kept]"
     parser.add_argument("directory", metavar="DIR", nargs="?", type=Path, help=text)
     if quick:
@@ -51,16 +51,16 @@ def add_directory(parser: argparse.ArgumentParser, quick: str | None = None) -> 
 
 
 def start_study(parser: argparse.ArgumentParser) -> argparse.Namespace:
-    """Read the arguments of a study whose stored tables hold all its cases, and start Warp; `--quick` needs a DIR."""
+    """Read the arguments of a study with stored tables, and start Warp; `--quick` needs a DIR."""
     given = parser.parse_args()
     if given.quick and given.directory is None:
-        parser.error("--quick: give a DIR, as the stored results are those of the whole study")
+        parser.error("--quick: give a DIR, the stored results are for the whole study")
     start_warp()
     return given
 
 
 def run_one_of(text: str | None, studies: dict[str, Callable[[argparse.Namespace], None]], add: Options) -> int:
-    """Run the study that the command line names, of those of a file; `add` gives each its arguments."""
+    """Run the study of a file that the command line names; `add` adds its arguments."""
     parser = new_parser(text)
     parsers = parser.add_subparsers(required=True, metavar=" | ".join(studies))
     for name, study in studies.items():
@@ -82,9 +82,9 @@ def picture_path(given: argparse.Namespace, name: str) -> Path:
 
 
 def scene_of(file: str, *overrides: str, path: Sequence[dict[str, Any]] = (), **tables: dict[str, Any]) -> Scene:
-    """The scene in scenes/`file`, with `tables` merged into its own, `path` as its stages behind [load], and overrides.
+    """Scene in scenes/`file`, with `tables` merged, `path` as load steps after [load], and overrides.
 
-    It is in the plane unless it names a model.
+    It is planar unless it names a model.
     """
     table = tomllib.loads((SCENES / file).read_text(encoding="utf-8"))
     for name, values in tables.items():
@@ -118,7 +118,7 @@ def write_rows(path: Path, rows: Sequence[Any]) -> None:
 
 
 def without_nan(row: Any) -> Any:
-    """The same with None where a kind has no such number, which leaves its cell empty."""
+    """The same with None for missing numbers, which leaves cells empty."""
     none = [f.name for f in fields(row) if isinstance(value := getattr(row, f.name), float) and math.isnan(value)]
     return replace(row, **dict.fromkeys(none))
 
@@ -128,7 +128,7 @@ def _short(value: Any) -> Any:
 
 
 def read_rows(path: Path, kind: type[T]) -> list[T]:
-    """The rows of a CSV file that `write_rows` wrote of dataclasses of a kind, texts and numbers; none where there is no file."""
+    """Rows of a CSV file by `write_rows`, as dataclasses; none without a file."""
     if not path.exists():
         return []
     kinds = {field.name: {"str": str, "int": int, "float": float}[str(field.type)] for field in fields(kind)}

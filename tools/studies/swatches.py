@@ -26,7 +26,7 @@ KINDS = ("plain", "rib", "cable")
 DIAMETER, WALE, COURSE = 1e-3, 5e-3, 4e-3  # [m]
 BULGE, HEIGHT = 0.22, 0.8
 POINTS = 16  # of a stitch
-CROSSED, CABLE, EVERY = 2, 6, 4  # stitches that cross as many others; width and height of a repeat of the cable
+CROSSED, CABLE, EVERY = 2, 6, 4  # stitches that cross the same number of others; width and height of a repeat of the cable
 APART, LONGER = 2e-3, 3e-3  # [m] of crossed stitches from the others, at their middle; of their rows than of others
 SMALL = (12, 9)  # stitches and rows of the swatch from which the overlap is found
 
@@ -108,7 +108,7 @@ frames = 2
 
 
 def write(directory: Path, name: str, kind: str, size: tuple[int, int], overlap: float, modulus: str) -> None:
-    """Write a swatch of so many stitches and rows, and its scene."""
+    """Write a swatch of these stitches and rows, and its scene."""
     directory.mkdir(parents=True, exist_ok=True)
     np.savez(directory / f"{name}.npz", wire=swatch(kind, *size, overlap))
     (directory / f"{name}.toml").write_text(SCENE.format(name=name, modulus=modulus))

@@ -1,4 +1,4 @@
-"""Tight knits in space: which levels converge, in how many steps, and how the others fail.
+"""Tight spatial knits: which levels converge, in how many steps, and failures.
 
     python tools/studies/tight_knits.py [DIR] [--only WORD] [--yarn WORD] [--load WORD] [--levels N] [--preset NAME]
     python tools/studies/tight_knits.py DIR --against OTHER
@@ -7,7 +7,8 @@ One repeat of each knit, periodic, at 26 wales and 30 courses an inch, of 30 um 
 by 2, 6 and 12 % both ways, and by 6 % one way with the other one free of tension. Every level is a row: steps and processor time,
 the criteria of convergence, tension, contacts and stress, and the steps and time that `warpknit plan` expects of a level. The
 last bar of a knit is the front guide bar, whose underlaps lie outermost. Prints the table and renews its rows in
-tight_knits_levels.csv; options choose a part of them. --against compares the table in DIR with that in OTHER, of a finer preset.
+tight_knits_levels.csv; options choose a part of them. --against compares the table in DIR with another one in OTHER, such as of
+preset `reference`.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ LOADS: dict[str, dict[str, float]] = {
 }
 LEVELS = 3
 MAX_STEPS = 40_000  # of a level
-JUMP = 0.3  # of the larger tension: a decrease at a larger strain that is told of
+JUMP = 0.3  # of the larger tension: a larger decrease with strain is reported
 QUANTILES = (0.5, 0.75, 0.9, 0.95)
 SLACK = 1e-3  # [N/m] tension below which a knit counts as slack
 
@@ -103,7 +104,7 @@ def scene_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Scene
 
 
 def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterator[Row]:
-    """The levels of a run, and the one at which it ends if it does."""
+    """Levels of a run, with the failed one at its end."""
     nothing = dict.fromkeys(Row.__dataclass_fields__, math.nan) | {"nodes": 0, "pairs": 0, "steps": 0, "planned_steps": 0}
     common = nothing | {"knit": knit, "yarn": yarn, "load": load, "levels": levels}
     begin, simulation = time.process_time(), None
@@ -142,7 +143,7 @@ def rows_of(knit: str, yarn: str, load: str, levels: int, preset: str) -> Iterat
 
 
 def _criteria(simulation: Simulation) -> dict[str, float]:
-    """What the last convergence check compared with the tolerances."""
+    """Values of the last convergence check, for the tolerances."""
     mechanics = simulation.mechanics
     mechanics.stepper.evaluate()
     contacts = mechanics.contact.checks.sums()
@@ -168,7 +169,7 @@ def _state(record: Record) -> dict[str, float]:
 
 
 def _said(simulation: Simulation, records: list[Record]) -> str:
-    """What a run would warn of, and tensions that fall from one level to the next."""
+    """Warnings of a run, and tensions that fall from level to level."""
     said = [str(warning) for warning in warnings_of(simulation.model, [row_of(record) for record in records])]
     if len(records) > 2:
         before, now = (np.array(measure.mesh_tension(record.observables)) for record in records[-2:])
@@ -191,7 +192,7 @@ def line(row: Row) -> str:
 
 
 def in_order(rows: list[Row], path: Path) -> list[Row]:
-    """The rows and those of runs that were made before, in the order of knits, yarns, loads and levels."""
+    """The rows and earlier ones, in the order of knits, yarns, loads and levels."""
     renewed = {(row.knit, row.yarn, row.load) for row in rows}
     kept = [row for row in read_rows(path, Row) if (row.knit, row.yarn, row.load) not in renewed]
     names = list(KNITS), list(YARNS), list(LOADS)
@@ -202,7 +203,7 @@ def in_order(rows: list[Row], path: Path) -> list[Row]:
 
 
 def compare(rows: list[Row], finer: list[Row]) -> Iterator[str]:
-    """Quantiles of what converged levels differ by from those of a finer preset, where these carry a tension."""
+    """Quantiles of differences of converged levels from `finer`, where tension is carried."""
     by_level = {(row.knit, row.yarn, row.load, row.level): row for row in rows if row.ending == "converged"}
     pairs = [(by_level.get((row.knit, row.yarn, row.load, row.level)), row) for row in finer if row.ending == "converged"]
     differ: dict[str, list[float]] = {"tension": [], "stress": [], "active": []}
@@ -226,7 +227,9 @@ def main() -> int:
     parser.add_argument("--load", choices=LOADS, action="append", help="of this load; may be given several times")
     parser.add_argument("--levels", type=int, default=LEVELS, help="load levels of a run  [default: %(default)s]")
     parser.add_argument("--preset", default="draft", help="solver.preset  [default: %(default)s]")
-    parser.add_argument("--against", type=Path, metavar="OTHER", help="compare with the table of this folder, of a finer preset")
+    parser.add_argument(
+        "--against", type=Path, metavar="OTHER", help="compare with the table of this folder, such as of another preset"
+    )
     given = parser.parse_args()
     path = table_path(given, "tight_knits_levels.csv")
     if given.against is not None:

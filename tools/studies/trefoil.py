@@ -38,7 +38,7 @@ class TrefoilRow:
 
     nodes: int
     length_d: float  # L/d of the rod as it is, stretched by less than AXIAL_ERROR
-    energy: float  # of bending, over that of the circle that is covered twice
+    energy: float  # of bending, over the doubly covered circle's
     contact_force: float  # of all contacts
     tension: float  # mean
     curvature: float  # largest, times d
@@ -62,7 +62,7 @@ def trefoil_points(length: float, nodes: int) -> np.ndarray:
 
 
 def advance(stepper: RodStepper, contact: WireContact) -> None:
-    """Take CHECK_STEPS steps, with searches where the travel budget is used up, fewer where the state diverges."""
+    """Take CHECK_STEPS steps with searches when due, fewer if the state diverges."""
     end = stepper.state.steering.step + CHECK_STEPS
     while (now := stepper.state.steering.read()).step < end and now.status != Steering.DIVERGED:
         if now.status == Steering.STALE:
@@ -96,7 +96,7 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
                 rms = np.sqrt(sums.unbalanced_square / sums.free_nodes)
                 balance = np.maximum(rms, sums.unbalanced_max / LOCAL) / contacts.mean_push
                 ratio = np.max([balance / TOLERANCE, sums.excess_ratio, multipliers.error_ratio(contacts)], axis=0)
-            rest.watch_progress(ratio, sums.excess_ratio, stepper.rows)
+            rest.monitor_progress(ratio, sums.excess_ratio, stepper.rows)
             if ratio[0] < 1.0 and check > 8:
                 break
             rest.renew_multipliers(sums)

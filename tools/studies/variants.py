@@ -1,4 +1,4 @@
-"""How sure a mean over meshes of scattered loops is: what moves it, and how wide single meshes lie about it.
+"""Certainty of means over meshes of scattered loops; scatter of single meshes.
 
     python tools/studies/variants.py [DIR] [--knit NAME]      half an hour; --quick a minute
 
@@ -56,7 +56,7 @@ CASES: dict[str, Tables] = {
 
 @dataclass(frozen=True)
 class Row:
-    """The meshes of one case, SI; deviations are standard deviations, and errors those of the means over the larger mean."""
+    """Meshes of one case, SI; standard deviations, and errors of means over the larger mean."""
 
     knit: str
     case: str
@@ -106,7 +106,7 @@ def values_of(record: Record) -> list[float]:
 
 
 def solved(scene: Scene, count: int) -> tuple[NDArray[np.float64], int]:
-    """(mesh, 7) the values of the last record of each mesh that converges, and how many do not."""
+    """Values (mesh, 7) of the last record of converged meshes; number of the others."""
     models = VariantModels(scene)
     numbers = models.take(count)
     simulation = Simulation(models.model(numbers[0]), worlds=[models.model(number) for number in numbers])
@@ -116,7 +116,7 @@ def solved(scene: Scene, count: int) -> tuple[NDArray[np.float64], int]:
 
 
 def inside(values: NDArray[np.float64]) -> float:
-    """[%] of the meshes behind the first ones that lie in the band of these, the mean of weft and warp. values: (mesh, side)."""
+    """Share [%] of later meshes within the first ones' band; mean of weft and warp. values: (mesh, side)."""
     low, high = range_of(values[:OF_BAND])
     others = values[OF_BAND:]
     return 100.0 * float(np.mean((low <= others) & (others <= high)))

@@ -54,7 +54,7 @@ def bend(problem: Problem, wire: int, nodes: list[int]) -> None:
     """Move a straight rod onto its line at once, with its sections.
 
     Bending and twist count from the first orientation, so these moments are right; the shear force is summed over steps, and is
-    set to that of the shape: ks times the length times what the mean tangent of two nodes is off their chord.
+    set to the shape's: ks times the length times the deviation of two nodes' mean tangent from their chord.
     """
     points, tangent = problem.nodes(wire, straddle=False), problem.tangents(wire)
     for node, point, turn in zip(nodes, points, node_frames(tangent), strict=True):

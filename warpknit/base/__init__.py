@@ -1,1 +1,1 @@
-"""What every room may use: files that are written whole, text, child processes, the curve between nodes."""
+"""Base of all rooms: files written whole, text, child processes, the curve between nodes."""

@@ -19,7 +19,7 @@ import numpy as np
 
 @contextmanager
 def path_aside(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a hidden path with the same suffix, for libraries that open files themselves, and rename it at the end.
+    """Yield a hidden path with the same suffix; rename it at the end. For libraries that open files themselves.
 
     If the block raises, `path` is left as it was; an OSError about the hidden path names `path`.
     """

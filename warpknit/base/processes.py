@@ -1,4 +1,4 @@
-"""Other processes of this program, and what goes to and fro between them and the one that started them."""
+"""Child processes of the program, and messages to and from them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from multiprocessing.connection import Connection
 
 
 def start_process(module: str, *descriptors: int, keep: tuple[int, ...] = ()) -> tuple[subprocess.Popen[bytes], Connection]:
-    """Start `python -m module PIPE DESCRIPTORS...`, and the end of the pipe that stays here.
+    """Start `python -m module PIPE DESCRIPTORS...`; return it with the parent's end of the pipe.
 
-    The process inherits its end of the pipe and the descriptors, and those of `keep` without being told of them. A request of
-    the terminal to stop does not reach it. Raises OSError.
+    The process inherits its end of the pipe and the descriptors; `keep` is inherited too, without an argument. The terminal's
+    interrupt does not reach it. Raises OSError.
     """
     here, there = Pipe()
     command = [sys.executable, "-m", module, *(str(number) for number in (there.fileno(), *descriptors))]
@@ -31,13 +31,13 @@ def start_process(module: str, *descriptors: int, keep: tuple[int, ...] = ()) ->
 
 
 def ending_of(process: subprocess.Popen[bytes]) -> str:
-    """How a process ended, in words; waits for it."""
+    """Ending of a process, in words; waits for it."""
     status = process.wait()
     return f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
 
 
 def sendable(error: Exception) -> Exception:
-    """The error itself where it can travel, with its errno and file name, else its text."""
+    """The error itself where it can be pickled, else its text."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

@@ -7,7 +7,7 @@ from dataclasses import fields
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
-INTERIOR_SHARE = 0.95  # of the largest stress: where that away from the grips is below, both are told
+INTERIOR_SHARE = 0.95  # of the largest stress: below it, the stress away from the grips is shown too
 ZERO_CELSIUS = 273.15  # [K]
 PREFIXES = (
     (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"), (1e-12, "p"),
@@ -53,7 +53,7 @@ def sides_text(values: Sequence[float], unit: str, digits: int = 3) -> str:
 
 
 def _filled(number: str, digits: int) -> str:
-    """A number with zeros behind the point, up to so many digits."""
+    """A number with zeros behind the point, up to `digits` digits."""
     if "e" in number or not float(number):
         return number
     whole = len(number.lstrip("-0").partition(".")[0])
@@ -102,7 +102,7 @@ def between(low: str, high: str) -> str:
 
 
 def place_text(x: float, y: float) -> str:
-    """A place [m] in one unit, to three digits of the larger coordinate and 10 nm at most.
+    """A place [m] in one unit; three digits of the larger coordinate, 10 nm at most.
 
     >>> place_text(3.91e-9, 751e-6), place_text(-1.4e-3, 45e-6)
     ('(0, 751) um', '(-1.4, 0.05) mm')
@@ -116,7 +116,7 @@ def place_text(x: float, y: float) -> str:
 
 
 def at_most(limit: float, unit: str) -> str:
-    """A computed upper limit [SI unit], rounded down so that the text itself is allowed."""
+    """A computed upper limit [SI unit], rounded down to an allowed value."""
     return exact(_limit(limit, ROUND_FLOOR), unit)
 
 
@@ -139,7 +139,7 @@ def celsius(temperature: float) -> str:
 
 
 def percent(share: float, digits: int = 1, *, signed: bool = False) -> str:
-    """A share in percent, with so many digits after the point: 0.0966 as 9.7 %, or +9.7 %; never -0.0 %."""
+    """A share in percent with `digits` decimals: 0.0966 as 9.7 %, or +9.7 %; never -0.0 %."""
     value = round(100.0 * share, digits) + 0.0
     return f"{value:+.{digits}f} %" if signed and value else f"{value:.{digits}f} %"
 
@@ -191,5 +191,5 @@ def _short(value: Any) -> str:
 
 
 def is_at_grips(interior: float, largest: float) -> bool:
-    """Whether the largest stress is well above that away from the grips, both [Pa], so that both are told."""
+    """Whether the largest stress is well above the interior stress, both [Pa]."""
     return bool(interior < INTERIOR_SHARE * largest)

@@ -69,7 +69,7 @@ def _free(path: str | None) -> str:
 
 
 class Program(click.Group):
-    """A group of commands with the exit statuses of this program and one line for an error.
+    """A group of commands with exit statuses and errors of one line.
 
     With several ranks all end with the same status, and one of them prints the line.
     """
@@ -98,7 +98,7 @@ class Program(click.Group):
 
 
 class StderrHandler(logging.Handler):
-    """Writes to the current `sys.stderr`, so above a progress bar and into captured output."""
+    """Writes to the current `sys.stderr`: above a progress bar, and into captured output."""
 
     def emit(self, record: logging.LogRecord) -> None:
         sys.stderr.write(f"{self.format(record)}\n")
@@ -137,7 +137,7 @@ class Asked:
 SCENE_OPTIONS = (
     click.option("--verbose", is_flag=True, help="Print every row of the table and every warning."),
     click.option("--device", metavar="cpu|cuda:N", help=f"Default: {DEFAULT_DEVICE}."),
-    click.option("--preset", metavar="draft|standard|reference", help="Accuracy against time; over solver.preset."),
+    click.option("--preset", metavar="draft|standard|reference", help="Accuracy preset, in place of solver.preset."),
     click.option(
         "--set",
         "overrides",
@@ -157,7 +157,7 @@ RESULT_OPTIONS = (
 
 
 def on_scene(*more: Callable[[Any], Any]) -> Callable[[Callable[..., Any]], Any]:
-    """Give a command the options of the scene, and `more` options, as an `Asked` behind the ranks."""
+    """Add options of a scene and `more` to a command, as `Asked`."""
 
     def decorated(command: Callable[..., Any]) -> Any:
         @wraps(command)
@@ -235,7 +235,7 @@ def main(context: click.Context) -> None:
 
 
 def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None = None) -> tuple[Scene, Path]:
-    """Load the scene, refuse what does not go with the command (scene/capabilities.py), choose the directory, set up the log."""
+    """Load and check the scene, choose the directory, set up the log. Refuses by scene/capabilities.py."""
     configure_logging(logging.WARNING if (asked.quiet if quiet is None else quiet) else logging.INFO)
     from warpknit.commands.run import default_directory
     from warpknit.scene import load_scene
@@ -252,7 +252,7 @@ def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None =
 
 
 def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False) -> int:
-    """Print why a command did not finish, and how an interrupted one goes on; return its exit status.
+    """Print why a command did not finish, and how to continue it; return its exit status.
 
     resume: whether it resumes of itself.
     """
@@ -437,7 +437,7 @@ def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
 )
 @click.argument("run_dir", metavar="DIR")
 def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> int:
-    """Solve the waves that the states of the run or map in DIR reflect, at the frequencies of [reflection]."""
+    """Compute the reflection loss of the states of a run or map."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from warpknit.commands.reflect import ReflectRequest, reflect_command
     from warpknit.runner.progress_display import progress_for
@@ -464,11 +464,11 @@ def export(run_dir: str, to: str) -> None:
 
 @main.command()
 @click.argument("run_dir", metavar="RUN_DIR")
-@click.option("--host", default="localhost", show_default=True, help="Name or address that the page is served at.")
+@click.option("--host", default="localhost", show_default=True, help="Host name or address of the page.")
 @click.option("--port", default=8080, type=click.IntRange(0, 65535), show_default=True, help="First port to try.")
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
-    """Show the records of the run in RUN_DIR in the browser, until Ctrl-C. Needs the extra `view`."""
+    """Show the records of a run in the browser, until Ctrl-C. Needs the extra `view`."""
     from warpknit.export.view import open_viewer
 
     viewer = open_viewer(Path(run_dir), host=host, port=port)

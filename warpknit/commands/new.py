@@ -61,15 +61,15 @@ def file_of(name: str, *, force: bool) -> Path:
 def _refuse_existing(path: Path, force: bool) -> None:
     """Refuse to overwrite a file without `force`, and a directory. Raises `InputError`."""
     if path.is_dir():
-        raise InputError(f"{path}: a directory; give a file to write")
+        raise InputError(f"{path}: is a directory; give the name of a file")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: the directory {path.parent} does not exist; make it, or name another")
+        raise InputError(f"{path}: the directory {path.parent} does not exist; make it, or give another")
     if not force and path.exists():
         raise InputError(f"{path}: the file exists; give another name, or --force to replace it")
 
 
 def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overview]:
-    """The text of the file of a request, its scene and what would run. Raises the errors of `warpknit plan`."""
+    """Text of the scene file, its scene and its plan. Raises the errors of `warpknit plan`."""
     text = scene_text(request, path.name)
     scene = make_scene(tomllib.loads(text), path=path)
     try:
@@ -88,7 +88,7 @@ def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overvi
 
 
 def _gauges(request: SceneRequest, scene: Scene) -> Iterator[str]:
-    """The nearest wales and courses an inch at which the loops of a request have room, each with the other as given."""
+    """Nearest feasible wales an inch, and courses; each with the other as given."""
     wales, courses = (inch / spacing for spacing in (scene.knit.wale_spacing, scene.knit.course_spacing))
     fewer, more = range(math.ceil(wales) - 1, 0, -1), range(math.floor(courses) + 1, math.ceil(DENSEST * courses))
     for kind, counts, other in (("wales", fewer, "courses"), ("courses", more, "wales")):
@@ -168,7 +168,7 @@ def on_terminal() -> bool:
 def ask(given: Mapping[str, str], path: Path | None, *, force: bool) -> tuple[SceneRequest, Path]:
     """Ask for what is not given: the request, and the file to write. Raises click's Abort at Ctrl-C and at the end of input."""
     request = checked_request(given)
-    click.echo("Return takes the value in brackets, Ctrl-C ends without a file.\n")
+    click.echo("Return accepts the value in brackets; Ctrl-C quits without a file.\n")
     if "knit" not in given:
         width = max(map(len, NAMED_KNITS))
         click.echo("\n".join(f"  {knit.name:<{width}}  {knit.about}" for knit in NAMED_KNITS.values()) + "\n")
@@ -233,7 +233,7 @@ def _prompt(question: str, default: str, value_of: Callable[[str], T]) -> T:
 
 
 def _fault(request: SceneRequest) -> InputError | None:
-    """Why the mesh of a request cannot be made."""
+    """Reason why the mesh of a request cannot be made."""
     try:
         planned_scene(request, Path("scene.toml"))
     except InputError as error:

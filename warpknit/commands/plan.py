@@ -3,7 +3,7 @@
     plan = make_plan(load_scene("scenes/atlas_patch.toml"))
     plan.as_dict(), list(plan.table().lines())
 
-Steps and time are measured on a small mesh of the scene (solve/sample_run.py); sizes are those of endless cloth for large meshes.
+Steps and time are measured on a small mesh of the scene (solve/sample_run.py); sizes of large meshes assume endless cloth.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
 
 
 def _map_time(scene: Scene, overview: Overview) -> float | None:
-    """[s] of the pairs of the sweep one after another on one core, each with its load levels; None without a sweep."""
+    """Time of the sweep on one core [s], or None without a sweep."""
     if scene.sweep is None:
         return None
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
@@ -231,14 +231,14 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
 
 
 def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
-    """Whether wires of a repeat, with loops of the mean size, overlap as knitted."""
+    """Warnings of overlapping wires in a repeat with loops of mean size."""
     if cloth is not None:
         repeat = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
         yield from kind_of(scene).overlaps_as_knitted(scene, repeat)
 
 
 def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:
-    """A line for each stage, with its name where there are several or it has one of its own."""
+    """A line for each load step, named where there are several."""
     named = len(scene.stages) > 1 or scene.stages[0].name != "load"
     texts = [f"{stage.name}: {stage.text}" if named else stage.text for stage in scene.stages]
     return tuple(("load" if number == 0 else "", text) for number, text in enumerate(texts))
@@ -276,7 +276,7 @@ def _repeat(scene: Scene, cloth: Cloth) -> str:
 
 
 def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
-    """Physics that panel, wire, stages and solver switch on and why, one sentence each; loading_time [s]: of a ramp."""
+    """Physics that panel, wire, load and solver switch on, one sentence each. loading_time [s]: of a ramp."""
     if scene.hook is None:
         yield from _panel_physics(scene)
     else:
@@ -307,7 +307,7 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
     if scene.depends_on_path:
         yield "path: strain increments of at most 0.5 %, as results depend on the load history"
     elif solver.drive == "relax":
-        path = "; a tight mesh may have several, of which the load path decides"
+        path = "; a tight mesh may have several, chosen by the load path"
         if scene.hook is not None:
             by_plane = scene.contact.treatment == "friction-plane"
             path = f", independent of the load path{' (except by the friction of the plane)' if by_plane else ''}"

@@ -1,4 +1,4 @@
-"""`warpknit reflect` as a function, and the reflection of the states of a run, a map or a report."""
+"""`warpknit reflect` as a function, and the reflection of recorded states."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TABLE = "reflection."  # the keys that may be set for finished results
 
 @dataclass(frozen=True)
 class ReflectRequest:
-    """Finished results, and keys of [reflection] in place of those of their scene."""
+    """Finished results, and keys of [reflection] that replace keys of their scene."""
 
     directory: Path
     overrides: tuple[str, ...] = ()

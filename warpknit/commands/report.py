@@ -25,7 +25,7 @@ from ..studies.contact_map import read_map
 from ..studies.map_table import MapSummary, map_table
 from ..studies.sweep import run_map as sweep_scene
 from .reflect import check_reflection, with_reflection
-from .run import Directory, Source, carried_out
+from .run import Directory, Source, finished_run
 
 
 def make_report(
@@ -41,20 +41,20 @@ def make_report(
     force: bool = False,
     quiet: bool = False,
 ) -> Run:
-    """Write the design report of a scene into the directory `out`, as `warpknit report` does, and return the results.
+    """Write the design report of a scene into `out`; return the results.
 
         run = warpknit.make_report("scenes/contact_map.toml", "runs/report", tension="40 mN/m")
         run.card["values"]["C11"], run.directory / "report.html"      # stiffness [N/m], and the page
 
     tension: of the material card, in both directions; default: at the optimum of the map.
     openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with a measured one, "10 g/m^2".
-    fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm", or those of each bar to what it takes a course,
-        ["4.6 mm", "4.9 mm"]; or to a biaxial test, a CSV file with the columns strain_weft, strain_warp,
-        tension_weft_N_per_m, tension_warp_N_per_m. `run.scene` is the fitted scene, `run.fit` the factor on the proportions of
-        its loops, the rms error and the notes.
+    fit_loop_length, fit_curve: fit the loops to their wire length, "5.6 mm", or by bar to the wire a course, ["4.6 mm", "4.9
+    mm"];
+        or to a biaxial test, a CSV file with the columns strain_weft, strain_warp, tension_weft_N_per_m, tension_warp_N_per_m.
+        `run.scene` is the fitted scene, `run.fit` the factor on the proportions of its loops, the rms error and the notes.
     cards: FE codes for which the card is written, "nastran, abaqus" or a list; default: all of docs/fe_cards.md.
-    Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and what is raised: as in `run`; a map of
-    the same scene in `out` is used. Raises Diverged where no state carries the tension of the card.
+    Quantities are strings with their unit or numbers in SI. scene, out, force, quiet and errors: as in `run`; a map of the same
+    scene in `out` is used. Raises Diverged where no state carries the tension of the card.
     """
     with naming_arguments():
         known = Known(
@@ -65,7 +65,7 @@ def make_report(
         )
         asked = ReportRequest(positive("tension", tension, "tension"), known, codes_of(cards))
     loaded = load_scene(scene, command="report")
-    return carried_out(
+    return finished_run(
         loaded,
         out,
         quiet,
@@ -77,7 +77,7 @@ def make_report(
 
 @dataclass(frozen=True)
 class ReportRequest:
-    """What a report is asked for."""
+    """Options of a report."""
 
     tension: float | None = None  # [N/m]
     known: Known = Known()
@@ -128,9 +128,11 @@ def report_command(
         )  # fmt: skip
     except KeyboardInterrupt:
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
-    took = Values(wall_s=time.perf_counter() - begin, stages_s=Values(**times, **page.times))
+    elapsed = Values(wall_s=time.perf_counter() - begin, stages_s=Values(**times, **page.times))
     known_waves = read_summary(out, "map.json") or {}
-    summary = replace(result.summary, report=took, reflection=known_waves.get("reflection"), answers=known_waves.get("answers"))
+    summary = replace(
+        result.summary, report=elapsed, reflection=known_waves.get("reflection"), answers=known_waves.get("answers")
+    )
     if not page.earlier_kept:
         write_fit(fitted, out)
         write_json(out / "map.json", summary.json())

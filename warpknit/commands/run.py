@@ -34,7 +34,7 @@ Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene`
 Directory = str | os.PathLike[str]
 
 
-def carried_out(
+def finished_run(
     scene: Scene,
     out: Directory | None,
     quiet: bool,
@@ -58,7 +58,7 @@ def carried_out(
 
 
 def default_directory(scene: Scene) -> Path:
-    """Where results go if nothing else is said."""
+    """Default directory of the results of a scene."""
     return Path("runs") / scene.name
 
 
@@ -85,7 +85,7 @@ def run(
     force: bool = False,
     quiet: bool = False,
 ) -> Run:
-    """Run a scene into the directory `out`, as `warpknit run` does, and return its results.
+    """Run a scene into the directory `out`, and return its results.
 
         run = warpknit.run("scenes/atlas_cell.toml", "runs/cell")
         run.summary["contacts"]["active_percent"]
@@ -103,7 +103,7 @@ def run(
     written. What was finished by then is in `out`: `load_run(out)`.
     """
     loaded = load_scene(scene, command="run" if error is None else "error")
-    return carried_out(
+    return finished_run(
         loaded,
         out,
         quiet,
@@ -162,14 +162,14 @@ def percentage(given: float | str) -> float:
         value = float(given)
     if not 0.0 < value <= 100.0:
         text = shown(given) if math.isnan(value) or isinstance(given, str) else f"{given:g}"
-        raise InputError(f"--error: {text} is not a percentage above 0, up to 100; give one, such as 2 or '2 %'")
+        raise InputError(f"--error: {text} is not a percentage above 0 and at most 100; write one such as 2 or '2 %'")
     return value
 
 
 def run_map(
     scene: Source, out: Directory | None = None, *, resume: bool = False, force: bool = False, quiet: bool = False
 ) -> Run:
-    """Run all strains of a scene's [sweep] into the directory `out`, as `warpknit map` does, and return the results.
+    """Run all loads of [sweep] into the directory `out`, and return the results.
 
         run = warpknit.run_map("scenes/contact_map.toml", "runs/map")
         run.summary["optimum"]["strain_weft"]
@@ -179,7 +179,7 @@ def run_map(
     scene, out, resume, force, quiet and what is raised: as in `run`. Maps run on the CPU.
     """
     loaded = load_scene(scene, command="map")
-    return carried_out(
+    return finished_run(
         loaded,
         out,
         quiet,

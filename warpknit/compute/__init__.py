@@ -1,4 +1,4 @@
-"""Where a run computes: device and memory, launches of kernels, threads, arrays on the host, ranks that share a mesh."""
+"""Device and memory of a run, launches of kernels, threads, host arrays, ranks."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ DEFAULT_DEVICE = f"the first CUDA device for meshes of {LEAST_NODES:,} nodes or 
 
 
 def device_of_mesh(nodes: int, device: str) -> str:
-    """The device, or the CPU for a mesh of so few nodes that it is faster there."""
+    """The device, or the CPU for meshes that are faster there."""
     return device if nodes >= LEAST_NODES else "cpu"

@@ -1,4 +1,4 @@
-"""The device of a run, a quiet start of Warp, and what it compiles."""
+"""Device of a run, start of Warp, and compile times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"  # what Warp's library prints on a machine without a GPU
 
-COMPILED = r" took ([\d.]+) ms +\(compiled\)"  # in Warp's report of a module; that of one from its cache ends with (cached)
+COMPILED = r" took ([\d.]+) ms +\(compiled\)"  # in Warp's report of a compiled module
 
 
 @cache
@@ -45,13 +45,12 @@ def start_warp() -> None:
         said.seek(0)
         for line in said.read().decode(errors="replace").splitlines():
             if line.strip() and NO_DRIVER not in line:
-                _log.warning("%s", line)
+                _log.warning("warning W65: Warp: %s", line)
 
 
 @contextmanager
 def compile_times() -> Iterator[list[float]]:
-    """Times [s] of the kernel modules that this process compiles meanwhile, as Warp reports them; modules that it reads from its
-    cache do not count."""
+    """Compile times [s] of kernel modules, as Warp reports them; modules from the cache do not count."""
     logger, level = wp.get_logger(), wp.config.log_level
     times: list[float] = []
 
@@ -77,8 +76,9 @@ def devices() -> list[str]:
 
 
 def find_device(name: str | None, place: int = 0, nodes: Callable[[], int] | None = None) -> str:
-    """The Warp name of a device; None takes the first CUDA device if there is one and the mesh has as many `nodes` as are
-    faster there. The ranks of a machine (this one stands at `place` among them) take them in turn. Raises `DeviceError`."""
+    """Warp name of a device; None: the first CUDA device for meshes with enough `nodes`, else the CPU. The ranks of a machine,
+    with `place` of this one among them, get its devices in turn. Raises `DeviceError`.
+    """
     available = devices()
     if name is None:
         graphics = [d for d in available if d.startswith("cuda")]
@@ -87,5 +87,5 @@ def find_device(name: str | None, place: int = 0, nodes: Callable[[], int] | Non
         turn = graphics[place % len(graphics)]
         return turn if nodes is None else device_of_mesh(nodes(), turn)
     if name not in available:
-        raise DeviceError(f"--device: {name!r} is not on this machine; use {either(available)}")
+        raise DeviceError(f"--device: {name!r} is not on this machine; write {either(available)}")
     return name

@@ -16,7 +16,7 @@ import warp as wp
 
 LEAST_BYTES = 2**20  # of an array that takes a buffer
 MOST_FREE_BYTES = 2**32  # of the buffers that wait for an array
-MOST_EMPTY = 2.0  # size of a buffer over that of the array in it
+MOST_EMPTY = 2.0  # largest size of a buffer over the size of its array
 
 
 class Buffers:
@@ -30,7 +30,7 @@ class Buffers:
         self._lock = Lock()
 
     def copy(self, array: wp.array) -> np.ndarray:
-        """The array of a GPU on the host, in a buffer that is free again behind the last view of it."""
+        """Host copy of a GPU array. Its buffer is reused after its last view."""
         source = array if array.is_contiguous else array.contiguous()
         target: wp.array = wp.array(
             ptr=self._take(source.capacity),
@@ -56,7 +56,7 @@ class Buffers:
             return int(buffer.ptr)
 
     def _sort_returned(self) -> None:
-        """Sort in the buffers that are free again, and give the memory of the smallest back where they are too many."""
+        """Collect free buffers, and free the smallest of too many."""
         while self._returned:
             address = self._returned.popleft()
             bisect.insort(self._free, (self._all[address].capacity, address))
@@ -79,12 +79,12 @@ _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
 
 def is_in_place(device: wp.DeviceLike) -> bool:
-    """Whether the host reads and writes the arrays of a device themselves, as on the CPU, and not copies."""
+    """Whether the host shares the memory of device arrays, as on CPUs."""
     return bool((wp.get_device(device) if device is None or isinstance(device, str) else device).is_cpu)
 
 
 def lanes(on_gpu: int, device: wp.DeviceLike) -> int:
-    """Threads that share what one thread of the CPU does: so many on a GPU (kernels/native/sharing.h)."""
+    """Threads that share the work of one CPU thread: several on a GPU (kernels/native/sharing.h)."""
     return 1 if is_in_place(device) else on_gpu
 
 
@@ -110,12 +110,12 @@ def fetch(array: wp.array) -> np.ndarray:
 
 
 def take(array: wp.array) -> np.ndarray:
-    """The values of an array that nothing else writes any more, on the host; they keep its memory."""
+    """Values of an array on the host, in its memory; nothing else may write to it."""
     return np.asarray(array.numpy()) if is_in_place(array.device) else copied(array)
 
 
 class Entries:
-    """Some entries of device arrays, of which the host reads no others."""
+    """Some entries of device arrays: the only ones that the host reads."""
 
     def __init__(self, index: np.ndarray, device: wp.DeviceLike) -> None:
         """index: [entry] along the first axis, at least one."""
@@ -149,7 +149,7 @@ class Mirror:
 
 
 def shared(values: np.ndarray, kind: type, device: str) -> wp.array:
-    """Values of this kind on the device, on the CPU in the same memory where their type is the same: neither is written to."""
+    """Read-only values on the device; on the CPU in the same memory if the types agree."""
     return wp.array(values, dtype=kind, device=device, copy=False)
 
 
@@ -165,12 +165,12 @@ def zeros(shape: int | tuple[int, ...], kind: type, device: str) -> wp.array:
 
 
 def _numbers_of(kind: type) -> tuple[tuple[int, ...], Any]:
-    """Shape of the numbers of a value of this kind, and their type in NumPy."""
+    """Shape and NumPy type of the numbers in such a value."""
     return getattr(kind, "_shape_", ()), wp.dtype_to_numpy(getattr(kind, "_wp_scalar_type_", kind))
 
 
 def store(array: wp.array, values: Any) -> None:
-    """Set all entries of the array to values that have its shape on the host, or broadcast to it."""
+    """Set all entries of an array to values that broadcast to it."""
     if is_in_place(array.device):
         fetch(array)[...] = values
         return
@@ -187,7 +187,7 @@ def store_at(array: wp.array, key: Any, values: Any) -> None:
 
 
 def _assign(array: wp.array, host: np.ndarray) -> None:
-    """Copy values to a GPU, and wait where they may stand in pinned memory: what is written there next would be copied."""
+    """Copy values to a GPU; wait if they are in pinned memory, which may be overwritten next."""
     array.assign(host)
     if array.capacity >= LEAST_BYTES:
         wp.synchronize_stream(array.device)

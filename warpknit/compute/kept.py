@@ -28,14 +28,14 @@ TYPE = "/type"  # ending of the name under which the type of a collection is sav
 
 
 class Owner(NamedTuple):
-    """An object with variables to keep: those of one of so many worlds."""
+    """An object with variables to save: of one world among `worlds`."""
 
     variables: Any
     world: int = 0
     worlds: int = 1
 
 
-def under(prefix: str, kept: Kept) -> Kept:
+def strip_prefix(prefix: str, kept: Kept) -> Kept:
     """The entries whose names begin with `prefix`, without it."""
     return {name.removeprefix(prefix): value for name, value in kept.items() if name.startswith(prefix)}
 
@@ -57,7 +57,7 @@ def restore(kept: Kept, *owners: Owner) -> None:
 
 
 def rows_of(array: Any, world: int, worlds: int) -> slice:
-    """The rows of an array that belong to one of so many worlds; all of them where it has a single one."""
+    """Rows of an array that belong to one world; all of them with a single world."""
     count = array.shape[0]
     if worlds == 1 or count == 1:
         return slice(0, count)
@@ -114,10 +114,10 @@ def _part(array: Any, owner: Owner, *, copied: bool) -> np.ndarray:
 def _restore_variables(owner: Owner, prefix: str, kept: Kept) -> None:
     variables, world, _ = owner
     if hasattr(variables, "arrays") and hasattr(variables, "restore"):
-        variables.restore(under(prefix, kept))
+        variables.restore(strip_prefix(prefix, kept))
         return
     if not hasattr(variables, "KEPT") and hasattr(variables, "state_dict"):
-        variables.load_state_dict(under(prefix, kept), world)
+        variables.load_state_dict(strip_prefix(prefix, kept), world)
         return
     for name in _names(variables):
         before = getattr(variables, name)

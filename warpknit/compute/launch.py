@@ -31,7 +31,7 @@ class Launch(NamedTuple):
 
     @property
     def overload(self) -> wp.Kernel:
-        """The kernel, or that of its overloads that takes the arguments."""
+        """The kernel, or its overload that accepts the arguments."""
         if not self.kernel.is_generic:
             return self.kernel
         types = (self.kernel, *((a.dtype, a.ndim) if isinstance(a, wp.array) else type(a) for a in self.arguments))
@@ -51,7 +51,7 @@ class Launch(NamedTuple):
         )
 
     def replay(self, device: str) -> Callable[[], None]:
-        """A function that repeats the launch, at a third of the cost of a recorded one on a CPU; it keeps the arguments."""
+        """A function that repeats the launch. It keeps the arguments, and costs a third of a recorded launch on a CPU."""
         return replay([self], device)
 
 
@@ -102,7 +102,7 @@ FEW_ROWS = 64  # that one thread adds
 
 
 def fewer_rows(partial: wp.array) -> tuple[list[Launch], wp.array]:
-    """Launches that add up rows (row, PARTIAL_COUNT), and the at most FEW_ROWS rows that they leave.
+    """Launches that sum rows (row, PARTIAL_COUNT), and their at most FEW_ROWS results.
 
     None on the CPU, where a single thread adds them as fast.
     """

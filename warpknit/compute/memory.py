@@ -28,7 +28,7 @@ def required_memory(scene: Scene, nodes: int) -> int:
 
 
 def refuse_beyond_memory(size: str, scene: Scene, nodes: int, device: str = "cpu") -> None:
-    """Raise `MemoryNeeded` for a mesh of so many nodes, whose size is given in words, that the memory has no room for.
+    """Raise `MemoryNeeded` for a mesh that does not fit in memory; size: its size in words.
 
     A mesh on a GPU is laid out in main memory first: it needs room in both.
     """

@@ -1,8 +1,7 @@
-"""Ranks that share a mesh: what they tell each other, and where this process stands among them.
+"""Ranks that share a mesh, and their messages to each other.
 
-`One` is the single process, which has nobody to tell; `Mpi` is a rank that a launcher such as mpirun started. Both answer the
-same questions, so nobody else needs to know which it is. All ranks ask the same questions in the same order. NumPy is imported
-where it is used: the command line needs `One` for `--help` too.
+`One` is the single process; `Mpi` is a rank that a launcher such as mpirun started. Both have the same methods, and all ranks
+call them in the same order. NumPy is imported on use: the command line needs `One` for `--help` too.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 Answer = TypeVar("Answer")
-FORWARDING_S = 1.0  # that the launcher has for passing on what this rank said, before all is ended
+FORWARDING_S = 1.0  # for the launcher to forward the output of this rank before the end
 PATIENCE_S = 3.0  # that a rank which failed waits for the others to fail alike, before it ends them
-# what the launchers of MPICH, Open MPI, PMIx and MVAPICH tell a process: its rank
+# environment variables of MPICH, Open MPI, PMIx and MVAPICH with the rank of a process
 RANK_VARIABLES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK", "MV2_COMM_WORLD_RANK")
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
 
@@ -40,28 +39,28 @@ class Ranks(ABC):
 
     @property
     def is_first(self) -> bool:
-        """Whether this rank is the one that speaks and writes for all."""
+        """Whether this rank prints and writes for all."""
         return self.rank == 0
 
     @abstractmethod
     def everyone(self, value: Any) -> list[Any]:
-        """What every rank gave, in the order of the ranks; on all ranks."""
+        """Values of all ranks in order, on all ranks."""
 
     @abstractmethod
     def gather(self, values: np.ndarray) -> list[np.ndarray]:
-        """The arrays of all ranks on the first one, in the order of the ranks; on the others an empty list."""
+        """Arrays of all ranks on the first rank, in order; an empty list on the others."""
 
     @abstractmethod
     def channel(self, out: np.ndarray, into: np.ndarray, peers: list[tuple[int, slice, slice]]) -> Callable[[], None]:
-        """What swaps parts of two buffers with other ranks (peer, part of `out`, part of `into`) whenever it is called."""
+        """A function that swaps parts of two buffers with other ranks (peer, part of `out`, part of `into`)."""
 
     @abstractmethod
     def table(self, row: np.ndarray, rows: np.ndarray) -> Callable[[], None]:
-        """What collects the `row` (1, n) of every rank into `rows` (ranks, n) whenever it is called; on all ranks."""
+        """A function that collects the `row` (1, n) of all ranks into `rows` (ranks, n)."""
 
     @abstractmethod
     def leave(self, status: int) -> tuple[int, bool]:
-        """The exit status that all ranks end with, and whether this one says why.
+        """Common exit status of all ranks; whether this rank prints the reason.
 
         Where the others do not leave, this rank has failed alone: see `end_all`.
         """
@@ -71,7 +70,7 @@ class Ranks(ABC):
         """End all ranks at once with an exit status."""
 
     def from_first(self, find: Callable[[], Answer]) -> Answer:
-        """What `find` gives on the first rank, on all ranks; an exception of it is raised on all."""
+        """Result of `find` on the first rank, or its exception, on all ranks."""
         found: tuple[Answer | None, Exception | None] = (None, None)
         if self.is_first:
             try:
@@ -145,7 +144,7 @@ class One(Ranks):
 
 
 class Mpi(Ranks):
-    """A rank that mpirun started, over MPI by mpi4py, whose import starts MPI. Raises ImportError where that is missing."""
+    """A rank that mpirun started, over mpi4py, whose import starts MPI. Raises ImportError where it is missing."""
 
     _left = False
 
@@ -193,7 +192,7 @@ class Mpi(Ranks):
         return lambda: self._all.Allgather(row, rows)
 
     def leave(self, status: int) -> tuple[int, bool]:
-        """A rank that failed waits PATIENCE_S for the others to leave, as they do where all fail alike, and then ends them."""
+        """A rank that failed waits PATIENCE_S for the others; then it ends them."""
         import numpy as np
 
         statuses = np.zeros(self.count, dtype=np.int32)
@@ -217,7 +216,7 @@ class Mpi(Ranks):
 
 
 def exact_parts(values: np.ndarray) -> list[float]:
-    """Few numbers whose sum is exactly that of `values` (n,): each is the rounded sum of what those before it leave out."""
+    """Few numbers that add up to exactly the sum of `values` (n,): each is the rounded rest of the sum."""
     numbers: list[float] = values.tolist()
     parts: list[float] = []
     if not all(map(math.isfinite, numbers)):
@@ -244,12 +243,12 @@ def join_ranks() -> Ranks:
 
 
 def started_as() -> int | None:
-    """The rank that a launcher gave this process, None where none started it."""
+    """Rank that a launcher gave this process, or None."""
     return next((int(os.environ[name]) for name in RANK_VARIABLES if os.environ.get(name, "").isdecimal()), None)
 
 
 def share_cores(ranks: Ranks) -> None:
-    """Give every rank on a machine its share of the cores for its threads, where nobody has said how many (step.thread_count)."""
+    """Set each rank's threads to its share of the cores, unless given (step.thread_count)."""
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
     # a launcher may have bound each rank to its own cores
     sharing = min(ranks.neighbours, ranks.everyone(cores).count(cores))

@@ -120,7 +120,7 @@ class Steering:
     )
 
     def __init__(self, array: wp.array | np.ndarray, world: int | None = None) -> None:
-        """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host; world: the one of them that is meant."""
+        """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host; world: index of its row."""
         self.array, self.world = array, world
         in_place = array if isinstance(array, np.ndarray) else fetch(array) if is_in_place(array.device) else None
         self._view = in_place if in_place is None or world is None else in_place[world]  # None: on a GPU
@@ -161,7 +161,7 @@ class Steering:
         self.write({ENTRIES[name]: value for name, value in values.items()}, rows)
 
     def begin_ramp(self, load: Sequence[float], steps: int, *, evenly: bool) -> None:
-        """Have the load go from where it is to `load` (gradient and length factor) over so many steps; at once with none."""
+        """Ramp from the present load to `load` (gradient and length factor) over `steps` steps; at once with none."""
         now = self.load
         if steps == 0:
             self.load = load

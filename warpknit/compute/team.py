@@ -1,4 +1,4 @@
-"""Threads that share the launches of a step on the CPU, where Warp runs a launch on one thread."""
+"""Threads that share the launches of a step on the CPU. Warp runs a launch on one thread."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from .host import fetch
 from .launch import Launch, bind
 
 FROZEN = np.isin(np.arange(6), [int(status) for status in (STATUS_STALE, STATUS_DIVERGED, STATUS_WAITING)])  # [status]
-TRIAL = 20  # calls after which the slower way is tried again
+RETRY_CALLS = 20  # calls after which the slower way is tried again
 
 
 class Team:
-    """So many threads; each replays its part of the launches, with barriers in between."""
+    """Threads that replay their parts of launches, with barriers in between."""
 
     def __init__(self, threads: int, device: str) -> None:
         self.threads = threads
@@ -31,14 +31,14 @@ class Team:
         self._helpers = ThreadPoolExecutor(threads - 1, "step") if threads > 1 else None
 
     def together(self, parts: Sequence[Callable[[], object]]) -> None:
-        """Call each part in its own thread, and return when all are done."""
+        """Call each part in its own thread; return when all are done."""
         waiting = [self._helpers.submit(part) for part in parts[1:]] if self._helpers is not None else []
         parts[0]()
         for helper in waiting:
             helper.result()
 
     def each(self, calls: Sequence[Callable[[], object]]) -> None:
-        """Call functions that do not wait for each other, every thread the next one, and return when all are done."""
+        """Call independent functions on the next free threads; return when all are done."""
         left = deque(calls)
 
         def take_next() -> None:
@@ -52,7 +52,7 @@ class Team:
         self.together([take_next] * self.threads)
 
     def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
-        """Replay graphs[thread] of steps in turn, on the CPU while the state does not freeze; return how many.
+        """Replay graphs[thread] of steps in turn; return the number. On the CPU until the state freezes.
 
         All threads see the control array of a shared world freeze after the same step.
         """
@@ -68,7 +68,7 @@ class Team:
         return replayed[0]
 
     def replay_worlds(self, graphs: Sequence[wp.Graph], times: int, control: wp.array, rows: Sequence[slice]) -> None:
-        """Replay graphs so many times each, on the CPU while any of the worlds `rows` [graph] does not freeze."""
+        """Replay each graph `times` times; on the CPU until all worlds `rows` [graph] freeze."""
 
         def in_turn(graph: wp.Graph, worlds: slice) -> None:
             for _ in range(times):
@@ -81,7 +81,7 @@ class Team:
         return self._on_cpu and bool(FROZEN[fetch(control)[..., int(STATUS)][worlds].astype(int)].all())
 
     def barrier(self) -> list[Launch]:
-        """What each thread launches to wait for all others; nothing for a single thread."""
+        """Launch by which a thread waits for all others; none for a single thread."""
         if self.threads == 1:
             return []
         return [bind(wait_for_all, 1, threads=self.threads, yield_address=_yield_address(), state=self._state)]
@@ -93,7 +93,7 @@ class Team:
         return begin, end - begin
 
     def share_of(self, items: range, part: int, parts: int | None = None) -> range:
-        """The share of a part in these items, of so many parts; default: one a thread."""
+        """Items of one of `parts` parts; default: one a thread."""
         begin, count = self.share(len(items), part, parts)
         return items[begin : begin + count]
 
@@ -107,7 +107,7 @@ class SharedLaunches:
         self._recorded: dict[str, list[Callable[[], None]]] = {}
 
     def run(self, name: str, kernel: wp.Kernel, by: str, items: range, *sources: object, threads: int = 1, **named: Any) -> None:
-        """Launch a kernel for some items of so many threads each, which the team shares.
+        """Launch a kernel for items of `threads` threads, shared by the team.
 
         by: name of the argument for the first item of a part; sources and the other arguments as in `bind`, of the first call.
         """
@@ -118,8 +118,8 @@ class SharedLaunches:
         self._team.together(self._recorded[name])
 
 
-class Pace:
-    """Chooses between sharing short steps and taking them alone, by what both took last.
+class StepSharing:
+    """Chooses between sharing steps and running them alone, by their last times.
 
     Threads that share a step wait for each other, which takes far longer than the step where other programs use the cores.
     """
@@ -131,9 +131,9 @@ class Pace:
     def is_shared(self) -> bool:
         """Whether to share the next steps: what is faster, and now and then the other."""
         self._calls += 1
-        return (self._seconds[1] <= self._seconds[0]) != (self._calls % TRIAL == 0)
+        return (self._seconds[1] <= self._seconds[0]) != (self._calls % RETRY_CALLS == 0)
 
-    def took(self, shared: bool, seconds: float) -> None:
+    def note_time(self, shared: bool, seconds: float) -> None:
         """Note what a step took."""
         self._seconds[shared] = seconds
 

@@ -1,4 +1,4 @@
-"""What the designer of a reflector takes away from a mesh: `warpknit report`.
+"""Design report of a mesh: `warpknit report`.
 
     map -> tension-strain curves, strains at a tension -> material card, openings, electrical resistance -> page
 

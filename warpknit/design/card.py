@@ -16,9 +16,9 @@ What a test machine sees is D, the change of the true tension s by the strains e
 
     D_ii = C_ii + s_i     D_12 = C_12 - s_1     D_21 = C_12 - s_2.
 
-With friction or yield S depends on the direction and the size of a strain, and there is no w. C is then that of small cycles, of
-CYCLE about a state unloaded by twice as much, where most contacts stick. The same about a state loaded further gives the tangent
-of loading, which is not symmetric. alpha is found by heating the mesh under its tension, and by cooling it back.
+With friction or yield S depends on direction and size of a strain, and there is no w. C then holds for small cycles, of CYCLE
+about a state unloaded by twice as much, where most contacts stick. Differences about a state loaded further give the tangent of
+loading, which is not symmetric. alpha is found by heating the mesh under its tension, cooling_alpha by cooling it back.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
 @dataclass(frozen=True)
 class History:
-    """Properties of a mesh with friction or yield that differ from those of small cycles and of heating."""
+    """Properties under loading and cooling of a mesh with friction or yield."""
 
     loading: np.ndarray  # (3, 3) [N/m] tangent stiffness along the load, row S, column E; not symmetric
     difference: float  # change from differences of twice the step, over its largest entry
@@ -81,7 +81,7 @@ class MaterialCard:
     active_percent: float  # contacts of the tensioned mesh
     temperature: float  # [K] of the mesh
     difference_step: float = STEP  # strain step of the differences
-    jumps: str = ""  # sentence on those of the load on the way to the mesh
+    jumps: str = ""  # sentence on snap-throughs on the load path to the mesh
     branch: str = ""  # sentence on another equilibrium that the report found under its load
     ahead: str = ""  # distance to the next snap-through and to first yield, in words
     history: History | None = None  # with friction or yield
@@ -163,11 +163,11 @@ def green(f: np.ndarray) -> np.ndarray:
 
 
 def find_card(
-    model: Mesh, begin: PathState, load: Stage, watch: Callable[[float], None] = lambda _: None, *, ahead: Stage | None = None
+    model: Mesh, begin: PathState, load: Stage, monitor: Callable[[float], None] = lambda _: None, *, ahead: Stage | None = None
 ) -> tuple[MaterialCard, Observables]:
-    """The card under `load`, from a state near it, and the tensioned mesh. model: periodic, see `exact_model`.
+    """The card under `load` and the tensioned mesh, from a state near it. model: periodic, see `exact_model`.
 
-    All states of the differences start from that mesh. `watch` is called with the share of them that is found. ahead: a little
+    All states of the differences start from that mesh. `monitor` is called with the share of them that is found. ahead: a little
     more of the load, which a mesh with friction or yield needs. Raises `Diverged` where the mesh does not converge.
     """
     path = LoadPath(model, begin)
@@ -180,12 +180,12 @@ def find_card(
         onwards = LoadPath(model, path.state).to(ahead).observables.gradient
         along = green(onwards @ np.linalg.inv(base.gradient))
         along *= BESIDE / np.abs(along).max()
-        differences, loading = (find(CYCLE, sign * along, watch=part_of(watch, k, 3)) for k, sign in enumerate((-1.0, 1.0)))
+        differences, loading = (find(CYCLE, sign * along, monitor=part_of(monitor, k, 3)) for k, sign in enumerate((-1.0, 1.0)))
         expansion, cooling = _expansions(model, path.state, base, load)
-        watch(1.0)
+        monitor(1.0)
         history = History(loading.tangent, loading.step_difference, cooling)
     else:
-        differences = find(STEP, least=LEAST_STEP, watch=watch)
+        differences = find(STEP, least=LEAST_STEP, monitor=monitor)
         expansion = -np.linalg.solve(differences.stiffness, differences.by_length) * model.scene.wire.expansion
     weft, warp = (float(strain) for strain in np.diag(base.gradient) - 1.0)
     tension = measure.mesh_tension(base)
@@ -209,7 +209,7 @@ def find_card(
 
 
 def _expansions(model: Mesh, state: PathState, base: Observables, load: Stage) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) [1/K] strain E a kelvin at the tension of a state, while it is heated by HEATED and while it cools back."""
+    """Strain E a kelvin (3,) [1/K] at a constant tension; while heated by HEATED, and while cooling back."""
     weft, warp = measure.mesh_tension(base)
     held = replace(load, strain_weft=None, strain_warp=None, tension_weft=weft, tension_warp=warp)
     path, strains = LoadPath(model, state), [np.zeros(3)]
@@ -227,13 +227,13 @@ def _differences(
     beside: np.ndarray | float = 0.0,
     *,
     least: float = np.inf,
-    watch: Callable[[float], None],
+    monitor: Callable[[float], None],
 ) -> _Differences:
-    """Derivatives about a strain of `beside` (3,) steps from a tensioned state, by the step from `least` on that agrees best."""
+    """Derivatives about a strain of `beside` (3,) steps from a tensioned state; the most consistent step from `least` on."""
     area = model.panel.area * float(np.linalg.det(tensioned))
 
     def slopes(*sizes: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Derivatives of the stress (3, 3) and of the energy by the length factor (3,), by E11, E22, 2 E12; of each step."""
+        """Derivatives of stress (3, 3) and of energy by length factor (3,), for each step. By E11, E22, 2 E12."""
         steps = [stretch(size * (beside + sign * along)) for size in sizes for along in np.eye(3) for sign in (1.0, -1.0)]
         stages = [under_strain(model.scene, f @ tensioned) for f in steps]
         ends = ends_beside([model] * len(stages), [state] * len(stages), stages)
@@ -246,17 +246,17 @@ def _differences(
     coarse, fine = slopes(2.0 * step, step)
     best = _Differences.of(coarse, fine, step)
     while best.error > AGREEMENT and step > least:
-        watch(0.5)
+        monitor(0.5)
         step *= 0.5
         coarse, (fine,) = fine, slopes(step)
         best = min(best, _Differences.of(coarse, fine, step), key=lambda one: one.error)
-    watch(1.0)
+    monitor(1.0)
     return best
 
 
 @dataclass(frozen=True)
 class _Differences:
-    """Derivatives by differences of one step, and what they differ by from those of twice the step."""
+    """Derivatives by differences of one step, and their change at twice the step."""
 
     tangent: np.ndarray  # (3, 3) [N/m] row stress, column strain
     by_length: np.ndarray  # (3,) [N/m]

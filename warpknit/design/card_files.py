@@ -24,17 +24,15 @@ from .card import AGREEMENT, CYCLE, HEATED, LEAST_STEP, MaterialCard
 CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
 DEFINITION = (
-    "Tangent of the tensioned mesh: C = dS/dE with S the second Piola-Kirchhoff stress (force per width) and E the Green-Lagrange"
-    " strain, both referred to the tensioned mesh, where they equal the true tension and the small strain. Apply the tension to"
-    " the FE model as prestress: its geometric stiffness is not included in C, E1, E2, nu12 and nu21. It is included in D11 to"
-    " D22, which a test machine measures from the tensioned mesh on: a small strain in one direction, with the other held."
-    " S = prestress + C (E - alpha (T - T0))."
+    "Tangent of the tensioned mesh: S = prestress + C (E - alpha (T - T0)), with C = dS/dE. S is the second Piola-Kirchhoff"
+    " stress (force per width), E the Green-Lagrange strain. Both refer to the tensioned mesh, where they equal true tension and"
+    " small strain. Apply the tension to the FE model as prestress: C, E1, E2, nu12 and nu21 exclude its geometric stiffness."
+    " D11 to D22 include it, as a test machine does that strains the tensioned mesh in one direction and holds the other."
 )
 OF_HISTORY = (
-    f" With friction or yield C, D and the constants from them are those of small cycles of {percent(CYCLE, 2)} of strain, about"
-    " a state unloaded by twice as much; loading_C and loading_D are the same about a state loaded further, with a row for the"
-    f" stress and a column for the strain. alpha is that of heating by {HEATED:g} K at constant S, cooling_alpha that of cooling"
-    " back."
+    f" With friction or yield, C, D and the constants from them hold for small cycles of {percent(CYCLE, 2)} of strain, after"
+    " unloading by twice this strain. loading_C and loading_D hold for further loading; rows are stresses, columns strains."
+    f" alpha is measured by heating by {HEATED:g} K at constant S, cooling_alpha by cooling back."
 )
 
 
@@ -71,7 +69,7 @@ def card_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
 
 
 def _history_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]:
-    """Values of a mesh with friction or yield that differ from those of small cycles."""
+    """Values of a mesh with friction or yield beside those for small cycles."""
     history = card.history
     if history is None:
         return
@@ -88,7 +86,7 @@ def _history_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]
 
 
 def definition(card: MaterialCard) -> str:
-    """What the values of a card are, in words."""
+    """Definition of the values of a card, in words."""
     return DEFINITION + ("" if card.history is None else OF_HISTORY)
 
 
@@ -119,7 +117,7 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
 
 
 def ahead_of_card(card: MaterialCard, first_yield: Event | None, jumps: Sequence[Jump]) -> str:
-    """How far its tension is from the next snap-through and from first yield, in words.
+    """Distance of its tension from the next snap-through and first yield, in words.
 
     first_yield, jumps: under equal tensions, from smaller to larger ones.
     """
@@ -150,7 +148,7 @@ def _unstable(card: MaterialCard) -> ResultWarning:
 
 
 def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, float, str, str]]:
-    """Rows of the limits of the wire, and of the largest stress over them."""
+    """Rows of the limits of the wire, and of the stress over them."""
     wire = scene.wire
     for name, limit, what in (
         ("yield_stress", wire.yield_stress, "elastic limit"),
@@ -179,7 +177,7 @@ def mesh_values(scene: Scene) -> dict[str, str]:
 
 
 def validity(scene: Scene, model_warnings: Sequence[ResultWarning]) -> tuple[str, float, str, str]:
-    """Row on whether the model is good for the mesh, with its warnings, which model it is and why, and what the mesh is."""
+    """Row on the validity of the model, with warnings, kind and mesh."""
     said = "; ".join(map(str, model_warnings)) or "1 if the model is good for the knit, else 0"
     mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *filter(None, [scene.preset_caveat])])
     return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind} ({scene.kind_reason}); {mesh}"

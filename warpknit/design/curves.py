@@ -23,10 +23,10 @@ MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "s
 LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
-def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float], None] = lambda _: None) -> list[Row]:
+def tension_strain(model: Mesh, weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None) -> list[Row]:
     """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one.
 
-    `watch` is called with the share of them that is found.
+    `monitor` is called with the share of them that is found.
     """
     levels = math.ceil(model.scene.output.levels / POINTS)  # of the way from one point to the next
     points = []
@@ -37,7 +37,7 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
         found: dict[int, Observables] = {}
         rows: list[Row] = []
         with suppress(Diverged):
-            for k, record in enumerate(path.load(stage, levels * POINTS, part_of(watch, number, len(LOADS)))):
+            for k, record in enumerate(path.load(stage, levels * POINTS, part_of(monitor, number, len(LOADS)))):
                 rows.append(row_of(record))
                 if k % levels == 0:
                     found[k // levels] = record.observables
@@ -48,7 +48,7 @@ def tension_strain(model: Mesh, weft: float, warp: float, watch: Callable[[float
 
 
 def missing_points(curves: Sequence[Row]) -> Iterator[ResultWarning]:
-    """How many states of the curves are missing."""
+    """Warning on missing states of the curves."""
     if missing := sum(point.tension_weft_N_per_m is None for point in curves):
         yield ResultWarning("W58", f"{missing} of {len(curves)} states of the curves of tension against strain are missing.")
 
@@ -58,5 +58,5 @@ def _point(load: str, weft: float, warp: float, state: Observables | None, is_be
     found = dict.fromkeys(MEASURED) if state is None else table.values(state, MEASURED)
     sheet = (None, None) if state is None else sheet_resistance(state)
     resistances = {f"sheet_resistance_{side}_ohm": value for side, value in zip(("weft", "warp"), sheet, strict=True)}
-    # jump: 1 where the mesh jumps to another equilibrium between the point before and this one
+    # jump: 1 after a snap-through since the previous point
     return Row(load=load, strain_weft=weft, strain_warp=warp, **found, **resistances, jump=int(is_behind_jump))

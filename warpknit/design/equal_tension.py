@@ -1,4 +1,4 @@
-"""The mesh under equal tensions in weft and warp, from the mesh as knitted on.
+"""Equilibria under equal tensions in weft and warp, from the mesh as knitted.
 
 One path serves the service tensions, the material card at a tension, the answers of a report, and what heat does (heat.py).
 """
@@ -33,12 +33,12 @@ LEFT = "another equilibrium than under equal tensions"
 NO_PATH = "no strains of equal tension in the map"
 MISSES = 2  # stages in a row that may fail
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
-JUMPS_TOLD = 4
+JUMPS_SHOWN = 4
 
 
 @dataclass(frozen=True)
 class EqualTensionPath:
-    """Rows of history.csv of a path under equal tensions, and its states at the ends of its stages."""
+    """Rows of history.csv under equal tensions; states at the ends of load steps."""
 
     rows: Sequence[Row] = ()
     states: Mapping[float, PathState] = field(default_factory=dict)  # by tension [N/m]
@@ -46,7 +46,7 @@ class EqualTensionPath:
     ended: str = ""  # why, where it did not go to its largest tension
 
     @property
-    def gave_up(self) -> bool:
+    def failed(self) -> bool:
         """Whether it ends where the relaxation did not converge."""
         return self.ended not in ("", YIELDED, BROKEN)
 
@@ -59,11 +59,11 @@ class EqualTensionPath:
         return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
 
 
-def load_equally(model: Mesh, largest: EqualTension, watch: Callable[[float], None] = lambda _: None) -> EqualTensionPath:
-    """The path to first yield, else to the largest of the service tensions and of the map, doubled DOUBLINGS times.
+def load_equally(model: Mesh, largest: EqualTension, monitor: Callable[[float], None] = lambda _: None) -> EqualTensionPath:
+    """The path to first yield, else to the largest tension: service or map, doubled DOUBLINGS times.
 
-    A stage that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
-    records before. `watch` is called with the share that is done. model: in double precision.
+    A load step that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
+    records before. `monitor` gets the share done. model: in double precision.
     """
     scene = model.scene
     wanted = service_tensions(scene, None)
@@ -78,7 +78,7 @@ def load_equally(model: Mesh, largest: EqualTension, watch: Callable[[float], No
         before = len(rows)
         try:
             for record in path.load(
-                under_tension(scene, high), levels_between(scene, low, high), part_of(watch, number, len(ends))
+                under_tension(scene, high), levels_between(scene, low, high), part_of(monitor, number, len(ends))
             ):
                 rows.append(row_of(record))
                 if record.load_factor < 1.0 and rows[-1].stress_max_Pa > scene.wire.yield_stress:
@@ -97,12 +97,12 @@ def load_equally(model: Mesh, largest: EqualTension, watch: Callable[[float], No
 
 
 def with_state_at(
-    model: Mesh, path: EqualTensionPath, tension: float, watch: Callable[[float], None] = lambda _: None
+    model: Mesh, path: EqualTensionPath, tension: float, monitor: Callable[[float], None] = lambda _: None
 ) -> EqualTensionPath:
-    """The path with its state at `tension` [N/m], from the state at the next smaller tension.
+    """The path with its state at `tension` [N/m], from the next smaller tension.
 
-    Beyond its end the path goes on to this tension, or up to the strength of the wire. Without the state where the mesh does not
-    converge. model: of the path.
+    The path continues to this tension beyond its end, or up to the strength of the wire. Without the state where the mesh does
+    not converge. model: of the path.
     """
     if tension in path.states:
         return path
@@ -110,7 +110,7 @@ def with_state_at(
     low = max((one for one in path.states if one < tension), default=0.0)
     way, ended, is_found = LoadPath(model, path.states.get(low, AS_KNITTED)), path.ended, False
     try:
-        for record in way.load(under_tension(scene, tension), levels_between(scene, low, tension), watch):
+        for record in way.load(under_tension(scene, tension), levels_between(scene, low, tension), monitor):
             rows.append(row_of(record))
             if rows[-1].stress_max_Pa > scene.wire.tensile_strength:
                 ended = BROKEN
@@ -135,7 +135,7 @@ def with_state_at(
 
 
 def unreached_text(scene: Scene, path: EqualTensionPath, tension: float) -> str:
-    """Up to which tension a path that has no state at `tension` [N/m] was followed, and why it ended."""
+    """Largest tension of a path without a state at `tension` [N/m], and why it ended."""
     if not path.rows:
         return f"the mesh as knitted did not converge: {path.ended}"
     top = max(path.rows, key=mean_tension)
@@ -149,7 +149,7 @@ def unreached_text(scene: Scene, path: EqualTensionPath, tension: float) -> str:
 
 
 def service_tensions(scene: Scene, requested: float | None) -> list[float]:
-    """The SERVICE_TENSIONS, that of the scene, and the `requested` one [N/m]."""
+    """The SERVICE_TENSIONS, the scene's and the `requested` one [N/m]."""
     return sorted({*SERVICE_TENSIONS, *(one for one in (scene.output.service_tension, requested) if one is not None)})
 
 
@@ -190,7 +190,7 @@ def service_points(
 
 
 def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) -> str:
-    """Why a path has no state at a `tension` [N/m], in a few words."""
+    """Reason, in a few words, for no state at a `tension` [N/m]."""
     if not path.rows:
         return "the mesh as knitted did not converge" if path.ended else NO_PATH
     top = max(map(mean_tension, path.rows))
@@ -200,18 +200,18 @@ def _unreached(path: EqualTensionPath, jumps: Sequence[Jump], tension: float) ->
         up_to = engineering(top, "N/m")
         return f"the relaxation did not converge beyond {up_to}" if path.ended else f"not reached, up to {up_to}"
     jumped = any(mean_tension(before) < tension < mean_tension(after) for before, after in jumps)
-    return "the mesh jumps over it" if jumped else "the relaxation did not converge there"
+    return "skipped by a snap-through" if jumped else "the relaxation did not converge there"
 
 
 def jump_text(jumps: Sequence[Jump]) -> str | None:
-    """Sentence on jumps between several equilibria on the way of a load, or None."""
+    """Sentence on snap-throughs along a load path, or None."""
     if not jumps:
         return None
-    places = "; ".join(tensions_text(*pair) for pair in jumps[:JUMPS_TOLD]) + ("; ..." if len(jumps) > JUMPS_TOLD else "")
+    places = "; ".join(tensions_text(*pair) for pair in jumps[:JUMPS_SHOWN]) + ("; ..." if len(jumps) > JUMPS_SHOWN else "")
     count = f"{len(jumps)} place{'s' if len(jumps) > 1 else ''}"
     return (
-        f"the mesh jumps to another equilibrium in {count} (between {places}): it has several equilibria under one load, and"
-        " a mesh that is loaded otherwise, or in other levels (output.frames), may give other results"
+        f"the mesh snaps through to another equilibrium in {count} (between {places}). Several equilibria exist under one load:"
+        " another load path or other output.frames may give other results"
     )
 
 

@@ -1,4 +1,4 @@
-"""The content of a report: what was found, and what of it is told on the page and on a terminal."""
+"""Findings of a report, and their selection for page and terminal."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Findings:
     curves: Sequence[Row]
     where: str  # state of the card, in words; or why there is none
     card: MaterialCard | None
-    mean: MeanCard | None  # of which it is, where meshes are several
+    mean: MeanCard | None  # mean card, where meshes are several
     loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
     tensioned: Observables | None  # the mesh of the card
     knitted: Observables | None  # the mesh as knitted
@@ -74,7 +74,7 @@ class Findings:
 
     @property
     def found_again(self) -> bool:
-        """False where a card for the optimum of the map was looked for, and its state not found."""
+        """Whether the state of the card at the optimum was found again; True without one."""
         return self.requested is not None or self.card is not None
 
     @property
@@ -115,7 +115,7 @@ class Findings:
         """The answers under equal tensions, for a terminal."""
         if self.answers is not None:
             yield Finding("equal tensions", f"followed {self.path.end_text}", short=True)
-            yield from answer_findings(self.answers, self.scene.wire.yield_stress, gave_up=self.path.gave_up)
+            yield from answer_findings(self.answers, self.scene.wire.yield_stress, failed=self.path.failed)
         if self.heat_note:
             yield Finding("heat", self.heat_note)
         if self.no_heat and later_temperatures(self.scene):
@@ -123,27 +123,27 @@ class Findings:
 
     @property
     def heat_note(self) -> str:
-        """That heat is not at the requested tension; empty where it is, or without a request."""
+        """Note on heat at another tension than requested; or empty."""
         if not self.heated or self.requested is None or self.requested in self.path.states:
             return ""
         return f"shown at the best tension, as the mesh does not reach {exact(self.requested, 'N/m')}"
 
     @property
     def limit_of_curves(self) -> str | None:
-        """What the curves of the FE cards lack; None where they go on beyond the card, and without a card."""
+        """Warning on curves of the FE cards; None if complete, or without a card."""
         at_jump = bool(self.path_jumps and self.loading and self.loading[-1] is self.path_jumps[0][0])
         return None if self.card is None else limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump)
 
     @property
     def branch_notes(self) -> list[ResultWarning]:
-        """Service tensions at which the map has another equilibrium; that of the card is in its own warnings."""
+        """Service tensions with another equilibrium on the map; the card has its own warnings."""
         others = (tension for tension in self.path.at if self.card is None or tension != self.requested)
         texts = (branches_at(tension, self.path.at[tension], self.rows) for tension in others)
         return [ResultWarning("W54", text) for text in texts if text]
 
     @property
     def warnings(self) -> list[ResultWarning]:
-        """Limits to the use of the card and of the curves, for a terminal."""
+        """Limits to the use of card and curves, for a terminal."""
         of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
         limits = (
             []

@@ -1,4 +1,4 @@
-"""Equilibria of one repeat of endless cloth at many deformation gradients, in either model."""
+"""Equilibria of one repeat of endless cloth at many deformation gradients; either model."""
 
 from __future__ import annotations
 
@@ -20,10 +20,7 @@ ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
 
 
 def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
-    """The mesh of `scene` in double precision, with a tolerance fine enough for differences of neighbouring states.
-
-    Raises `ModelError`, `KnitError`.
-    """
+    """The mesh of `scene` in double precision, converged enough for differences of states. Raises `ModelError`, `KnitError`."""
     return mesh_of(exact(scene, tolerance))
 
 
@@ -34,12 +31,12 @@ def exact(scene: Scene, tolerance: float) -> Scene:
 
 
 def states_at(
-    model: Mesh, gradients: Sequence[np.ndarray], watch: Callable[[float], None] = lambda _: None
+    model: Mesh, gradients: Sequence[np.ndarray], monitor: Callable[[float], None] = lambda _: None
 ) -> list[Observables | Diverged]:
-    """Equilibrium at each of the upper triangular deformation gradients (2, 2), or the error where it did not converge.
+    """Equilibrium or error at each upper triangular deformation gradient (2, 2).
 
-    Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first stage. `watch` is called with
-    the share of the states that are found.
+    Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first load step. `monitor` gets
+    the share of states found.
     """
     stages = [under_strain(model.scene, f) for f in gradients]
     found: dict[int, Observables | Diverged] = {}
@@ -48,5 +45,5 @@ def states_at(
             found[outcome.index] = outcome.observables
         elif outcome.error is not None:
             found[outcome.index] = outcome.error
-        watch(len(found) / len(stages))
+        monitor(len(found) / len(stages))
     return [found[index] for index in range(len(stages))]

@@ -1,4 +1,4 @@
-"""What heat does to a mesh under tension: with the tension held, and held in a frame."""
+"""Heat on a mesh under tension: at constant tension, and in a frame."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ LEAST_LEVELS = 2  # of a change of temperature
 
 
 def later_temperatures(scene: Scene) -> list[float]:
-    """[K] temperatures of [[path]] other than that of [load]."""
+    """Temperatures of [[path]] other than the temperature of [load] [K]."""
     return list(dict.fromkeys(stage.temperature for stage in scene.stages))[1:]
 
 
 @dataclass(frozen=True)
 class HeatedMesh:
-    """Rows of history.csv of a mesh whose temperature changes, from the state before, and the stages of its load."""
+    """Rows of history.csv of a heated mesh, and its load steps."""
 
     rows: Sequence[Row]
     stages: Sequence[Stage]
@@ -38,7 +38,7 @@ class HeatedMesh:
 
     @property
     def answers(self) -> list[Heat]:
-        """What heat does, as in the answers of a run."""
+        """Effects of heat, as in the answers of a run."""
         return heat_of(self.rows, self.stages, self.jumps)
 
 
@@ -48,13 +48,13 @@ def tension_held(path: EqualTensionPath, requested: float | None, best: float | 
 
 
 def heat(
-    scene: Scene, path: EqualTensionPath, held: float | None, watch: Callable[[float], None] = lambda _: None
+    scene: Scene, path: EqualTensionPath, held: float | None, monitor: Callable[[float], None] = lambda _: None
 ) -> tuple[list[HeatedMesh], str]:
-    """A tension [N/m] at the temperatures of [[path]]: held, and with the mesh held in a frame that expands by
-    model.frame_expansion; or none, and the reason.
+    """A tension [N/m] at the temperatures of [[path]], held and in a frame. The frame expands by model.frame_expansion. Or none,
+    and the reason.
 
-    They begin where the path has a tension as small or smaller. With friction or yield they return to the first temperature.
-    `watch` is called with the share that is done; a load that does not converge ends with the records before.
+    They begin at the nearest tension of the path, not above. With friction or yield they return to the first temperature.
+    `monitor` gets the share done; a load that does not converge ends with the records before.
     """
     temperatures = later_temperatures(scene)
     if not temperatures:
@@ -77,7 +77,7 @@ def heat(
     for number, (name, load) in enumerate(cases):
         way, rows, stages = LoadPath(mesh.model, mesh.state), [begin], list(mesh.state.stages)
         ended = ""
-        ahead = part_of(watch, number, len(cases))
+        ahead = part_of(monitor, number, len(cases))
         try:
             for count, temperature in enumerate(temperatures):
                 stage = replace(load, name=f"{celsius(temperature)}, {name}", temperature=temperature)

@@ -1,9 +1,9 @@
-"""What is known of a mesh when its loops were never measured: openings per length, wire length a loop, a biaxial test.
+"""Inputs for unmeasured loops: openings per length, wire length a loop, a biaxial test.
 
 Wales and courses are scaled to the openings, their ratio kept.
 
-Loops get one factor on the proportions that make them large (SIZES), for all loops or for each bar. Lengths are those of the
-wire in space, as they are measured, in both models.
+Loops get one factor on the proportions that make them large (SIZES), for all loops or for each bar. Lengths are measured along
+the spatial wire, in both models.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ class LoopFit:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted scene, sentences on how it was fitted, and the fit of its loops if there was one."""
+    """A fitted scene, with notes and the fit of its loops."""
 
     scene: Scene
     notes: tuple[str, ...] = ()
     loops: LoopFit | None = None
 
     def then(self, other: Fitted) -> Fitted:
-        """`other`, which was fitted from this scene, with the notes and the fit of both."""
+        """`other`, fitted from this scene, with the notes and fits of both."""
         return Fitted(other.scene, self.notes + other.notes, other.loops or self.loops)
 
 
@@ -75,7 +75,7 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
 
 
 def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
-    """Loops of each bar with the wire length [m] that it takes a course: `wanted`, in the order of `knit.bars`.
+    """Loops of each bar with the wire length [m] a course: `wanted`, in the order of `knit.bars`.
 
     Raises `InputError` if a length cannot be reached.
     """
@@ -98,7 +98,7 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
 
 
 def _bar_factor(scene: Scene, bar: int, wanted: float) -> float:
-    """Factor on the loops of a bar at which it takes `wanted` [m] a course."""
+    """Factor on the loops of a bar for `wanted` [m] a course."""
 
     def missing(factor: float) -> float:
         return knit_scene(_with_bar(scene, bar, factor)).run_in(bar) - wanted
@@ -108,7 +108,7 @@ def _bar_factor(scene: Scene, bar: int, wanted: float) -> float:
 
 
 def _factor(scene: Scene, missing: Callable[[float], float], low: float, high: float, wanted: float, of: str = "") -> float:
-    """The factor between `low` and `high` at which no length [m] is `missing` from the wanted one. Raises `InputError`."""
+    """Factor between `low` and `high` at which the length [m] `missing` is zero. Raises `InputError`."""
     ends = missing(low), missing(high)
     if not min(ends) <= 0.0 <= max(ends):
         raise InputError(
@@ -137,8 +137,8 @@ def fitted_by(scene: Scene, factor: float, how: str, to: str, rms_error: float |
     larger = scaled(scene, factor)
     meant, found = len(knit_scene(scene).clasps), len(knit_scene(larger).clasps)
     if found != meant:
-        wrong = f"the fitted loops hook {found} times per repeat, those of the scene {meant} times"
-        raise InputError(f"{scene.path}: {how}: {wrong}; use a value nearer to that of the scene")
+        wrong = f"the fitted loops hook {found} times per repeat, the loops of the scene {meant} times"
+        raise InputError(f"{scene.path}: {how}: {wrong}; use a value closer to the scene")
     loops = LoopFit(to, factor, {name: getattr(larger.knit.loop, name) for name in _names(scene)}, rms_error)
     return Fitted(larger, (f"loop proportions times {factor:.3f}, fitted to {how}",), loops)
 
@@ -148,12 +148,12 @@ def _names(scene: Scene) -> tuple[str, ...]:
 
 
 def factors(scene: Scene) -> tuple[float, float]:
-    """Smallest and largest factor that keep all proportions in range and the loops of neighbouring wales separate."""
+    """Smallest and largest factor with proportions in range and neighbouring wales separate."""
     return _bounded(scene, scene.knit.bars, lambda factor: scaled(scene, factor))
 
 
 def _bounded(scene: Scene, bars: Sequence[Bar], larger: Callable[[float], Scene]) -> tuple[float, float]:
-    """The same for the loops of some bars, with the scene that a factor makes."""
+    """The same for the loops of some bars; larger: the scene at a factor."""
     sizes = [bar.loop_scale for bar in bars]
     ranges = [np.array(RANGES[name]) / (getattr(scene.knit.loop, name) * size) for name in _names(scene) for size in sizes]
     low, high = max(float(r[0]) for r in ranges) + EDGE, min(float(r[1]) for r in ranges) - EDGE
@@ -168,12 +168,12 @@ def _bounded(scene: Scene, bars: Sequence[Bar], larger: Callable[[float], Scene]
 
 
 COMPLETE = 2.0 / 3.0  # of the largest area: openings that are counted; between wales 0.72 or more, within loops 0.58 or less
-FAR = 1.25  # change of the spacings, or its inverse, that is told
+FAR = 1.25  # reported change of the spacings, or its inverse
 COLUMNS = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m")  # of a measured curve
 POOR_FIT, NO_FIT = 0.1, 0.5  # rms error over the tensions: reported; refused
 FIT = "fit.json"
 MOST_TRIED = 20  # factors
-REMAINING = 5  # factors that are still tried, about, in what progress tells
+REMAINING = 5  # factors still to try, about, for the progress
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def with_known(scene: Scene, known: Known, progress: Display | None = None) -> F
 
 
 def write_fit(fitted: Fitted, out: Path) -> None:
-    """Write fit.json into `out`, or remove that of an earlier report where nothing was fitted or compared."""
+    """Write fit.json into `out`; without a fit or comparison, remove an earlier one."""
     if not fitted.notes:
         (out / FIT).unlink(missing_ok=True)
         return
@@ -234,7 +234,7 @@ def write_fit(fitted: Fitted, out: Path) -> None:
 
 
 def fitted_overrides(knit: Knit) -> list[Override]:
-    """Overrides that give a scene the spacings and the loops of a fitted knit."""
+    """Overrides with the spacings and loops of a fitted knit."""
     loop = [(f"knit.loop.{name}", value) for name, value in asdict(knit.loop).items() if value is not None]
     bars = [("knit.bars", [asdict(bar) for bar in knit.bars])] if any(bar.loop_scale != 1.0 for bar in knit.bars) else []
     return [("knit.wale_spacing", knit.wale_spacing), ("knit.course_spacing", knit.course_spacing), *loop, *bars]
@@ -249,8 +249,7 @@ def openings_per_length(scene: Scene) -> float | None:
 def complete_openings(scene: Scene) -> tuple[int, float]:
     """Number of complete openings of a repeat, and its area [m2].
 
-    Those between centre lines in plan view count that have at least COMPLETE of the largest area. Scatter of the loops does not
-    enter.
+    Openings between centre lines in plan view count from COMPLETE of the largest area on, without scatter of the loops.
 
     One for each wale and course of a fully threaded knit; two for the two wales and four courses of a half-set double atlas.
     """
@@ -275,17 +274,17 @@ def with_openings(scene: Scene, wanted: float) -> Fitted:
     if not 1.0 / FAR < now / wanted < FAR:
         notes.append(
             f"the openings per inch change both spacings by a factor of {now / wanted:.2g}, to {inch / wale:.3g} wales and"
-            f" {inch / course:.3g} courses an inch: the scene has {inch * now:.3g} openings per inch,"
-            f" {complete_openings(scene)[0]} in a repeat; check the knit, and what was counted"
+            f" {inch / course:.3g} courses an inch. The scene has {inch * now:.3g} openings per inch,"
+            f" {complete_openings(scene)[0]} in a repeat: check the knit and the count"
         )
     return Fitted(resized, tuple(notes))
 
 
 def fit_curve(scene: Scene, path: Path, progress: Display) -> Fitted:
-    """Loops whose tensions come nearest to a measured biaxial curve in the CSV file `path`, with COLUMNS.
+    """Loops with tensions nearest to a biaxial curve, a CSV file with COLUMNS.
 
-    Least squares over all tensions, by one factor. Raises `InputError` for the file, and where no factor brings the mesh to
-    rest at all of its strains.
+    Least squares over all tensions, by one factor. Raises `InputError` for the file, and where the mesh converges at all its
+    strains with no factor.
     """
     strains, tensions = _read_curve(path)
     gradients = [np.diag(1.0 + strain) for strain in strains]
@@ -344,5 +343,5 @@ def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if not np.all(np.isfinite(values)) or np.any(values[:, :2] <= -0.5) or np.any(values[:, :2] > 2.0):
         raise InputError(f"{path}: a strain or tension is out of range; give finite ones, and strains from -0.5 to 2")
     if not np.any(values[:, 2:]):
-        raise InputError(f"{path}: all tensions are 0; give those of a biaxial test [N/m]")
+        raise InputError(f"{path}: all tensions are 0; give the tensions of a biaxial test [N/m]")
     return values[:, :2], values[:, 2:]

@@ -34,22 +34,22 @@ AS_KNITTED = PathState()
 
 
 class LoadPath:
-    """A path from the mesh as knitted, or from a state of another path of the same mesh."""
+    """A load path from the mesh as knitted, or from another path's state."""
 
     def __init__(self, model: Any, state: PathState = AS_KNITTED) -> None:
         """The models of two paths may differ in their solver's tolerance."""
         self.model, self.state = model, state
 
-    def load(self, stage: Stage, levels: int | str, watch: Callable[[float], None] = lambda _: None) -> Iterator[Record]:
-        """Records of a stage from the state of the path, which then is its end; the first begins with the mesh as knitted.
+    def load(self, stage: Stage, levels: int | str, monitor: Callable[[float], None] = lambda _: None) -> Iterator[Record]:
+        """Records of a load step; the path moves to its end. The first begins as knitted.
 
-        `watch` is called with the load factor at every convergence check. Raises `Diverged`; `state` is that before the stage.
+        `monitor` is called with the load factor at every convergence check. Raises `Diverged`; `state` is that before the stage.
         """
         model = _onwards(self.model, self.state, stage, levels)
         simulation = Simulation(
             model,
             progress=Progress() if self.state.kept else None,
-            watch=lambda progress: watch(progress.load_factor),
+            monitor=lambda progress: monitor(progress.load_factor),
         )
         if self.state.kept:
             simulation.drive.restore(self.state.kept)
@@ -65,7 +65,7 @@ class LoadPath:
 
 
 def ends_beside(models: Sequence[Any], states: Sequence[PathState], stages: Sequence[Stage]) -> list[Record]:
-    """Records at the ends of stages, each in one level from a state of its model, side by side. Raises the first `Diverged`."""
+    """Records at the ends of load steps, side by side. Each is one level from its state. Raises the first `Diverged`."""
     onwards = [_onwards(*one, levels=1) for one in zip(models, states, stages, strict=True)]
     simulation = Simulation(onwards[0], worlds=onwards, progress=[Progress() for _ in onwards])
     for drive, state in zip(simulation.drives, states, strict=True):
@@ -84,7 +84,7 @@ def _onwards(model: Any, state: PathState, stage: Stage, levels: int | str) -> A
 
 
 def under_strain(scene: Scene, gradient: np.ndarray) -> Stage:
-    """The first stage of `scene`, with the upper triangular deformation gradient (2, 2) in place of its load."""
+    """The first load step of `scene`, under an upper triangular deformation gradient (2, 2)."""
     load = scene.stages[0]
     f = gradient / (1.0 + scene.model.frame_expansion * (load.temperature - scene.wire.reference_temperature))
     weft, warp, shear = float(f[0, 0]) - 1.0, float(f[1, 1]) - 1.0, float(f[0, 1])
@@ -92,11 +92,11 @@ def under_strain(scene: Scene, gradient: np.ndarray) -> Stage:
 
 
 def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> Stage:
-    """The first stage of `scene`, with `tension` [N/m] in weft and warp in place of its load."""
+    """The first load step of `scene`, with `tension` [N/m] in weft and warp."""
     load = replace(scene.stages[0], strain_weft=None, strain_warp=None, shear=0.0, name=name)
     return replace(load, tension_weft=tension, tension_warp=tension)
 
 
-def part_of(watch: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
-    """`watch` for one of so many equal parts of the whole."""
-    return lambda share: watch((number + share) / of)
+def part_of(monitor: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
+    """Progress of one of `of` equal parts."""
+    return lambda share: monitor((number + share) / of)

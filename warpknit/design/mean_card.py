@@ -28,7 +28,7 @@ OF_ONE = ("jumps", "branch")  # texts on the path of one mesh
 
 @dataclass(frozen=True)
 class MeanCard:
-    """A mean of cards, and the cards at the ends of their range of stiffness."""
+    """A mean card, and the cards at the ends of its range of stiffness."""
 
     card: MaterialCard
     meshes: int  # how many cards it is the mean of
@@ -45,18 +45,18 @@ def loads_of_card(scene: Scene, row: Row, tension: float | None) -> tuple[Stage,
 
 
 def find_mean(
-    scene: Scene, load: Stage, tension: float | None, base: MaterialCard, watch: Callable[[float], None] = lambda _: None
+    scene: Scene, load: Stage, tension: float | None, base: MaterialCard, monitor: Callable[[float], None] = lambda _: None
 ) -> MeanCard | None:
     """The mean over the cards of the meshes under a load; None where fewer than FEWEST of them converge.
 
-    base: card of the mesh of even loops, whose texts the mean has. `watch` is called with the share that is done.
+    base: card of the mesh of even loops, whose texts the mean has. `monitor` is called with the share that is done.
     """
     fine = exact(scene, DIFFERENCE_TOLERANCE)
     meshes, cards = list(_loaded(fine, load)), []
     for number, (model, state, row) in enumerate(meshes):
         with suppress(Diverged):
             here, ahead = loads_of_card(fine, row, tension)
-            cards.append(find_card(model, state, here, part_of(watch, number, len(meshes)), ahead=ahead)[0])
+            cards.append(find_card(model, state, here, part_of(monitor, number, len(meshes)), ahead=ahead)[0])
     if len(cards) < FEWEST:
         return None
     values = [{name: value for name, value, _unit, _meaning in card_values(card)} for card in cards]
@@ -79,7 +79,7 @@ def _loaded(scene: Scene, load: Stage) -> Iterator[tuple[Any, PathState, Row]]:
 
 
 def _mean(base: Any, cards: Sequence[Any]) -> Any:
-    """The mean of dataclasses of numbers and arrays; texts are those of `base`, but for what is of its path alone."""
+    """Mean of dataclasses of numbers and arrays; texts come from `base`, except texts of its path."""
     mean = {}
     for field in fields(base):
         values = [getattr(card, field.name) for card in cards]

@@ -45,7 +45,7 @@ def openings(r: Observables) -> list[OpeningSize]:
 
 
 def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, thickness: float) -> list[OpeningSize]:
-    """Openings between straight stretches (stretch, 2) [m] that repeat by the columns of `periods` (2, 2), the largest first.
+    """Openings between straight segments (segment, 2) [m], the largest first. They repeat by the columns of `periods` (2, 2).
 
     thickness: of the wire [m].
     """

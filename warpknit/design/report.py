@@ -1,7 +1,7 @@
 """The states of a report: from the map to curves, answers, material card, heat and openings.
 
-What was not found is told in words: a tension that the mesh does not reach, a state that did not converge.
-Its curves and states under equal tensions are kept on disk for a further report of the same scene and map.
+Missing results are reported in words: a tension that the mesh does not reach, a state that did not converge. Curves and states
+under equal tensions are kept on disk for another report of the same scene and map.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from .. import __version__
 from ..base.files import write_arrays
 from ..base.text import exact
-from ..compute.kept import under
+from ..compute.kept import strip_prefix
 from ..errors import Diverged
 from ..measure import Observables
 from ..measure.table import Record
@@ -63,7 +63,7 @@ UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
 
 @dataclass(frozen=True)
 class KeptStates:
-    """What a report computes whatever tension is requested."""
+    """Results of a report that do not depend on the requested tension."""
 
     curves: list[Row]
     path: EqualTensionPath
@@ -88,7 +88,7 @@ def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
 
 
 def read_states(scene: Scene, out: Path) -> KeptStates | None:
-    """What `write_states` wrote for this scene, by this version, bit-identical; None without a file that can be read."""
+    """States by `write_states` for this scene and version; None without a readable file."""
     try:
         with np.load(out / STATES, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
@@ -98,7 +98,7 @@ def read_states(scene: Scene, out: Path) -> KeptStates | None:
         rows, tensions = [Row(**row) for row in about["rows"]], about["tensions"]
         stages = [under_tension(scene, tension) for tension in tensions]
         states = {
-            tension: PathState(tuple(stages[: number + 1]), under(f"{number}_", arrays))
+            tension: PathState(tuple(stages[: number + 1]), strip_prefix(f"{number}_", arrays))
             for number, tension in enumerate(tensions)
         }
         at = {tension: rows[number] for tension, number in zip(tensions, about["row_at"], strict=True)}
@@ -128,7 +128,7 @@ def write_report(
     progress: Display | None = None,
     reflection: Sequence[Finding] = (),
 ) -> Findings:
-    """Write report.html, the card, tension_strain.csv and figures into `out`, which holds the finished map of `scene`.
+    """Write report.html, the card, tension_strain.csv and figures into `out`. It holds the finished map of `scene`.
 
     rows: of the map. tension [N/m]: of the card, in both directions; default: the optimum. notes: how the scene was fitted.
     codes: FE codes that get the card (`fe.CODES`). reflection: lines on the waves from the states of the map.
@@ -150,26 +150,26 @@ def write_report(
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     largest = equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
-    watch = begin("tension-strain curves")
+    monitor = begin("tension-strain curves")
     kept = read_states(scene, out)
-    curves = tension_strain(model, weft, warp, watch) if kept is None else kept.curves
+    curves = tension_strain(model, weft, warp, monitor) if kept is None else kept.curves
     jumps = find_jumps(model, rows)
     optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
-    watch = begin("equal tensions")
+    monitor = begin("equal tensions")
     path = EqualTensionPath() if kept is None else kept.path
     if not path.rows and (largest.largest > 0.0 or tension is not None):
-        path = load_equally(double, largest, part_of(watch, 0, 2))
+        path = load_equally(double, largest, part_of(monitor, 0, 2))
     if kept is None or path is not kept.path:
         write_states(scene, out, KeptStates(curves, path))
     if tension is not None:
-        path = with_state_at(double, path, tension, part_of(watch, 1, 2))
+        path = with_state_at(double, path, tension, part_of(monitor, 1, 2))
     found_jumps = jumps_under_tension(double, path.rows)
     answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
-    watch = begin("material card")
-    card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(watch, 0, 2))
+    monitor = begin("material card")
+    card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(monitor, 0, 2))
     mean = None
     if card is not None and scene.variants.count > 1:
-        mean = find_mean(scene, _load_of_card(scene, optimum, tension), tension, card, part_of(watch, 1, 2))
+        mean = find_mean(scene, _load_of_card(scene, optimum, tension), tension, card, part_of(monitor, 1, 2))
         card = card if mean is None else mean.card
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
@@ -225,13 +225,13 @@ def _card(
     path: EqualTensionPath,
     path_jumps: Sequence[RowJump],
     tension: float | None,
-    watch: Callable[[float], None],
+    monitor: Callable[[float], None],
 ) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
-    """The card, its mesh, its state in words, and states on the way to it and beyond; or None and the reason.
+    """The card, its mesh, its state in words, and neighbouring states; or None and the reason.
 
-    A card at a `tension` [N/m] is of the state that the path under equal tensions has there, else of that of the map's `cells`.
-    It keeps the strains of this state, so that it is the same equilibrium. The states end before the first jump. path_jumps: of
-    the path. `watch` is called with the share that is done.
+    A card at a `tension` [N/m] is computed from the state of the path under equal tensions, else from the map's `cells`. It keeps
+    the strains of this state, and so its equilibrium. The states end before the first snap-through. path_jumps: of the path.
+    `monitor` gets the share done.
     """
     scene = model.scene
     row = None if tension is None else path.at.get(tension)
@@ -247,7 +247,7 @@ def _card(
             passed = [jump for jump in jumps if mean_tension(jump[0]) < tension]
         elif cell is not None:
             way = LoadPath(model)
-            rows = [row_of(record) for record in _way_of_map(way, cell, lambda share: watch(WAY * share))]
+            rows = [row_of(record) for record in _path_of_map(way, cell, lambda share: monitor(WAY * share))]
             begin, jumps = way.state, jumps_of(model, rows)
             passed = jumps
         else:
@@ -256,7 +256,7 @@ def _card(
         load, ahead = loads_of_card(scene, here, tension)
         strains = np.array([[here.strain_weft, here.shear], [0.0, here.strain_warp]])
         beyond = under_strain(scene, np.eye(2) + BEYOND * strains) if tension is None else under_tension(scene, BEYOND * tension)
-        card, mesh = _card_from(scene, begin, load, ahead, lambda share: watch(WAY + (1.0 - WAY) * share))
+        card, mesh = _card_from(scene, begin, load, ahead, lambda share: monitor(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         if tension is None:
             return None, None, f"no card for {text}, which was not found again: {error}; {_another(scene, path)}", ()
@@ -271,12 +271,12 @@ def _card(
         branch = branches_at(tension, row, cells, card)
     else:
         branch = "" if cell is None or cell.variants > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
-    told = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
-    return replace(card, jumps=told, branch=branch), mesh, text, rows
+    jumped = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
+    return replace(card, jumps=jumped, branch=branch), mesh, text, rows
 
 
 def _load_of_card(scene: Scene, optimum: Optimum | None, tension: float | None) -> Stage:
-    """The load of a card: a `tension` [N/m] in both directions, or that of the optimum."""
+    """Load of a card: a `tension` [N/m] in both directions, or the load of the optimum."""
     if tension is not None:
         return under_tension(scene, tension)
     assert scene.sweep is not None
@@ -285,15 +285,15 @@ def _load_of_card(scene: Scene, optimum: Optimum | None, tension: float | None) 
     return scene.sweep.stage(scene.stages[0], optimum.load)
 
 
-def _way_of_map(way: LoadPath, cell: MapRow, watch: Callable[[float], None]) -> Iterator[Record]:
-    """Records on the way to a load of the map, in the levels of the map. Raises `Diverged`."""
+def _path_of_map(way: LoadPath, cell: MapRow, monitor: Callable[[float], None]) -> Iterator[Record]:
+    """Records on the load path to a cell of the map, in its levels. Raises `Diverged`."""
     scene = way.model.scene
     levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.output.levels), strict=True))
-    return way.load(scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load], watch)
+    return way.load(scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load], monitor)
 
 
 def _another(scene: Scene, path: EqualTensionPath) -> str:
-    """What to ask for in place of the optimum: the first service tension that the mesh carries elastically."""
+    """Advice in place of the optimum: the first service tension carried elastically."""
     for tension in service_tensions(scene, None):
         if (row := path.at.get(tension)) is not None and row.stress_max_Pa <= scene.wire.yield_stress:
             return f'ask for a card at a tension, as --tension "{exact(tension, "N/m")}"'
@@ -301,13 +301,13 @@ def _another(scene: Scene, path: EqualTensionPath) -> str:
 
 
 def _card_from(
-    scene: Scene, begin: PathState, load: Stage, ahead: Stage, watch: Callable[[float], None]
+    scene: Scene, begin: PathState, load: Stage, ahead: Stage, monitor: Callable[[float], None]
 ) -> tuple[MaterialCard, Observables]:
-    """The card under `load`, from a state under it that has converged to the tolerance of the scene; ahead: a little more of it.
+    """The card under `load`, from a state converged to the tolerance of the scene; ahead: a further increment of load.
 
     Raises `Diverged`.
     """
     for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
         with suppress(Diverged):
-            return find_card(exact_model(scene, tolerance), begin, load, watch, ahead=ahead)
-    return find_card(exact_model(scene, scene.solver.residual_tolerance), begin, load, watch, ahead=ahead)
+            return find_card(exact_model(scene, tolerance), begin, load, monitor, ahead=ahead)
+    return find_card(exact_model(scene, scene.solver.residual_tolerance), begin, load, monitor, ahead=ahead)

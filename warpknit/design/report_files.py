@@ -36,7 +36,7 @@ from .sections import (
 
 
 def write_files(found: Findings, out: Path) -> tuple[str, ...]:
-    """Write the report; return what is to be told of the files of its card."""
+    """Write the report; return messages on the files of its card."""
     notes = []
     table = {name: np.array([point[name] for point in found.curves], dtype=object) for name in vars(found.curves[0])}
     write_table(out / "tension_strain.csv", table)

@@ -118,15 +118,15 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     if answers is None:
         page.warning(found.equal_tension.text())
         return
-    lines = answer_findings(answers, scene.wire.yield_stress, gave_up=path.gave_up)
+    lines = answer_findings(answers, scene.wire.yield_stress, failed=path.failed)
     page.table([(line.name, line.text) for line in lines])
     of_one = "These are answers of one mesh of even loops; the map below is a mean. " if scene.variants.count > 1 else ""
     page.text(
-        f"{of_one}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} levels,"
-        f" {path.end_text}. A mesh that is pulled otherwise, as in a run or the map, may differ. Contacts A, B, ... are the"
-        " classes of places of one shape, from the tightest lens on; a place where two wires touch counts as two pairs, one for"
-        " each wire. The shares at service tensions are those of the table below. The wire is elastic and free of stress as"
-        f" knitted: stress is that of the load alone. First yield is that of an {limit_text(scene)}."
+        f"{of_one}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} load levels,"
+        f" {path.end_text}. Another load path, as in a run or the map, may give other results. A, B, ... are classes of"
+        " contacts of one shape, from the tightest lens on. A place where two wires touch counts as two pairs, one for"
+        " each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
+        f" knitted: the load alone causes its stress. First yield is at an {limit_text(scene)}."
     )
     page.figure(
         figures["tension"],
@@ -136,7 +136,7 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     if "heat" in figures:
         page.figure(
             figures["heat"],
-            "The mesh while its temperature changes to that of each [[path]]: under a held tension, and held in a frame that"
+            "The mesh while its temperature changes as in each [[path]]: under a held tension, and held in a frame that"
             + (
                 f" expands by {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion)."
                 if scene.model.frame_expansion
@@ -198,8 +198,8 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     page.heading("Active contacts and the optimum", new_page=True)
     page.figure(
         figure,
-        "Active contacts over the loads of the map; a tile shows the state at its middle; tiles are cut at the edge of the map,"
-        " and show the state on the edge. Markers of service tensions have the colour of their own contacts.",
+        "Active contacts over the loads of the map. A tile shows the state at its middle; a tile at the edge of the map shows the"
+        " state on the edge. Markers of service tensions have the colour of their own contacts.",
     )
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
@@ -216,8 +216,8 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     if outside:
         page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))
     page.text(
-        "The optimum is the pair of loads of the map, equal or not, with the most active contacts among those that keep the wire"
-        " below its elastic limit. For a mesh that carries the same tension in weft and warp, take the best tension above."
+        "The optimum is the pair of loads of the map, equal or not, with the most active contacts while the wire stays"
+        " below its elastic limit. For a mesh with the same tension in weft and warp, use the best tension above."
     )
     for warning in optimum_warnings(optimum, jumps):
         page.warning(warning)
@@ -237,7 +237,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
 
 
 def scatter_text(rows: Sequence[MapRow], optimum: Optimum | None) -> str:
-    """How far single meshes lie from the means at the optimum, and how sure these are: a sentence after a space, or nothing."""
+    """Sentence on the scatter of single meshes at the optimum, after a space; or nothing."""
     row = next((row for row in rows if optimum is not None and row.load == optimum.load and row.variants > 1), None)
     if row is None:
         return ""
@@ -246,8 +246,8 @@ def scatter_text(rows: Sequence[MapRow], optimum: Optimum | None) -> str:
     scale = max(abs(row.strain_weft), abs(row.strain_warp)) if row.by_tension else max(map(abs, row.tension))
     scatter, stress = largest / scale, row.std_stress_max_Pa / row.stress_max_Pa
     return (
-        f" At the optimum single meshes scatter about the means of {row.variants} by {short_percent(scatter)} in {what} and"
-        f" {short_percent(stress)} in the largest stress (standard deviations); the means themselves are known to"
+        f" At the optimum {row.variants} meshes have standard deviations of {short_percent(scatter)} in {what} and"
+        f" {short_percent(stress)} in the largest stress. The standard errors of their means are"
         f" {short_percent(scatter / row.variants**0.5)} and {short_percent(stress / row.variants**0.5)}."
     )
 
@@ -262,12 +262,11 @@ def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:
         ends = ((side, _whole_steps(min(0.0, *strains)), _whole_steps(max(0.0, *strains))) for side, strains in loads)
         wider = " and ".join(f"strain_{side} from {low:.2g} to {high:.2g}" for side, low, high in ends)
     shown = ", ".join(f"{point.name} ({point.strain}{f', {point.why}' if point.why else ''})" for point in points)
-    held = "this" if len(points) == 1 else "these"
-    return f"Outside the map, so without a marker: {shown}. A [sweep] with {wider} would hold {held}."
+    return f"Outside the map, so without a marker: {shown}. Use a [sweep] with {wider}."
 
 
 def _whole_steps(strain: float) -> float:
-    """A strain, up or down to a whole number of SWEEP_STEP away from zero."""
+    """A strain, rounded away from zero to a multiple of SWEEP_STEP."""
     return math.copysign(math.ceil(abs(strain) / SWEEP_STEP - 1e-9) * SWEEP_STEP, strain)
 
 
@@ -413,7 +412,7 @@ def reflection_section(page: Page, lines: Sequence[Finding], figures: Sequence[P
     page.text(
         "A plane wave on endless mesh of thin wires with skin effect, and at each contact Holm's constriction and the film of"
         " [reflection]. Open: no contact conducts. Closed: all contacts, and gaps below the radius, are perfect. Least tension:"
-        " from it on, up to the elastic limit, the losses of the map are that near to each other. reflection.csv has all values."
+        " from it up to the elastic limit, the losses of the map differ by no more. reflection.csv has all values."
     )
 
 

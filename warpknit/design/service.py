@@ -91,7 +91,7 @@ def equal_tension(rows: Sequence[MapRow], limit: float) -> EqualTension:
 
 
 def _refined(values: np.ndarray) -> np.ndarray:
-    """Bilinear interpolation of a grid on REFINED times as many points a side."""
+    """Bilinear interpolation of a grid on REFINED times the points a side."""
     for axis in range(2):
         count = values.shape[axis]
         if count < 2:
@@ -114,7 +114,7 @@ def is_other(one: Row | MapRow, other: Row | MapRow) -> bool:
 
 
 def two_equilibria(load: str, one: Row | MapRow, of_one: str, other: Row | MapRow, of_other: str) -> str:
-    """Sentence on two equilibria under one `load`, each with its strains, and the places of the page that show it; or nothing."""
+    """Sentence on two equilibria under one `load`, with their places on the page; or nothing."""
     if not is_other(one, other):
         return ""
 
@@ -126,7 +126,7 @@ def two_equilibria(load: str, one: Row | MapRow, of_one: str, other: Row | MapRo
 
 
 def map_cell(cells: Sequence[MapRow], tension: float | None) -> MapRow | None:
-    """The converged state of a map at one `tension` [N/m] in weft and warp; None without one, or of several meshes."""
+    """Converged state of a map at one `tension` [N/m]; None for means of several meshes."""
     found = (one for one in cells if one.by_tension and one.load == (tension, tension))
     return next((one for one in found if one.stop_reason == STEADY and one.variants == 1), None)
 

@@ -1,4 +1,4 @@
-"""Curves of a run against its load and its temperature, each quantity in a colour and each stage in dashes and marks."""
+"""Curves of a run against load and temperature. Quantities have colours, load steps dashes and marks."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not 
 FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
 JUMP = "jump to another equilibrium"
 JUMP_STYLE: LineLook = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
-WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a stage than of the next one, that may lie on it; of so many before the last
+WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a load step more than of the next, which may cover it; number before the last
 LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
 MESHES, BAND = "mean and eight in ten of the meshes", 0.15  # of its opacity
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
@@ -57,7 +57,7 @@ def is_behind_jump(columns: Columns) -> NDArray[np.bool_]:
 
 
 def stage_slices(names: Sequence[str]) -> list[tuple[str, slice]]:
-    """Row ranges of the stages, each starting with the last row of the stage before, for continuous curves."""
+    """Row ranges of the load steps; each begins with the previous last row."""
     first = [0, *(row for row in range(1, len(names)) if names[row] != names[row - 1])]
     end = [*first[1:], len(names)]
     return [(names[a] or "load", slice(max(a - 1, 0), b)) for a, b in zip(first, end, strict=True)]
@@ -82,10 +82,10 @@ def draw_curves(
     nothing: str = "not recorded",
     beneath: bool = False,
 ) -> None:
-    """Draw one line per quantity (colour) and stage (dashes and marks), dotted to a row that the mesh has `jumped` to.
+    """Draw a line per quantity (colour) and load step (dashes and marks). Snap-throughs are dotted.
 
-    least: of the values on a logarithmic axis, smaller ones are not drawn. nothing: what is written where there is no value.
-    beneath: the first line is wide, as others are drawn over it, also where these are on another axis.
+    least: smallest drawn value on a logarithmic axis. nothing: text where there is no value. beneath: whether other lines cover
+    the first one, also from another axis; it is then wide.
     """
     handles = []
     for (label, colour, values), width in zip(curves, WIDTHS if beneath or len(curves) > 1 else WIDTHS[1:], strict=False):
@@ -122,7 +122,7 @@ def draw_curves(
 
 
 def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: NDArray[np.bool_], **look: Any) -> None:
-    """Draw a line through points, dotted to each one that the mesh has `jumped` to."""
+    """Draw a line through points, dotted to each row in `jumped`."""
     jumps = np.flatnonzero(jumped[1:]) + 1
     for part in np.split(np.arange(len(values)), jumps):
         axes.plot(abscissa[part], values[part], **look)
@@ -131,20 +131,20 @@ def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: 
 
 
 def band_handles(figure: Figure) -> list[Patch]:
-    """The bands of several meshes, for a legend, where the figure has some."""
+    """Legend entries for the bands of several meshes."""
     is_drawn = any(one.get_gid() == MESHES for axes in figure.axes for one in axes.collections)
     return [Patch(label=MESHES, color=GREY, alpha=BAND, linewidth=0.0)] if is_drawn else []
 
 
 def jump_handles(figure: Figure) -> list[Line2D]:
-    """The dots over a jump, for a legend, where the figure has some."""
+    """Legend entries for the dots over a snap-through."""
     is_drawn = any(line.get_gid() == JUMP for axes in figure.axes for line in axes.lines)
     look: LineLook = {**JUMP_STYLE, "color": GREY}
     return [Line2D([], [], label=JUMP, **look)] if is_drawn else []
 
 
 def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
-    """Legend of the dashes and marks of the stages, where there are several or a title; and of the dots over a jump."""
+    """Legend of load steps (where there are several, or a title) and snap-throughs."""
     title = title or ("stage" if len(names) > 1 else "")
     handles: list[Artist] = []
     for number, name in enumerate(names if title else ()):
@@ -163,7 +163,7 @@ SIDES = ("weft", "warp")
 SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
 ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
 LOGARITHMIC = 4  # first of the panels with a logarithmic axis
-LEAST_RESIDUAL = 1e-4  # of the median: that of an unloaded mesh is nearly nothing, and flattens the others
+LEAST_RESIDUAL = 1e-4  # of the median: an unloaded mesh has nearly none, and flattens the others
 NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
 HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
@@ -177,7 +177,7 @@ def curves_figure(
     yield_stress: float | None = None,
     title: str = "",
 ) -> Path:
-    """Draw contacts, tension, stress, energies and residual of a run, from the columns of its history.
+    """Draw contacts, tension, stress, energies and residual against the load.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
     are left out beside others: they are in `heat_figure`. Lines to rows with a `jump` are dotted. yield_stress: [Pa] elastic
@@ -269,7 +269,7 @@ def _draw_band(
     colour: str,
     ends: Sequence[NDArray[Any]],
 ) -> None:
-    """Draw the range of eight in ten of the meshes that a curve is the mean of, between its `ends`."""
+    """Draw the range of eight in ten meshes about a mean, between its `ends`."""
     for _, rows in stages:
         axes.fill_between(abscissa[rows], ends[0][rows], ends[1][rows], color=colour, alpha=BAND, linewidth=0.0, gid=MESHES)
 
@@ -277,7 +277,7 @@ def _draw_band(
 def _draw_count(
     axes: Axes, abscissa: NDArray[Any], stages: Sequence[tuple[str, slice]], count: NDArray[Any], jumped: NDArray[np.bool_]
 ) -> None:
-    """Draw the number of active contacts where no wires hook, on an axis of its own at the right: they have no pairs."""
+    """Draw the number of active contacts between stitches; its axis is at the right."""
     right = axes.twinx()
     draw_curves(right, abscissa, stages, [("", AMBER, count)], jumped)
     right.grid(visible=False)
@@ -285,20 +285,20 @@ def _draw_count(
     right.tick_params(axis="y", color=AMBER)
     right.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     right.set_ylim(np.array(axes.get_ylim()) / 100.0 * max(1.1 * np.nanmax(count), 1.0))
-    right.set_ylabel("number of active contacts elsewhere")
+    right.set_ylabel("active contacts between stitches")
     handles = [Line2D([], [], color=AMBER, linewidth=WIDTHS[1], label="elsewhere, right axis")]
     right.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.2)
 
 
 def _stage_names(columns: Columns, stages: Sequence[tuple[str, slice]]) -> list[str]:
-    """Names of the stages, with the temperature at their ends where these differ."""
+    """Names of the load steps, with temperatures where they differ."""
     ends = [float(columns["temperature_K"][rows][-1]) if "temperature_K" in columns else 0.0 for _, rows in stages]
     shows = max(ends) - min(ends) > 1e-6
     return [name + (f", {end - ZERO_CELSIUS:.4g} °C" if shows else "") for (name, _), end in zip(stages, ends, strict=True)]
 
 
 def _heats_alone(columns: Columns, rows: slice) -> bool:
-    """Whether a stage changes the temperature, and neither strain nor tension in weft and warp."""
+    """Whether a load step changes the temperature alone."""
     temperature = columns.get("temperature_K")
     if temperature is None or not np.ptp(temperature[rows]) > 1e-6:
         return False
@@ -314,8 +314,8 @@ def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int)
     """Abscissa of a run and its label: the tension where it is given, a strain if it varies in each stage, else the progress
     along the stages.
 
-    Also the progress where the strain goes back within a stage, as it may under given tensions. In a single stage without strain:
-    shear, temperature, the load factor, or the number of the record.
+    The progress, too, where the strain goes back within a load step. In a single load step without strain: shear, temperature,
+    the load factor, or the number of the record.
     """
     if _is_by_tension(columns, stages):
         both = np.array([columns[f"tension_{side}_N_per_m"] for side in SIDES])
@@ -359,14 +359,14 @@ def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int)
 
 
 def _is_by_tension(columns: Columns, stages: Sequence[tuple[str, slice]]) -> bool:
-    """Whether tensions, not strains, grow in proportion to the load factor in each stage."""
+    """Whether tensions, not strains, grow with the load factor in each load step."""
     names = [f"{quantity}_{side}{unit}" for quantity, unit in (("strain", ""), ("tension", "_N_per_m")) for side in SIDES]
     if "load_factor" not in columns or not all(name in columns for name in names):
         return False
     strain, tension = (np.array([columns[name] for name in two]) for two in (names[:2], names[2:]))
 
     def imposed(values: NDArray[Any], share: float) -> bool:
-        """Whether each side follows the load factor, to a share of its range, in each stage; and changes."""
+        """Whether each side changes and follows the load factor in each load step."""
         for _, rows in stages:
             load, part = columns["load_factor"][rows].copy(), values[:, rows]
             load[0] = 0.0
@@ -401,7 +401,7 @@ FLAT = 0.1  # of the axis: what changes by less between jumps is hard to see
 
 
 def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> Path | None:
-    """Draw active contacts, tension, change of strain and largest stress against temperature, for the stages that change it.
+    """Draw contacts, tension, strain and stress against temperature, or nothing at a constant one.
 
     None without such a stage. histories: columns of each; lines to rows with a `jump` are dotted. The change of a
     strain is over one plus the strain at the begin of the stage; strains of stages that hold them are left out.
@@ -483,7 +483,7 @@ def _smooth_span(
 
 
 def _stretch_zero(axes: Axes, linear: float) -> None:
-    """A vertical axis that is linear up to `linear` about zero, and logarithmic beyond: jumps leave room for small changes."""
+    """Make the vertical axis linear up to `linear` about zero, and logarithmic beyond."""
     low, high = axes.get_ylim()
     axes.set_yscale("symlog", linthresh=linear)
     ticks = [0.0, *(sign * tick for tick in (0.5 * linear, *TICKS) if tick >= 0.5 * linear for sign in (-1.0, 1.0))]
@@ -493,7 +493,7 @@ def _stretch_zero(axes: Axes, linear: float) -> None:
 
 
 def _widen(axes: Axes, least: float) -> None:
-    """Widen the vertical axis to LEAST_SPAN of its middle, and to `least`, so that scatter does not look like a trend."""
+    """Widen the vertical axis to LEAST_SPAN of its middle and to `least`: scatter is no trend."""
     low, high = axes.get_ylim()
     middle = 0.5 * (low + high)
     half = 0.5 * max(high - low, LEAST_SPAN * abs(middle), least)

@@ -28,11 +28,11 @@ BEYOND_LIMIT = 1.5  # of the largest tension below the elastic limit: upper end 
 LABELLED_DECADES = 3.0  # of the axis of tension: on a longer one only powers of ten have labels
 ROOM = 0.04  # of the axis, at both ends
 LONGEST_AXIS = 20.0  # upper over lower end of the axis of tension: service tensions keep most of it
-BEFORE = 0.8  # of the lowest tension that is told: where the axis of tension begins
+BEFORE = 0.8  # of the lowest reported tension: begin of the axis
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
 LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.4, 1.4, 7.0  # [pt] of the last class, of each before it, which it may lie on, at most
-LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one is said with the best tension
+LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one stands beside the best tension
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, LineLook] = {
@@ -49,7 +49,7 @@ def tension_figure(
     yield_stress: float,
     jumps: Sequence[tuple[float, float]] = (),
 ) -> Path:
-    """Active contacts and largest wire stress against equal tensions in weft and warp.
+    """Draw active contacts and largest wire stress against equal tensions.
 
     history: columns under such tensions; answers: theirs (runner/answers.py); jumps: tensions [N/m] on both sides of each.
     """
@@ -124,9 +124,9 @@ def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Values)
         asked += [] if best is None else [mean(best)]
         end = min(end, BEYOND_LIMIT * max([mean(first_yield), *asked]))
     changes = np.flatnonzero(np.diff(active))
-    told = [one.closes for one in answers.contacts if one.closes is not None] + ([] if best is None else [best.low])
+    shown = [one.closes for one in answers.contacts if one.closes is not None] + ([] if best is None else [best.low])
     first = [0.5 * float(tension[changes[0]])] if len(changes) else [0.0]
-    begin = max(min(first + [BEFORE * mean(one) for one in told]), float(tension.min()), end / LONGEST_AXIS)
+    begin = max(min(first + [BEFORE * mean(one) for one in shown]), float(tension.min()), end / LONGEST_AXIS)
     return (begin if best is None else min(begin, BEFORE * mean(best))), end
 
 
@@ -180,7 +180,7 @@ def _top_tension(curves: Sequence[Columns], yield_stress: float) -> float:
 
 
 def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
-    """Sheet resistance in weft and warp, and active contacts, against equal strain in both directions."""
+    """Draw sheet resistance and active contacts against equal strain in both directions."""
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
     strain = 100.0 * curve["strain_weft"]
@@ -212,14 +212,14 @@ def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
 
 
 def _handles(figure: Figure) -> list[Artist]:
-    """What is drawn in any of the axes, once for each label."""
+    """Legend entries of all axes, once for each label."""
     return list({str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}.values())
 
 
 def openings_figure(
     circles: Sequence[tuple[str, float]], bands: Sequence[tuple[str, float]], path: str | os.PathLike[str]
 ) -> Path:
-    """Diameter of the largest circle in an opening over the wavelength, against frequency.
+    """Draw the largest circle in an opening over the wavelength, against frequency.
 
     circles: label and diameter [m]. bands: name and frequency [Hz].
     """

@@ -31,7 +31,7 @@ FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn al
 
 
 def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], title: str) -> Path:
-    """Draw the map of a panel, its edge, and its surface where there is one: the tables `map`, `edge` and `surface` of a state.
+    """Draw a panel's map, edge and surface: tables `map`, `edge` and `surface` of a state.
 
     All of it is drawn as strained, from the middle of the panel.
     """
@@ -66,7 +66,7 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
 
 
 def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str, Any]) -> Any:
-    """One parallelogram a tile, each a little larger at the edge of the panel, which cuts it."""
+    """Draw one parallelogram a tile; at the edge it is larger, and cut."""
     columns, column = np.unique(np.round(tiles["weft_m"], 9), return_inverse=True)
     rows, row = np.unique(np.round(tiles["warp_m"], 9), return_inverse=True)
     grid = np.full((len(columns) + 2, len(rows) + 2), np.nan)
@@ -89,7 +89,7 @@ def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str
 
 
 def _spread(grid: NDArray[Any]) -> NDArray[Any]:
-    """Tiles at the edge of the panel with the value of a neighbour, where they have none of their own."""
+    """Tiles at the edge without a value get a neighbour's."""
     padded = np.pad(grid, 1, constant_values=np.nan)
     size = grid.shape
     beside = [padded[1 + i : 1 + i + size[0], 1 + j : 1 + j + size[1]] for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
@@ -168,7 +168,7 @@ def hook_figure(layout: WireLayout, frames: Sequence[Frame], history: Columns, p
 
 
 def _draw_hook(axes: Axes, layout: WireLayout, frames: Sequence[Frame]) -> None:
-    """Both wires at the start, half-way and at the end, with the body."""
+    """Draw both wires at start, half-way and end, with the body."""
     drawn = drawn_layout(layout)
     shown = np.unique(np.linspace(0, len(frames) - 1, BETWEEN + 2).round().astype(int))
     for index in shown:
@@ -201,7 +201,7 @@ UNFINISHED = ("diverged", "interrupted")  # stop reasons
 
 
 def export_figures(record: RunRecord) -> list[Path]:
-    """Draw the mesh at the end of the run and of each stage, and the curves; the paths."""
+    """Draw the mesh at the ends of load steps, and the curves; return the paths."""
     history = record.history()
     if "displacement_m" in history:
         return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]

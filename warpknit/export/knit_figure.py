@@ -102,10 +102,9 @@ def knit_figure(
 def _places(
     bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float, period: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[np.intp]]:
-    """(body, 2) [mm] where the marks of bodies (body, 2) [mm] stand, and (body,) the number of the stack of each.
+    """Places (body, 2) [mm] of the marks of bodies (body, 2) [mm], and number (body,) of their stack.
 
-    Where they would meet, also those of a repeat beside, they stand one above the other: side by side they read as a word.
-    period: [mm] along weft and warp.
+    Marks that would meet, also of the next repeat, stand one above the other. period: [mm] along weft and warp.
     """
     size, stack = np.diag(period), np.arange(len(bodies))
     while len(bodies):
@@ -128,7 +127,7 @@ def _places(
 
 
 def _wires(cloth: Cloth, period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Pieces (piece, 2, 3) [mm] of all wires between low and high [mm], and the colour (piece, 4) of each."""
+    """Pieces (piece, 2, 3) [mm] of all wires between low and high [mm]; their colours (piece, 4)."""
     pieces, colours = [], []
     for thread in cloth.threads:
         line = MM * thread.stretch(0.0, thread.length, cloth.size[1])[::EVERY]

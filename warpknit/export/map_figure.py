@@ -77,10 +77,9 @@ def map_figure(
 ) -> Path:
     """Draw `values` (warp, weft) over loads, which are strains or (`by_tension`) tensions [N/m]; nan stays blank.
 
-    unit: of the values, which are in SI; percent otherwise. Shares (SHARES) have colours from 0 to 100; they jump, so that their
-    lines run along the edges of the cells that reach a value. Lines of other quantities, and of the elastic limit, go between the
-    cells' middles; colours of forces end at the largest one below the elastic limit, or little above. A tile of colour is one
-    cell, half of it at the edges. `warnings` stand on top.
+    unit: of the values, which are in SI; percent otherwise. Shares (SHARES) have colours from 0 to 100, and lines along the edges
+    of cells. Lines of other quantities and of the elastic limit go between the cells' middles; colours of forces end at the
+    largest below the elastic limit. A tile is one cell, half of it at the edges. `warnings` stand on top.
     """
     x, y = np.asarray(weft, dtype=float), np.asarray(warp, dtype=float)
     of_load = scale_of("N/m", x, y) if by_tension else (100.0, "%")
@@ -138,7 +137,7 @@ def _range_of(known: np.ma.MaskedArray[Any, Any], unit: str, marks: Marks) -> tu
 def _draw_levels(
     axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], top: float, percent: bool
 ) -> dict[float, str]:
-    """Lines of equal value up to that of the last colour, also on the colour bar; the names of their levels."""
+    """Draw lines of equal value, also on the colour bar; return the names of levels."""
     low, high = float(known.min()), min(top, float(known.max()))
     # what is small beside the largest wanders about zero, and a line at zero with it
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
@@ -161,7 +160,7 @@ def _draw_levels(
 
 
 def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
-    """Take open pieces shorter than LEAST_LINE cells out of lines of equal value; whether any line is left."""
+    """Remove open lines of equal value shorter than LEAST_LINE cells; whether any is left."""
     cell = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
     kept = []
     for path in drawn.get_paths():
@@ -177,7 +176,7 @@ def _length(line: NDArray[Any]) -> float:
 
 
 def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, levels: Sequence[float]) -> list[float]:
-    """Those of rising levels whose lines are no nearer to the line of the one before than names are high."""
+    """Rising levels whose lines leave room for their names."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     size = 72.0 * np.array(axes.get_position().size) * figure.get_size_inches() / [np.ptp(x), np.ptp(y)]  # [pt] of a unit
@@ -243,7 +242,7 @@ def _along(line: NDArray[Any], apart: float) -> NDArray[Any]:
 
 
 def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
-    """Places (2n) and values (2m, 2n) whose lines of equal value run along the edges between the cells."""
+    """Places (2n) and values (2m, 2n) whose lines of equal value follow cell edges."""
     places = []
     for middle in (x, y):
         edges = _edges(middle)
@@ -255,7 +254,7 @@ def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any],
 def _draw_marks(
     axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colour_of: Callable[[Any], Any], of_load: tuple[float, str]
 ) -> list[Any]:
-    """Draw the elastic limit and cells above it, the optimum and other places in the colour of their value; their legend entries.
+    """Draw elastic limit, optimum and other places in their colours; return legend entries.
 
     The limit lies between the middles of cells, those above it begin at an edge.
 
@@ -307,7 +306,7 @@ def _draw_marks(
 
 
 def _edge_between(x: NDArray[Any], y: NDArray[Any], one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-    """(2, 2) ends of the edge between two neighbouring cells with the middles `one` and `other` (2,)."""
+    """Ends (2, 2) of the edge between neighbouring cells with middles `one` and `other` (2,)."""
     across = 0 if abs(other[0] - one[0]) > abs(other[1] - one[1]) else 1
     middle = (x, y)[1 - across]
     cell = int(np.argmin(np.abs(middle - one[1 - across])))
@@ -317,7 +316,7 @@ def _edge_between(x: NDArray[Any], y: NDArray[Any], one: NDArray[Any], other: ND
 
 
 def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor: float) -> Any:
-    """Values (warp, weft) without those of cells with a jump to a neighbour: no line of equal value is drawn through them."""
+    """Values (warp, weft) without cells at a snap-through: no line of equal value crosses them."""
     shown = np.ma.array(values, copy=True)
     for cell in {tuple(cell) for pair in marks.jumps for cell in pair}:
         shown[np.argmin(np.abs(y - factor * cell[1])), np.argmin(np.abs(x - factor * cell[0]))] = np.ma.masked

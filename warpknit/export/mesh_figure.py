@@ -36,13 +36,13 @@ from warpknit.export.plots import (
 )
 from warpknit.results.frame import Frame, WireLayout, curve_position
 
-SEGMENTS_DRAWN = 200_000  # above, single wires cannot be told apart: a map is drawn
+SEGMENTS_DRAWN = 200_000  # above, single wires are indistinguishable: a map is drawn
 OVER_UNDER = 100_000  # points of drawn curves above which wires are drawn without gaps in those below
 PARTS_DRAWN = 4  # of the curve of a wire between two nodes
 COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many copies are drawn each way
 THINNEST = 0.9  # [pt] line that is still legible
-ROOM = 293.15  # [K]  a temperature other than this is said in the title
-OPEN_SIZE = 1.8  # of the mark of an active contact: that of an open one
+ROOM = 293.15  # [K]  another temperature stands in the title
+OPEN_SIZE = 1.8  # of the mark of an active contact: the mark of an open one
 SMALLEST_MARK, LARGEST_MARK = 2.4, 7.0  # [pt] of an active contact; where marks had to be smaller, maps are drawn
 MARK, MARK_IN_PLACE = 0.2, 0.4  # of the mean distance of the drawn marks, and of the places of contact
 LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges and open contacts below; all of the edge above
@@ -54,14 +54,14 @@ PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [wi
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: LineLook = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
 ELSEWHERE: LineLook = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
-ELSEWHERE_SIZE = 0.75  # of the marks where wires hook, of which many are near
+ELSEWHERE_SIZE = 0.75  # of the marks of hooks: the smaller marks between stitches
 DARK = 0.26  # of the mark: the dark line about it
 RING: LineLook = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest wire stress of a state, which may lie between two nodes, and its place from the corner of the mesh."""
+    """Largest wire stress of a state; its place from the corner of the mesh."""
 
     stress: float  # [Pa]
     weft: float  # [m]
@@ -151,8 +151,7 @@ def _peak_handle(peak: Peak) -> Line2D:
 
 
 def _lines(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(segment, point, 3) [mm] curves of the wires between their nodes, as recorded or smooth through the nodes; and the
-    stress (segment, piece) [MPa] of each straight piece of them."""
+    """Curves (segment, point, 3) [mm] of the wires between nodes, and stress (segment, piece) [MPa] of their straight pieces."""
     position, segment = 1e3 * curve_position(layout, frame), layout.curve_segment
     if layout.curve_parts == 1:
         lines = _smooth(position, segment)
@@ -224,21 +223,22 @@ def _mesh_map(
         ring = {**ring, "markeredgecolor": "black", "markeredgewidth": 1.5}
         handles.append(Line2D([], [], **ring, label="central rhombus"))
     if count := frame.elsewhere_force.size:
-        handles.append(Line2D([], [], linestyle="none", label=f"active contacts elsewhere: {count}, not drawn"))
+        handles.append(Line2D([], [], linestyle="none", label=f"active contacts between stitches: {count}, not drawn"))
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return save_figure(figure, path)
 
 
 def _cells(size: NDArray[Any], count: float, most: int) -> tuple[int, int]:
-    """Rows and columns of a grid of about `count` square cells, `most` a side at most."""
+    """Rows and columns of about `count` square cells, `most` a side at most."""
     edge = max(math.sqrt(size[0] * size[1] / max(count, 1.0)), max(size) / most)
     return max(1, round(size[1] / edge)), max(1, round(size[0] / edge))
 
 
 def _cells_of_repeats(repeats: NDArray[Any], size: NDArray[Any], count: float, most: int) -> tuple[tuple[int, int], NDArray[Any]]:
-    """Rows and columns of a grid of whole repeats of the knit, and the size that it covers: cells that cut repeats in
-    two would show a pattern that the mesh does not have. About `count` square cells where there is no knit."""
+    """Rows and columns of a grid of whole repeats, and its size. Cells that cut repeats would show a
+    false pattern. About `count` square cells without a knit.
+    """
     if not repeats.all():
         return _cells(size, count, most), size
     together = -(-int(repeats.max()) // most)
@@ -247,14 +247,14 @@ def _cells_of_repeats(repeats: NDArray[Any], size: NDArray[Any], count: float, m
 
 
 def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """[point]  the number, row by row, of the cell that each point lies in."""
+    """Number, row by row, of the cell of each point [point]."""
     column_row = ((position - low) / size * (shape[1], shape[0])).astype(np.int64)
     column, row = np.clip(column_row, 0, (shape[1] - 1, shape[0] - 1)).T
     return np.asarray(row * shape[1] + column)
 
 
 def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, peak: Peak | None) -> None:
-    """Say how many contacts are active and open, and how many of the central rhombus; and the largest stress."""
+    """Add the numbers of active and open contacts (and in the rhombus), and the largest stress."""
     kind = "bodies" if layout.body_radius else "places of contact"
     handles = [] if peak is None else [_peak_handle(peak)]
     for chosen, name, _, look in _kinds(frame) if layout.body_count else ():
@@ -262,7 +262,7 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
         handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
     if count := frame.elsewhere_force.size:
-        handles.append(Line2D([], [], label=f"active contacts elsewhere: {count}", **_elsewhere(LARGEST_MARK)))
+        handles.append(Line2D([], [], label=f"active contacts between stitches: {count}", **_elsewhere(LARGEST_MARK)))
     if layout.body_count and layout.wire_closed.any():
         handles.append(Line2D([], [], **OUTLINE, label="the tile that is counted"))
     elif layout.rhombus_bodies.size:
@@ -279,9 +279,9 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
 def _draw_contacts(
     axes: Axes, layout: WireLayout, frame: Frame, position: NDArray[Any], offsets: NDArray[Any], size: float, shows_open: bool
 ) -> None:
-    """Fill active contacts at `position` (body, 2) [mm], circle open ones, and ring those of the central rhombus.
+    """Fill active contacts at `position` (body, 2) [mm], circle open ones, ring the central rhombus.
 
-    Active contacts elsewhere are hollow diamonds, beneath active ones. size [pt] of the marks.
+    Active contacts between stitches are hollow diamonds, beneath the others. size [pt] of the marks.
     """
     elsewhere = (1e3 * frame.elsewhere_position[:, None, :2] + offsets).reshape(-1, 2)
     axes.plot(*elsewhere.T, **_elsewhere(size), zorder=3.1)
@@ -303,7 +303,7 @@ def _draw_contacts(
 
 
 def _elsewhere(size: float) -> LineLook:
-    """Look of an active contact elsewhere, beside marks of a size [pt]: its dark edge grows and shrinks with it."""
+    """Look of an active contact between stitches, for marks of a size [pt]; its dark edge scales with it."""
     dark = [withStroke(linewidth=DARK * size, foreground="black")]
     return {**ELSEWHERE, "markersize": ELSEWHERE_SIZE * size, "markeredgewidth": 0.18 * size, "path_effects": dark}
 
@@ -311,7 +311,7 @@ def _elsewhere(size: float) -> LineLook:
 def _spacing(position: NDArray[Any], count: int) -> float:
     """Mean distance [mm] of `count` contacts on the area of `position` (point, 2 or 3) [mm]; without bound where none is.
 
-    Those of a narrow strip stand in a row.
+    Contacts of a narrow strip stand in a row.
     """
     if not count:
         return math.inf
@@ -331,7 +331,7 @@ def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, LineLook]
 
 
 def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, NDArray[Any]]:
-    """A figure for `panels` plan views of `size` [mm] side by side, and its axes."""
+    """A figure with axes for `panels` plan views of `size` [mm] side by side."""
     width, height = 1.06 * np.maximum(size, 1e-9)
     inches = min(PLAN_SIZE / width, PLAN_SIZE / height)
     across, up = max(inches * width, 3.2), max(inches * height, 3.2)
@@ -341,7 +341,7 @@ def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, N
 
 
 def stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
-    """A map from light sand to near black, cyan beyond the yield stress; and the scale of the stress [MPa].
+    """Colour map of the stress, cyan beyond the yield stress; scale [MPa].
 
     The scale ends at the yield stress, so that pictures of one wire compare, or at the largest stress where it is unknown.
     The scale goes by the square root, so that a peak at a grip does not leave the rest of the mesh in one colour.

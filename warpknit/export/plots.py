@@ -27,7 +27,7 @@ WIDTHS = (3.4, 1.6, 1.6, 1.6)  # [pt] of curves in one panel: the first is wider
 
 
 class LineLook(TypedDict, total=False):
-    """How a line and its marks look, by the keywords of matplotlib."""
+    """Look of a line and its marks, as keywords of matplotlib."""
 
     color: str
     linestyle: Any  # a name, or an offset and lengths of dashes and gaps
@@ -70,10 +70,7 @@ def few_ticks() -> MaxNLocator:
 
 
 def scale_of(unit: str, *values: NDArray[Any]) -> tuple[float, str]:
-    """Factor and prefixed unit with which the largest value has at most three digits before the point.
-
-    (1e3, "mN/m") of "N/m" for a largest value of 0.25.
-    """
+    """Factor and prefixed unit for at most three digits before the point. (1e3, "mN/m") of "N/m" for a largest value of 0.25."""
     known = [np.abs(some[np.isfinite(some)]).max(initial=0.0) for some in values]
     size = float(max(known, default=0.0))
     for scale, prefix in ((1e-9, "G"), (1e-6, "M"), (1e-3, "k"), (1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n")):
@@ -90,7 +87,7 @@ def frame_plan_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
 
 
 def plan_scale(figure: Figure, axes: Axes) -> float:
-    """Points of paper a mm of a plan view has, when all that takes room beside it is in place."""
+    """Points of paper a mm of a plan view; call it last."""
     figure.draw_without_rendering()
     return float(72.0 * axes.bbox.width / figure.dpi / np.ptp(axes.get_xlim()))
 
@@ -101,7 +98,7 @@ EDGE_OVERLAP = 0.25  # [pt] the same of its white edge: less, for the wire to co
 
 
 def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: float, edge: float = EDGE) -> LineCollection:
-    """Straight pieces (piece, 2, 3) [mm] of wires in `colours` (piece, 4), the lowest first, each on a wider white one.
+    """Straight pieces (piece, 2, 3) [mm] of wires in `colours` (piece, 4); the lowest first, each on a wider white one.
 
     width: of the wires [pt]; edge: of the white on either side [pt].
     """
@@ -118,7 +115,7 @@ def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: 
 
 
 def tile_copies(points: NDArray[Any], period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> NDArray[Any]:
-    """Offsets (copy, 2) of the copies of a tile of `points` (point, 2) that may show between `low` and `high`.
+    """Offsets (copy, 2) of visible copies of a tile, by its `points` (point, 2) between `low` and `high`.
 
     The columns of `period` (2, 2) lead to the next copy.
     """
@@ -131,7 +128,7 @@ def tile_copies(points: NDArray[Any], period: NDArray[Any], low: NDArray[Any], h
 
 
 def copied(pieces: NDArray[Any], offsets: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], Any]:
-    """Copies of pieces (piece, 2, 3) that may show between `low` and `high`, and which piece each one is."""
+    """Visible copies of pieces (piece, 2, 3) between `low` and `high`, and the index of their piece."""
     shift = np.concatenate([offsets, np.zeros((len(offsets), 1))], axis=1)
     every = (pieces + shift[:, None, None]).reshape(-1, 2, 3)
     shows = np.all((every[:, :, :2].max(axis=1) > low) & (every[:, :, :2].min(axis=1) < high), axis=1)

@@ -21,7 +21,7 @@ LEAST_LOSS = 1e-4  # [dB] drawn
 
 
 def tension_figure(rows: Columns, frequencies: Sequence[float], path: str | os.PathLike[str], title: str) -> Path:
-    """Draw the loss of every state under tension against the mean tension, a curve for each frequency [Hz].
+    """Draw the loss under tension against the mean tension, a curve for each frequency [Hz].
 
     rows: columns of reflection.csv. Behind each curve lies the range between all contacts open and all closed.
     """
@@ -56,7 +56,7 @@ def frequency_figure(rows: Columns, record: int, path: str | os.PathLike[str], t
 def _draw_loss(
     axes: Axes, place: NDArray[np.float64], rows: Columns, here: NDArray[np.bool_], side: str, colour: str, label: str
 ) -> None:
-    """A curve of the loss of rows at their places, and the range between open and closed contacts."""
+    """Draw the loss of rows, and the range between open and closed contacts."""
     loss = np.maximum(rows[f"loss_{side}_dB"], LEAST_LOSS)
     states = {name: np.flatnonzero(here & (rows["contacts"] == name)) for name in ("computed", "open", "closed")}
     states = {name: those[np.argsort(place[those], kind="stable")] for name, those in states.items() if len(those)}

@@ -1,4 +1,4 @@
-"""Contents of the directory of a run, the input of every export format."""
+"""Contents of a run directory, the input of every export format."""
 
 import csv
 import json
@@ -27,11 +27,11 @@ class RunRecord:
     stop_reason: str = ""  # empty while it runs
     yield_stress: float | None = None  # [Pa]
     jumps: Sequence[Sequence[int]] = ()  # neighbouring records of different branches of equilibria
-    rows: Sequence[Row] = ()  # of its history; empty: those of history.csv
+    rows: Sequence[Row] = ()  # of its history; empty: the rows of history.csv
     panels: Mapping[int, Mapping[str, Columns]] = field(default_factory=dict)  # tables of a panel, by record; empty: the files
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames one by one, so that they need not fit in memory together."""
+        """Yield the frames one by one, to save memory."""
         for index in range(len(self.states)):
             yield self.frame(index)
 
@@ -40,7 +40,7 @@ class RunRecord:
         return read_frame(self.states[index], self.layout)
 
     def history(self) -> Columns:
-        """Columns of the history, with `jump` 1 where the mesh has jumped since the record before."""
+        """Columns of the history, with `jump` 1 after a snap-through."""
         path, behind = self.directory / "history.csv", {after for _, after in self.jumps}
         try:
             rows = self.rows or read_rows(path, Row)
@@ -51,7 +51,7 @@ class RunRecord:
         return columns_of({**vars(row), "jump": int(row.get("index") in behind)} for row in rows)
 
     def panel(self, index: int) -> Mapping[str, Columns]:
-        """Tables `map`, `edge` and, of a panel with a target shape, `surface` of a record; empty where there are none."""
+        """Tables `map`, `edge` and `surface` (of a target shape) of a record; may be empty."""
         if index in self.panels:
             return self.panels[index]
         paths = {kind: self.directory / "panel" / f"{kind}_{index:06d}.csv" for kind in ("map", "edge", "surface")}
@@ -59,10 +59,7 @@ class RunRecord:
 
 
 def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
-    """Raises `ExportError` where there is no run, or one without states.
-
-    also_running: take a run that goes on as well.
-    """
+    """Raises `ExportError` where there is no run, or one without states. also_running: take a run that goes on as well."""
     if not directory.is_dir():
         raise ExportError(f"{directory}: no such directory; give the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
@@ -92,7 +89,7 @@ def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
 
 
 def _held(directory: Path) -> str:
-    """What a directory without a run has in its place, and where states are."""
+    """Kind of a directory without a run, and where its states are."""
     for name, kind in (("map.json", "map"), ("map.csv", "map"), ("trade.json", "study of settings")):
         if (directory / name).is_file():
             return f"a {kind} keeps no states; give the directory of a run at one of its loads"
@@ -100,7 +97,7 @@ def _held(directory: Path) -> str:
 
 
 def state_files(directory: Path) -> list[Path]:
-    """The recorded states of a run in order, also of one that is not finished."""
+    """Recorded states of a run in order, finished or not."""
     paths = (path for path in (directory / "states").glob("state_*.npz") if re.fullmatch(r"state_\d+", path.stem))
     return sorted(paths, key=lambda path: int(path.stem[6:]))
 
@@ -117,6 +114,6 @@ def read_frame(path: Path, layout: WireLayout) -> Frame:
 
 
 def _unreadable(path: Path, error: Exception) -> ExportError:
-    """The error of a file that cannot be read, which names it once."""
+    """Error of an unreadable file, which names it once."""
     why = getattr(error, "strerror", None) or " ".join(str(error).split()).removeprefix(f"{path}: ")
     return ExportError(f"{path}: {why}")

@@ -1,6 +1,6 @@
-"""A run as tables: for each frame one of its contacts, a row a body, one of its wires, and in space one of contacts elsewhere.
+"""A run as tables: contacts (a row a body) and wires of each frame, and contacts between stitches of a spatial one.
 
-SI units, said in the headings.
+SI units, with names in the headings.
 """
 
 import os
@@ -23,7 +23,7 @@ def export_tables(record: RunRecord) -> list[Path]:
 
 
 def write_tables(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
-    """Write contacts_######.csv, wires_######.csv and in space elsewhere_######.csv for every frame; the paths."""
+    """Write contacts_######.csv, wires_######.csv and, if spatial, elsewhere_######.csv for every frame; return the paths."""
     paths = []
     for frame in frames:
         frame.require_finite()
@@ -66,7 +66,7 @@ def elsewhere_table(frame: Frame) -> dict[str, NDArray[Any]]:
 
 
 def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
-    """Columns, a value a wire. A closed wire's length is that of one period."""
+    """Columns with a value a wire. The length of a closed wire is that for one period."""
     start, drawn = layout.wire_start, drawn_layout(layout)
     points, segment = curve_position(drawn, drawn_frame(layout, frame)), drawn.curve_segment
     length = np.linalg.norm(points[segment + 1] - points[segment], axis=1)

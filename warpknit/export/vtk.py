@@ -5,7 +5,7 @@
     contacts.pvd    -> contacts_######.vtu    one vertex a contact body; `force`, `force_a`, `force_b` [N], `active`
                                               (both pairs closed), `active_pairs` (0, 1 or 2), `wire_a`, `wire_b`,
                                               `rhombus`
-    elsewhere.pvd   -> elsewhere_######.vtu   in space: one vertex an active contact where no wires hook; `force` [N], `wire_a`,
+    elsewhere.pvd   -> elsewhere_######.vtu   spatial model: one vertex an active contact between stitches; `force` [N], `wire_a`,
                                               `wire_b`
 
 SI units: lengths in m. The time is the index of the frame. Open the two .pvd files.
@@ -94,7 +94,7 @@ def _write_mesh(path: Path, mesh: Any) -> None:
 
 
 def _write_collection(path: Path, members: list[tuple[int, Path]]) -> Path:
-    """Name the files of a series, with their times, in a ParaView collection."""
+    """Write a ParaView collection with the files of a series and their times."""
     rows = [f'    <DataSet timestep="{index}" part="0" file={quoteattr(member.name)}/>' for index, member in members]
     with write_aside(path) as file:
         file.write('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n')

@@ -1,4 +1,4 @@
-"""A separate process that writes the frames of a run, so that the run does not wait for the disk.
+"""A process that writes frames: the run does not wait for the disk.
 
     run -> shared memory of one frame -> this process -> states/, scene.usda and its layers
 
@@ -29,7 +29,7 @@ from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout,
 
 @dataclass(frozen=True, kw_only=True)
 class StageOptions:
-    """How the stage is written; see `StageWriter`."""
+    """Options of the stage; see `StageWriter`."""
 
     scene_name: str
     scene_hash: str
@@ -53,13 +53,13 @@ class FrameWriter:
         """Wait until all frames are on the disk."""
 
     def close(self, *, complete: bool) -> None:
-        """Wait, and say in the stage whether the run came to its end."""
+        """Wait, and record in the stage whether the run came to its end."""
 
     def __enter__(self) -> FrameWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let go of what is held."""
+        """Release memory and process."""
 
 
 class FrameFiles(FrameWriter):
@@ -103,7 +103,7 @@ END_TIME = 600.0  # [s] that the last frame may take
 def frame_writer(
     directory: Path, layout: WireLayout, stage: StageOptions | None, *, resume: bool, hold: int | None = None
 ) -> FrameWriter:
-    """What writes the frames of a run: a process where there is a stage to write and the mesh is large.
+    """Writer of the frames of a run: a process for the stage of a large mesh.
 
     `hold`: a descriptor that keeps the directory for the run; the process keeps it as long as it lives.
     """
@@ -204,7 +204,7 @@ class WriterProcess(FrameWriter):
 
 
 def _nameless_memory(size: int) -> int:
-    """A descriptor of so many bytes that two processes can share."""
+    """Descriptor of `size` bytes of memory that two processes can share."""
     if hasattr(os, "memfd_create"):
         descriptor = os.memfd_create("warpknit-frame")
     else:

@@ -55,7 +55,7 @@ class Heights:
         return height - self.step * stitch.layer
 
     def entry_foot(self, stitch: Stitch, layers: int) -> float:
-        """Height of the entry foot and of the exit foot of an onward lap: behind all heads."""
+        """Height of the feet of an onward lap: behind all heads."""
         return self.foot - self.step * (layers - 1) - 2.0 * self.step * stitch.layer
 
     def underlap(self, stitch: Stitch, layers: int) -> float:
@@ -65,7 +65,7 @@ class Heights:
         return self.foot - self.step * (layers + 2 * stitch.bar)
 
     def exit_foot(self, stitch: Stitch, layers: int, turn: int) -> float:
-        """Height of the exit foot; that of a returning lap crosses its own entry foot one step behind."""
+        """Height of the exit foot; a returning lap crosses its own entry foot one step behind."""
         return self.entry_foot(stitch, layers) - (self.step if turn < 0 else 0.0)
 
 
@@ -114,7 +114,7 @@ class LoopFrame:
         return HEIGHTS[self.shape]
 
     def check(self) -> None:
-        """Raise `KnitError` where loops of neighbouring wales, or the feet of a loop, would run into each other."""
+        """Raise `KnitError` if loops of neighbouring wales, or feet of a loop, would overlap."""
         if self.shape == "general":
             narrowest = 2.0 * min(loop.foot_half_width for loop in self.loops) * self.wale
             if self.diameter > narrowest:
@@ -139,7 +139,7 @@ class LoopFrame:
         return replace(self, loops=tuple(replace(loop, **{name: min(getattr(loop, name), largest)}) for loop in loops))
 
     def _room(self, loops: Sequence[LoopProportions]) -> tuple[str, float, float, float]:
-        """The proportion that makes a loop wide, its unit [m], half the room of a loop [m], and the wires that share it."""
+        """Proportion that makes a loop wide: name, unit [m], half the room of a loop [m], wires in it."""
         if self.shape == "circular-oval":
             shift = max(abs(loop.lateral_shift) for loop in loops)
             return "closed_radius", self.course, (0.5 - shift) * self.wale, 0.5
@@ -147,7 +147,7 @@ class LoopFrame:
 
 
 class LoopKeys(NamedTuple):
-    """Where the wire of one stitch passes, entry foot to exit foot, and how high."""
+    """Key points of the wire of one stitch, with heights. From entry foot to exit foot."""
 
     plan: NDArray[np.float64]  # (k, 2) [m] key points of the plan curve
     place: NDArray[np.float64]  # (m,) places of the heights, as (fractional) indices into plan
@@ -360,7 +360,7 @@ def _thread_keys(stitches: tuple[Stitch, ...], height: float, frame: LoopFrame) 
 def _underlap(
     leave: NDArray[np.float64], enter: NDArray[np.float64], stitch: Stitch, after: Stitch, frame: LoopFrame
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Key points (k, 2) of an underlap between two feet and the places (m,) of its height, counted from the first.
+    """Key points (k, 2) of an underlap between two feet; places (m,) of its height, counted from the first.
 
     An underlap runs straight from foot to foot.  Where loops share needles it keeps to the wales of its loops first
     and last and changes over between, behind legs that are well in front: there is room for any number of bars.
@@ -373,7 +373,7 @@ def _underlap(
 
 
 def _feet(stitch: Stitch, frame: LoopFrame) -> tuple[float, float]:
-    """x of the entry and exit feet [m], to tell on which side of the loop its underlap leaves."""
+    """x of the entry and exit feet [m], for the side of the underlap."""
     if stitch.kind == "inlay":
         return (stitch.needle - 0.5) * frame.wale, (stitch.needle - 0.5) * frame.wale
     half = stitch.direction * frame.proportions.foot_half_width

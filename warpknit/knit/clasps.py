@@ -1,11 +1,11 @@
-"""Clasps: where two wires hook each other in the plane.
+"""Clasps: lenses in plan view where two wires hook each other.
 
-Two crossings of the same two wire copies bound a lens when the arcs between them are short, no third crossing of the
-two lies within both arcs, and the second wire crosses the first there in opposite senses (turn).  A crossing is the
-corner of one lens only, the tightest.  The wires hook in a lens when the over/under sign alternates: wire A over B at
-one corner and under it at the other, so that both corners have the same sign over * turn and the arcs are linked.
-Equal over signs are a plain overlap that carries nothing in the plane.  No table of patterns is needed: the rule holds
-for any knit.  (Guglielmini, Marotta, Salvini 2022, section 2: "a couple of wires crosses in two points".)
+Two crossings of the same two wire copies bound a lens if three conditions hold: the arcs between them are short; no third
+crossing of the two lies within both arcs; the second wire crosses the first in opposite senses (turn). A crossing is the corner
+of one lens only, the tightest. The wires hook in a lens when the over/under sign alternates: wire A over B at one corner and
+under it at the other. Then both corners have the same sign over * turn, and the arcs are linked. Equal over signs are a plain
+overlap that carries nothing in plan view. The rule holds for any knit, without a table of patterns. (Guglielmini, Marotta,
+Salvini 2022, section 2: "a couple of wires crosses in two points".)
 
 A loop may hook one head by two nested lenses; such lenses are merged into one clasp when `merge` is set.
 
@@ -87,7 +87,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Clasp:
-    """Two hooked wires and the place of the body that carries their contact."""
+    """Two hooked wires, and the place of their contact body."""
 
     position: NDArray[np.float64]  # (2,) [m] in [0, width) x [0, height)
     arms: tuple[Arm, Arm]
@@ -105,7 +105,7 @@ class Lens:
     side: int  # +1 the lens lies to the left of the first wire
     opposed: bool  # the two wires run in opposite directions round the lens
     outline: NDArray[np.float64]  # (k, 2) [m]
-    corners: tuple[int, int]  # crossings, copies not told apart
+    corners: tuple[int, int]  # crossings, the same for all copies
 
     @property
     def sides(self) -> tuple[int, int]:
@@ -174,7 +174,7 @@ def lens_outline(
 
 
 def make_clasps(threads: Sequence[Thread], bunches: Sequence[list[Lens]], size: NDArray[np.float64]) -> tuple[Clasp, ...]:
-    """One clasp for each bunch of lenses, ordered by position from bottom to top and left to right."""
+    """One clasp for each bunch of lenses; from bottom to top and left to right."""
     clasps = [_clasp(threads, bunch, size) for bunch in bunches]
     return tuple(sorted(clasps, key=lambda c: tuple(np.round(c.position[::-1] / size[::-1], 6))))
 
@@ -182,9 +182,8 @@ def make_clasps(threads: Sequence[Thread], bunches: Sequence[list[Lens]], size: 
 def nested_lenses(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArray[np.float64]) -> list[list[Lens]]:
     """Lenses gathered by the head that they hold.
 
-    The nearest are joined first. Two bunches that each have a lens of one kind, of wires that run alike or opposed, are the
-    holds of two heads, however near they are, unless these lenses belong together themselves. So what is symmetric in the knit
-    stays so.
+    The nearest are joined first. Two bunches with a lens of one kind each, of wires alike or opposed, hold two heads, unless
+    these lenses belong together themselves. So symmetry of the knit is kept.
     """
     ordered = sorted(lenses, key=lambda lens: abs(polygon_area(lens.outline)))
     bunches = {number: [lens] for number, lens in enumerate(ordered)}
@@ -219,10 +218,10 @@ def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.flo
 
 
 def _gap(lens: Lens, other: Lens) -> float | None:
-    """Arc [m] between two lenses that hold the same head, less than 0 where they overlap; None where they hold different ones.
+    """Arc [m] between two lenses around the same head, negative if they overlap; else None.
 
-    Either they share a stretch of one wire on the same side of it, or they follow each other closely along one wire
-    while the other wire comes through one and goes back through the other.
+    Either they share a stretch of one wire on the same side of it, or they follow each other closely along one wire while the
+    other wire passes through both.
     """
     if lens.thread != other.thread or lens.column != other.column:
         return None
@@ -261,7 +260,7 @@ def _joined(low: float, high: float, stretches: list[tuple[float, float]]) -> tu
 
 
 def _nearest(thread: Thread, low: float, high: float, point: NDArray[np.float64], height: float) -> tuple[float, int, float]:
-    """Arc [m] of the point of a stretch nearest to `point`, the side on which `point` lies, its distance [m]."""
+    """Arc [m] of the nearest point of a segment, its side, its distance [m] from `point`."""
     line = thread.stretch(low, high, height)[:, :2]
     arcs = np.concatenate([[low], (np.floor(low / thread.spacing) + 1 + np.arange(len(line) - 2)) * thread.spacing, [high]])
     direction = np.diff(line, axis=0)

@@ -2,9 +2,9 @@
 
 x is weft (wales side by side), y is warp (courses), z > 0 the technical face; SI units.
 
-Classes of contact are clasps of one shape, which by the symmetry of the knit carry the same load in a mesh of equal loops. The
-shape of a clasp is that of its lens: on each of its two wires the clearance of the body and the arc of the lens. Clasps of
-shapes within SAME_SHAPE of the wale spacing are of one class. Scattered loops have the classes of equal ones: a clasp is of the
+Clasps of one shape form a class of contacts: by the symmetry of the knit they carry the same load in a mesh of equal loops. The
+shape of a clasp is the shape of its lens: on each of its two wires the clearance of the body and the arc of the lens. Shapes
+within SAME_SHAPE of the wale spacing belong to one class. Scattered loops have the classes of equal loops: a clasp belongs to the
 class of the nearest clasp, in place and shape, of the knit without scatter.
 """
 
@@ -29,7 +29,7 @@ from .scatter import Knitted, lenses_of_scattered, near_wires, scattered_proport
 
 ALIKE = 0.999  # of the largest opening's area: openings that count as equal
 SCATTERED_ALIKE = 0.5  # the same where loops differ
-NEARER = 0.1  # of the thickness, by which wires of scattered loops may be nearer than those of equal loops that overlap
+NEARER = 0.1  # of the thickness: wires of scattered loops may be nearer by it than overlapping equal loops
 LEAST_SHARE = 0.1  # of the deviation of a loop, below which the loop is a mean one
 
 
@@ -57,11 +57,11 @@ class Cloth:
 
     @property
     def wire_length(self) -> float:
-        """Mean wire length of a stitch in space [m], its rises and falls included: the run-in of a loop."""
+        """Mean wire length of a stitch [m], rises and falls included: the run-in of a loop."""
         return sum(map(self._length_in_space, self.threads)) / len(self.stitches)
 
     def run_in(self, bar: int) -> float:
-        """[m] wire in space that a guide bar takes a course."""
+        """Wire length of a guide bar a course [m], along the spatial curve."""
         lengths = [self._length_in_space(thread) for thread in self.threads if thread.bar == bar]
         return sum(lengths) / len(lengths) / self.courses
 
@@ -88,7 +88,7 @@ class Cloth:
 
 @lru_cache(maxsize=8)
 def same_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
-    """`knit_cloth` of a knit that can be hashed, made once, with the class of each clasp; its arrays must not be changed.
+    """Cached `knit_cloth` of a hashable knit, with the class of each clasp; its arrays must not be changed.
 
     Classes are numbered from the tightest lens on. knit: has `even`, too, where it has `scatter`.
     """
@@ -181,7 +181,7 @@ SAME_SHAPE = 0.02  # of the wale spacing: centre lines are sampled, so that equa
 
 
 def _classes(cloth: Cloth, knit: Any, diameter: float, merge_lenses: bool) -> NDArray[np.intp]:
-    """[clasp] classes of clasps; of scattered loops those of the clasps of equal loops that are nearest and most alike."""
+    """Class of each clasp [clasp]; for scattered loops, of the nearest and most similar clasp of equal loops."""
     if not knit.scatter:
         return _classes_by_shape(_shapes(cloth.clasps), SAME_SHAPE * knit.wale_spacing)
     even = same_cloth(knit.even, diameter, merge_lenses)
@@ -193,7 +193,7 @@ def _classes(cloth: Cloth, knit: Any, diameter: float, merge_lenses: bool) -> ND
 
 
 def _shapes(clasps: Sequence[Clasp]) -> NDArray[np.float64]:
-    """(clasp, 4) [m] clearance and arc on the wire with the smaller ones, and on the other."""
+    """Clearance and arc (clasp, 4) [m] on the wire with the smaller ones, and on the other."""
     arms = [sorted((arm.clearance, arm.arc_high - arm.arc_low) for arm in clasp.arms) for clasp in clasps]
     return np.array(arms).reshape(-1, 4)
 

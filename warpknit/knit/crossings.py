@@ -22,7 +22,7 @@ CHUNK = 16  # segments to a box
 
 @dataclass(frozen=True)
 class Crossings:
-    """Crossings of one repeat, each once, in the copy that lies in [0, width) x [0, height).
+    """Crossings of one repeat, each once, with copies in [0, width) x [0, height).
 
     The first wire is the one with the smaller thread, then column, then arc.
     """
@@ -40,7 +40,7 @@ class Crossings:
 
 
 def find_crossings(threads: Sequence[Thread], size: NDArray[np.float64]) -> Crossings:
-    """All crossings of the threads of one repeat of `size` (2,) [m] with each other's copies and with themselves."""
+    """Crossings of the threads of one repeat of `size` (2,) [m], with all copies and themselves."""
     start = np.concatenate([t.points for t in threads])
     end = np.concatenate([np.concatenate([t.points[1:], t.points[:1] + [0.0, size[1], 0.0]]) for t in threads])
     thread = np.concatenate([np.full(len(t.points), i) for i, t in enumerate(threads)])
@@ -124,7 +124,7 @@ def _canonical(
     threads: Sequence[Thread],
     size: NDArray[np.float64],
 ) -> Crossings:
-    """Order the wires of each crossing, move it to the base repeat, drop what neighbouring segments both found."""
+    """Order the wires of each crossing, move it to the base repeat, drop duplicates."""
     step = column[:, 1] - column[:, 0]
     swap = (thread[:, 0] > thread[:, 1]) | (
         (thread[:, 0] == thread[:, 1]) & ((step < 0) | ((step == 0) & (arc[:, 0] > arc[:, 1])))

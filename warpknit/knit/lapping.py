@@ -1,8 +1,8 @@
 """Chain notation and threading, and the lapping table: which wire wraps which needle in which course of one repeat.
 
-The repeat is as wide as the least common multiple of the threadings [wales] and as high as that of the chains
-[courses]. A lap of direction s that ends in gap b is closed when the underlap to the next lap (from gap b to a_next)
-runs back, sign(a_next - b) = -s, and open otherwise; a = b is an inlay.
+The repeat is as wide as the least common multiple of the threadings [wales] and as high as the least common multiple of the
+chains [courses]. A lap of direction s that ends in gap b is closed when the underlap to the next lap (from gap b to a_next) runs
+back, sign(a_next - b) = -s, and open otherwise; a = b is an inlay.
 
 A chain such as ``1-0/1-2/2-3/2-1`` lists one link a course.  The numbers are the gaps between needles: gap g lies left
 of needle g.  A link ``a-b`` carries the guide across needle min(a, b) in front of the hooks (the overlap); between
@@ -42,7 +42,7 @@ class Link:
 
     @property
     def direction(self) -> int:
-        """+1 when the overlap runs towards larger needle numbers, -1 towards smaller, 0 for an inlay."""
+        """Direction of the overlap: +1 towards larger needle numbers, -1 towards smaller, 0 for an inlay."""
         return (self.end > self.start) - (self.end < self.start)
 
 
@@ -70,7 +70,7 @@ def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
             raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write two whole numbers a-b")
         link = Link(int(match[1]), int(match[2]))
         if abs(link.end - link.start) > 1:
-            raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write an overlap of one needle")
+            raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write numbers that differ by at most one")
         links.append(link)
     underlaps = [abs(after.start - link.end) for link, after in zip(links, links[1:] + links[:1], strict=True)]
     longest = max([1, *underlaps[:-1]])
@@ -84,7 +84,7 @@ def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
 
 
 def single_steps(chains: Sequence[str]) -> list[str]:
-    """Chains of all bars in steps of one needle, from chains that may be in even numbers (0, 2, 4).
+    """Chains of all bars in steps of one needle; even numbers (0, 2, 4) are halved.
 
     In even numbers a lap spans two; in steps of one needle a lap has an odd number.
 
@@ -156,7 +156,7 @@ class Lapping:
 
     @cached_property
     def heads_below(self) -> tuple[int, ...]:
-        """[stitch] number of the loop whose head it is drawn through, of its layer or the last there; an inlay has its own."""
+        """Number of the loop [stitch] whose head it is drawn through: in its layer, or the last there; its own for an inlay."""
         return tuple(n if s.kind == "inlay" else self._head_below(s) for n, s in enumerate(self.stitches))
 
     def _head_below(self, stitch: Stitch) -> int:
@@ -184,9 +184,9 @@ def lap_kind(link: Link, after: Link) -> Kind:
 def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lapping:
     """Lapping of one repeat of any number of guide bars.
 
-    bars: objects with `chain` (str), `threading` (str), `shift` (int).  The first bar lies nearest the technical face;
-    the underlaps of later bars run behind those of earlier ones. tiles: pattern repeats (along weft, along warp) taken
-    as one repeat. Raises `KnitError` where a bar is malformed or a needle receives no loop in some course.
+    bars: objects with `chain` (str), `threading` (str), `shift` (int). The first bar lies nearest the technical face; the
+    underlaps of later bars run behind those before. tiles: pattern repeats (along weft, along warp) taken as one repeat. Raises
+    `KnitError` where a bar is malformed or a needle receives no loop in some course.
     """
     if not bars:
         raise KnitError("knit.bars", "a knit without bars", "write at least one guide bar")

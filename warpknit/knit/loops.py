@@ -71,7 +71,7 @@ class LoopProportions:
             raise KnitError("knit.loop.foot_half_width", wrong, f"write less than {self.leg_half_width:g}")
 
     def sized(self, size: float, shape: Shape, key: str) -> LoopProportions:
-        """Proportions with those that make a loop of this shape large times `size`, the value of `key`."""
+        """Proportions of large loops of this shape times `size`, the value of `key`."""
         if size == 1.0:
             return self
         names = SIZES[shape]

@@ -23,7 +23,7 @@ class GuideBar:
     shift: int = 0
 
     def __str__(self) -> str:
-        """The chain, with threading and shift where they are not the usual ones."""
+        """The chain, with threading and shift unless they are the defaults."""
         threading = f" {self.threading}" if self.threading != "|" else ""
         return f"{self.chain}{threading}{f' shift {self.shift}' if self.shift else ''}"
 

@@ -102,7 +102,7 @@ class _Edges:
         self.wraps = last
 
     def offset(self, half_edge: int) -> NDArray[np.intp]:
-        """Repeats (columns, rows) from the copy of the crossing it leaves to that of the crossing it reaches."""
+        """Repeats (columns, rows) between the crossing copies at both ends."""
         e, backward = divmod(half_edge, 2)
         step = self.cell[self.after[e]] - self.cell[e] + [0, int(self.wraps[e])]
         return -step if backward else step
@@ -120,7 +120,7 @@ class _Edges:
     def piece(
         self, half_edge: int, cell: NDArray[np.intp], size: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], set[StitchCopy]]:
-        """Points (k, 2) [m] of a half-edge from the crossing copy in `cell`, less the last one, and its stitches."""
+        """Points (k, 2) [m] of a half-edge from a crossing in `cell`, without the last; its stitches."""
         e, backward = divmod(half_edge, 2)
         thread = self.threads[self.thread[e]]
         leaving = self.after[e] if backward else e
@@ -191,7 +191,7 @@ def find_rhombus(
 
 
 def _base_distance(point: NDArray[np.float64], centre: NDArray[np.float64], size: NDArray[np.float64]) -> float:
-    """Distance [m] from `centre` of the copy of a point that lies in the base repeat."""
+    """Distance [m] from `centre` to a point's copy in the base repeat."""
     return float(np.hypot(*(point - np.floor(point / size) * size - centre)))
 
 
@@ -214,7 +214,7 @@ def _on(
     courses: int,
     portions: set[tuple[int, int, int]],
 ) -> bool:
-    """Whether an arm of a clasp in the copy (column, row) lies on an open lap of one of the portions."""
+    """Whether an arm of a clasp in the copy (column, row) lies on an open lap."""
     thread = threads[arm.thread]
     stitch = thread.stitch_at(arm.arc)
     if stitches[stitch].kind != "open":

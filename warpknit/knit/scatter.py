@@ -2,12 +2,12 @@
 
 Each proportion is its mean times 1 + s g, s the relative standard deviation and g normally distributed, drawn again beyond MOST
 deviations and kept within `RANGES`. Loops of one needle and course are formed together and share g. A thread stays one smooth
-curve: its loops are key points of one spline, and an underlap runs from the foot of one loop to that of the next, wherever these
-lie. What is added up along a wire, as its length, scatters with it.
+curve: its loops are key points of one spline, and an underlap runs from the foot of one loop to the foot of the next. Sums along
+a wire, such as its length, scatter with it.
 
-In plan view lenses of scattered loops are longer or shorter, so the rules that tell lenses apart, and
-merge nested ones, would decide otherwise from loop to loop. So the lenses come from one repeat of equal loops. Each corner is
-the crossing of the same two wires, with the same signs, that is nearest along both of them, in courses.
+In plan view lenses of scattered loops are longer or shorter, and the rules that separate or merge lenses would decide differently
+from loop to loop. So the lenses come from one repeat of equal loops. Each corner is the nearest crossing along both wires, in
+courses, with the same two wires and signs.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class _Corners:
 
 
 def lenses_of_scattered(scattered: Knitted, repeat: Knitted, bunches: Sequence[Sequence[Lens]]) -> list[list[Lens]] | None:
-    """The lenses of each clasp of scattered loops; bunches: those of one repeat of equal loops.
+    """Lenses of each clasp of scattered loops; bunches: of one repeat of equal loops.
 
     None where a corner has no counterpart of its own: the loops hook otherwise.
     """
@@ -103,7 +103,7 @@ def _corners_by_key(scattered: Knitted, repeat: Knitted) -> dict[Key, _Corners]:
 
 
 def _copied_thread(scattered: Knitted, thread: int, repeat: Knitted) -> tuple[int, int]:
-    """The thread of the repeat of which a thread is a copy, and by how many repeats it is to the right of it."""
+    """Thread of the repeat with this copy, and the repeats to its right."""
     first = scattered.lapping.threads[thread][0]
     for number, stitches in enumerate(repeat.lapping.threads):
         copies, rest = divmod(first.needle - stitches[0].needle, repeat.lapping.wales)
@@ -115,7 +115,7 @@ def _copied_thread(scattered: Knitted, thread: int, repeat: Knitted) -> tuple[in
 def _counterpart(
     lens: Lens, place: tuple[int, int], scattered: Knitted, repeat: Knitted, corners: dict[Key, _Corners]
 ) -> Lens | None:
-    """The lens of scattered loops between the corners of a lens of the repeat, moved right and up by some repeats (place)."""
+    """Lens of scattered loops for a lens of the repeat, moved by `place` repeats."""
     low, high = (
         np.stack([repeat.courses_at(t, ends[w : w + 1])[0] for w, t in enumerate(lens.thread)]) for ends in (lens.low, lens.high)
     )

@@ -1,4 +1,4 @@
-"""How much wire a repeat needs at least under a strain: the shortest polygons through its places of hooking.
+"""Least wire length of a strained repeat: shortest polygons through its hooks.
 
 Two hooked wires stay together, so each runs from one place of hooking to the next, wherever these lie. No wire is shorter than
 this polygon. With the places p of a repeat, the shift s to the copy of the next one, and the deformation gradient F, the least
@@ -24,7 +24,7 @@ STEPS = 5_000  # of the minimisation, at most
 
 
 def least_length(cloth: Cloth, gradient: NDArray[np.float64], *, enough: float = 0.0) -> float:
-    """[m] least length of the wires of a repeat, hooked at points, under a deformation gradient (2, 2).
+    """Least length of a repeat's wires [m], hooked at points, under a deformation gradient (2, 2).
 
     Not minimised further where it is below `enough` [m] from the start.
     """
@@ -53,7 +53,7 @@ def piece_count(cloth: Cloth) -> int:
 
 
 def _pieces(cloth: Cloth) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """[piece] clasps at both ends, and (piece, 2) [m] the shift of the copies that a thread comes to from one to the next."""
+    """Clasps at both ends of each piece [piece], and shift of the copies along it (piece, 2) [m]."""
     begin, end, shift = [], [], []
     for number, thread in enumerate(cloth.threads):
         along = []

@@ -39,7 +39,7 @@ def wires_slid(displacement: np.ndarray, wire_start: np.ndarray) -> float:
     return float(np.ptp(total / count[:, None], axis=0).max())
 
 
-EXCEEDED = 0.01  # of the wire whose stress is told beside the largest
+EXCEEDED = 0.01  # of the wire, for the stress reported beside the largest
 INTERIOR = 0.25  # of the mesh's width and height from each edge
 LEAST_FORCE = 1e-4  # of EI/W^2, about the residual force of an equilibrium: smaller contact forces do not count
 
@@ -67,7 +67,7 @@ def tension_scale(model: MeshModel) -> float:
 
 
 def boundary_stress(r: Observables) -> np.ndarray:
-    """Nominal stress (2, 2) [N/m] in the frame in which the boundary is strained by `stretch`."""
+    """Nominal stress (2, 2) [N/m] in the frame of the stretched boundary."""
     return rotation(r.clamp_rotation) @ r.nominal_stress
 
 
@@ -81,7 +81,7 @@ def mesh_tension(r: Observables) -> tuple[float, float]:
 
 
 def fragment_tension(r: Observables) -> tuple[float | None, float | None]:
-    """Part of `mesh_tension` [N/m] of the wires that have less than a loop between two grips, which pull on each other by them.
+    """Part of `mesh_tension` [N/m] of cut wire ends at the grips: wires of less than a loop between two grips.
 
     Of a wire with the clamps X1 and X2 and their forces f1 and f2 on it, P = (f2 - f1)/2 (x) (X2 - X1)/A0. None without such
     wires.
@@ -116,7 +116,7 @@ def mean_boundary_force(r: Observables) -> float:
 
 
 def residual(r: Observables) -> float:
-    """Rms out-of-balance nodal force over the larger of the mean boundary force and EI/W^2."""
+    """Rms out-of-balance nodal force over boundary force or EI/W^2. The larger of both, the boundary force as a mean."""
     return float(r.unbalanced_force / max(mean_boundary_force(r), force_scale(r.model)))
 
 
@@ -185,7 +185,7 @@ def section(wire: Wire) -> tuple[float, float]:
 
 
 def stress_extremes(r: Observables) -> tuple[float, float, float]:
-    """Largest stress [Pa], the stress [Pa] that 1 % of the wire exceeds, and the share of the wire above the yield stress."""
+    """Largest stress [Pa], stress exceeded by 1 % of the wire [Pa], share above the yield stress."""
     return largest_stress(r), exceeded_stress(r), yield_share(r)
 
 
@@ -195,8 +195,9 @@ def largest_stress(r: Observables) -> float:
 
 
 def exceeded_stress(r: Observables) -> float:
-    """Stress [Pa] that a share EXCEEDED of the wire exceeds; shares are by length, as nodes in space are close together where the
-    wire turns."""
+    """Stress [Pa] exceeded by a share EXCEEDED of the wire. Shares are by length, because spatial nodes are close together at
+    bends.
+    """
     stress, length, total = r.wire_stress.node, r.node_length, float(np.sum(r.node_length))
     count = len(stress)
     taken = math.ceil(2.0 * EXCEEDED * count)
@@ -218,7 +219,7 @@ def yield_share(r: Observables) -> float:
 
 
 def _wire_share(r: Observables, nodes: np.ndarray) -> float:
-    """Length of the wire that some nodes [node] stand for, over that of all."""
+    """Share of the wire length that nodes [node] represent."""
     return float(np.sum(r.node_length[nodes]) / np.sum(r.node_length))
 
 
@@ -237,7 +238,7 @@ def interior_stress(r: Observables) -> float:
 
 
 def plastic_extremes(r: Observables) -> tuple[float | None, float | None]:
-    """Share of the wire that has yielded, and the largest plastic strain of a fibre; None for elastic wires."""
+    """Share of the wire that has yielded, and its largest plastic strain; None for elastic wires."""
     if not r.model.scene.wire.plastic:
         return None, None
     return _wire_share(r, r.plastic_strain > 0.0), float(r.plastic_strain.max())
@@ -258,7 +259,7 @@ def areal_mass(r: Observables) -> float:
 
 
 def positions(r: Observables) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (node, 3) and bodies (body, 3) [m] relative to the corner of the mesh; z is the rest height in the plane."""
+    """Nodes (node, 3) and bodies (body, 3) [m] relative to the mesh corner; planar z is the rest height."""
     return r.node_position - r.corner, r.body_position - r.corner
 
 

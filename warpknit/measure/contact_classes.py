@@ -44,7 +44,7 @@ def active_percent(r: Observables, name: str) -> float | None:
 
 
 def median_force(r: Observables, name: str) -> float | None:
-    """[N] contact force that half of the pairs of a class reach, the upper median; None where the mesh has none of it."""
+    """Contact force [N] that half of a class's pairs reach, the upper median; None without pairs."""
     pairs = _pairs(r, name)
     return None if pairs is None else float(np.sort(r.pair_force[pairs])[len(pairs) // 2])
 

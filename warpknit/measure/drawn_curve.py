@@ -1,4 +1,4 @@
-"""The smooth curve of the wires between their nodes, on the host: that of kernels/contact.py and kernels/wire_curve.py.
+"""Smooth curve of the wires between nodes, on the host. Device: kernels/contact.py, kernels/wire_curve.py.
 
 On the segment behind a node and relative to it, for s in 0 .. 1,
 
@@ -28,7 +28,7 @@ class WireCurve:
     bump: np.ndarray  # (node, power, 3) [m]
 
     def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """(m, 3) [m] from their node of the points at s (m,) on the segments behind nodes (m,)."""
+        """Offset (m, 3) [m] from the node, at s (m,) on the segments behind nodes (m,)."""
         return _in_parts(self._offset, node, s)
 
     def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ class Edges:
 
 
 def edges_of(layout: WireLayout, position: np.ndarray, deformation: np.ndarray) -> Edges:
-    """Edges of wires at `position` (node, 3) [m] in a mesh with the deformation gradient `deformation` (2, 2)."""
+    """Edges of wires at `position` (node, 3) [m], with the deformation gradient `deformation` (2, 2)."""
     first, last, closed = layout.wire_start[:-1], layout.wire_start[1:] - 1, layout.wire_closed
     following, previous = np.arange(len(position)) + 1, np.arange(len(position)) - 1
     following[last], previous[first] = np.where(closed, first, last), np.where(closed, last, first)

@@ -1,4 +1,4 @@
-"""Work of clamps that leave the affinely mapped outline, and of uneven temperatures.
+"""Work of clamps off the affine outline, and of uneven temperatures.
 
 Integrated over the recorded states by the trapezoidal rule.
 """

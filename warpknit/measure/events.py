@@ -1,8 +1,8 @@
-"""What happens between two neighbouring load levels, from the observables of both.
+"""Events between two neighbouring load levels, from their observables.
 
-A class of contact closes or opens, or a contact of two hooked wires. A largest stress passes the elastic limit. The mean tension
-passes `output.service_tension`. Or the two levels do not show the way between them: the mesh snaps through, slack ends, the
-stiffness changes much. Then the mean force f times the displacement x differs from the change of energy,
+A class of contacts closes or opens, or a contact of two hooked wires. The largest stress passes the elastic limit. The mean
+tension passes `output.service_tension`. Or the curve between two levels is unknown: snap-through, end of slack, a large change of
+stiffness. Then the mean force f times the displacement x differs from the change of energy,
 
     | sum 1/2 (f_a + f_b) (x_b - x_a)  -  (E_b - E_a) |  >  UNBALANCED E,      E stored and dissipated energy,
 
@@ -23,7 +23,7 @@ from .observables import Observables
 
 @dataclass(frozen=True)
 class Level:
-    """What is compared of a load level; all arrays, for checkpoints."""
+    """Compared values of a load level; all arrays, for checkpoints."""
 
     share: np.ndarray  # () of the load of the stage
     passed: np.ndarray  # (event,) bool: whether each contact is closed, each stress above the limit, the tension reached
@@ -39,7 +39,7 @@ class Level:
 
 
 def level_of(r: Observables, share: float, dissipated: float) -> Level:
-    """What is compared of a state at a share of the load of its stage; dissipated [J]: nan where energies do not count."""
+    """Compared values of a state at a share of the load; dissipated [J]: nan if energies do not count."""
     scene, threshold = r.model.scene, m.active_threshold(r.model)
     if scene.hook is None:
         passed = [(median_force(r, one.name) or 0.0) > threshold for one in classes_of(r.model)]

@@ -23,12 +23,12 @@ SCATTER = 1e-3  # of the larger of weft and warp: smaller changes are the scatte
 
 
 def is_unbalanced(energy: float, stored: float, floor: float) -> bool:
-    """Whether so much energy without work [J] is a jump, beside the largest stored energy. floor [J]: of stored energies."""
+    """Whether such an energy without work [J] is a snap-through, relative to the stored energy; floor [J]."""
     return stored > floor and abs(energy) > UNBALANCED * stored
 
 
 def energy_gap(force: np.ndarray, place: np.ndarray, energy: np.ndarray) -> np.ndarray:
-    """(state - 1,) [J] change of energy beyond what work can make up, of each state and the next.
+    """Change of energy beyond the possible work (state - 1,) [J], from each state to the next.
 
     force (state, component), place (state, component): their products are energies [J]. energy: (state,) [J].
     """
@@ -39,10 +39,10 @@ def energy_gap(force: np.ndarray, place: np.ndarray, energy: np.ndarray) -> np.n
 
 
 def stands_out(path: np.ndarray, value: np.ndarray, least: np.ndarray | float = 0.0) -> np.ndarray:
-    """(state - 1,) whether a value changes much faster between a state and the next than on both sides, and by more than `least`.
+    """Whether a value changes much faster than on both sides, and by over `least` (state - 1,).
 
-    An adjacent change of opposite sign belongs to the same jump, there and back: the change beyond it is compared. path: (state,)
-    increasing; where it stays the same, at the ends, and beside unknown values (nan) nothing stands out.
+    An adjacent change of opposite sign belongs to the same snap-through: the change beyond it is compared. path: (state,)
+    increasing; nothing stands out where it is constant, at the ends, and beside unknown values (nan).
     """
     change = np.diff(value)
     slope = np.full(len(change) + 4, np.nan)
@@ -64,7 +64,7 @@ def jumps(
     values: Sequence[np.ndarray],
     floor: float,
 ) -> np.ndarray:
-    """(state - 1,) whether each state and the next, along a line of loads, belong to different branches of equilibria.
+    """Whether a state and the next are on different branches of equilibria (state - 1,).
 
     path: (state,) increasing parameter of the load. force, place: see `energy_gap`. stored, dissipated: (state,) [J]. values:
     of one kind each, such as tensions, (state, side), that change evenly along a branch. floor [J]: stored energies below it

@@ -28,10 +28,10 @@ CONDUCTS = 1e-9  # of the better direction: a worse conductance is round-off
 
 
 def sheet_conductance(ends: np.ndarray, reach: np.ndarray, conductance: np.ndarray, count: int, area: float) -> np.ndarray:
-    """Mean current per width over the mean field (2, 2) [S] of an endless periodic network.
+    """Mean current per width over mean field (2, 2) [S] of an endless periodic network.
 
-    ends: (resistor, 2) points that each joins, of `count` in a repeat. reach: (resistor, 2) [m] from its first end to its second,
-    which may lie in another repeat. conductance: [resistor] [S]. area: [m2] of a repeat.
+    ends: (resistor, 2) points of each, `count` in a repeat. reach: (resistor, 2) [m] from its first end to its second, which may
+    lie in another repeat. conductance: [resistor] [S]. area: [m2] of a repeat.
     """
     m = len(ends)
     if m == 0:
@@ -50,7 +50,7 @@ def sheet_conductance(ends: np.ndarray, reach: np.ndarray, conductance: np.ndarr
 
 
 def surface(wire: Wire) -> Material:
-    """The metal at the surface of the wire, with the hardness of the scene."""
+    """Metal at the surface of the wire, with the scene's hardness."""
     metal = MATERIALS[wire.plating.material if wire.plating is not None else wire.material]
     return replace(metal, hardness=wire.hardness)
 
@@ -76,7 +76,7 @@ def contact_resistances(r: Observables) -> np.ndarray:
 
 
 def sheet_resistance(r: Observables) -> tuple[float | None, float | None]:
-    """[Ohm] sheet resistance in weft and warp of a periodic mesh, without a transverse field; None without conduction."""
+    """Sheet resistance in weft and warp [Ohm] of a periodic mesh, without a transverse field; None without conduction."""
     area = r.model.panel.area * float(np.linalg.det(r.gradient))
     ends, reach, conductance, count = _network(r.contact_places, r.model.scene.wire)
     conducted = np.diag(sheet_conductance(ends, reach @ r.gradient.T, conductance, count, area))

@@ -71,7 +71,7 @@ class ContactPlaces:
 
 
 def arcs_along(lengths: np.ndarray, first: np.ndarray, wire: np.ndarray, node: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """[m] along their wire from its first node of places at a share of the segments behind nodes; lengths [node] of segments."""
+    """Arcs [m] along the wire of places at a share of the segments behind nodes. lengths [node] of segments."""
     before = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.asarray(before[node] - before[first[wire]] + share * lengths[node])
 
@@ -114,12 +114,12 @@ class WireStress:
     """Stress in the outermost fibre of the wires [Pa]."""
 
     node: np.ndarray  # [node]
-    contact: np.ndarray  # [place] between two nodes: under a contact, in space also elsewhere on the segments
+    contact: np.ndarray  # [place] between two nodes: under a contact; in the spatial model anywhere on the segments
     contact_node: np.ndarray  # [place] node before it
 
 
 class MeshModel(Protocol):
-    """What results need of a model. Its panel has the wires and bodies, and their rest positions."""
+    """Interface of a model for results. Its panel has the wires and bodies, and their rest positions."""
 
     @property
     def scene(self) -> Scene: ...
@@ -176,7 +176,7 @@ class MeshModel(Protocol):
         """Behaviour under compression that the model lacks, in words."""
 
     def layout(self) -> WireLayout:
-        """How wires are laid out in frames."""
+        """Layout of the wires in frames."""
 
     def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
         """Warnings where results may be outside the validity of the model."""
@@ -223,7 +223,7 @@ class Observables(Protocol):
 
     @property
     def thermal_strain(self) -> np.ndarray:
-        """Relative excess of the length factor over that at the centre, in the layout of the model."""
+        """Length factor over its value at the centre, less 1; in the layout of the model."""
 
     @property
     def held_forces(self) -> np.ndarray:
@@ -231,7 +231,7 @@ class Observables(Protocol):
 
     @property
     def edge_force(self) -> np.ndarray:
-        """(clamp, 2, or 3 in space) [N] derivative of the energy by the displacement of the clamps."""
+        """Derivative of the energy by clamp displacements (clamp, 2 or 3) [N]; 3 components in the spatial model."""
 
     @property
     def clamp_force(self) -> np.ndarray:
@@ -263,7 +263,7 @@ class Observables(Protocol):
 
     @property
     def pairs_at_reach_end(self) -> int:
-        """Active pairs at the end of their sliding range, whose forces are not valid."""
+        """Active pairs at the end of their sliding range: invalid forces."""
 
     @property
     def body_near(self) -> np.ndarray | None:
@@ -271,11 +271,11 @@ class Observables(Protocol):
 
     @property
     def contact_elsewhere(self) -> np.ndarray | None:
-        """[contact] [N] `elsewhere_force`; None in the plane."""
+        """`elsewhere_force` [contact] [N]; None in the planar model."""
 
     @property
     def elsewhere_force(self) -> np.ndarray:
-        """[contact] [N] forces of active contacts outside the hooks of the knit; empty in the plane."""
+        """Forces of active contacts between stitches [contact] [N]; empty in the planar model."""
 
     @property
     def elsewhere_position(self) -> np.ndarray:

@@ -63,7 +63,7 @@ def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
 
 
 class Boundary:
-    """Deformation of the boundary and length of the wires of a state, from its control array."""
+    """Deformation of the boundary and length of the wires, from the control array."""
 
     control: Steering  # of this state
 

@@ -1,4 +1,4 @@
-"""Where the wires carry their largest stress: the wire, the place on it, and the part of the loop.
+"""Place of the largest wire stress: wire, arc, and part of the loop.
 
 Heights in a loop are in course spacings above the foot line of the course. The head lies above HEAD. From the head outwards,
 the foot begins where the leg comes below FOOT, and the underlap where the wire leaves the foot line: downwards before the loop,
@@ -16,7 +16,7 @@ HEAD, FOOT = 1.0, 0.2  # [C]
 
 
 def part_of_loop(cloth: Cloth, thread: int, arc: float) -> str:
-    """The part of a loop, in words, at a plan arc length [m] of a thread: "head of a closed loop"."""
+    """Part of a loop at a plan arc length [m] of a thread, in words: "head of a closed loop"."""
     line = cloth.threads[thread]
     count = len(line.points)
     here = int(np.floor(arc / line.spacing)) % count
@@ -36,10 +36,7 @@ def part_of_loop(cloth: Cloth, thread: int, arc: float) -> str:
 
 
 def _part(height: np.ndarray, *, before: bool) -> str:
-    """Part at the end of a path from the head outwards, to the entry of the loop or (not `before`) its exit.
-
-    height: (sample,) [C] along the path.
-    """
+    """Part between head and entry, or (not `before`) exit of the loop. height: (sample,) [C] along the path."""
     low = np.flatnonzero(height < FOOT)
     if not len(low):
         return "head" if height[-1] > HEAD else "leg"
@@ -48,7 +45,7 @@ def _part(height: np.ndarray, *, before: bool) -> str:
 
 
 def peak_node(r: Observables) -> int:
-    """The node with the largest stress, or the one before it where the stress is largest between two nodes."""
+    """Node with the largest stress, or the node before its place."""
     stress = r.wire_stress
     node, place = int(np.argmax(stress.node)), int(np.argmax(stress.contact)) if len(stress.contact) else -1
     return int(stress.contact_node[place]) if place >= 0 and stress.contact[place] > stress.node[node] else node

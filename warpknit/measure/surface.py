@@ -1,4 +1,4 @@
-"""Out-of-plane shape of a panel under planar tension, with its edge on a paraboloid.
+"""Out-of-plane shape of a panel under tension, with its edge on a paraboloid.
 
 A mesh under tension has next to no bending stiffness over many loops and carries no pressure: div(N grad w) = 0, with N the
 tension of the panel's map (tiles.py) and w = r^2/(4 f) where the edge is held; between net nodes the edge hangs on its
@@ -23,7 +23,7 @@ CROWDED = 0.4  # of the spacing: smallest distance of inner points from the edge
 
 @dataclass(frozen=True)
 class PanelSurface:
-    """Points of the panel with their height and that of the paraboloid."""
+    """Points of the panel, with their heights and the paraboloid's."""
 
     point: np.ndarray  # (point, 2) [m] of the strained panel, from its centre
     triangle: np.ndarray  # (triangle, 3) points
@@ -41,7 +41,7 @@ class PanelSurface:
         return triangle_areas(self.point, self.triangle)
 
     def rms(self, values: np.ndarray) -> float:
-        """Root mean square over the area of values (point,) that are linear on each triangle."""
+        """Root mean square over the area of values (point,), linear on each triangle."""
         v = values[self.triangle]
         square = (np.sum(v**2, axis=1) + v[:, 0] * v[:, 1] + v[:, 1] * v[:, 2] + v[:, 2] * v[:, 0]) / 6.0
         return float(np.sqrt(np.sum(self.area * square) / self.area.sum()))
@@ -76,10 +76,10 @@ def triangle_areas(point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
 def find_surface(
     map_: PanelMap, rim: Rim, gradient: np.ndarray, stations: np.ndarray, middle: np.ndarray, focal_length: float
 ) -> PanelSurface:
-    """The shape of a panel whose edge lies on z = r^2/(4 focal_length) [m] around its centre.
+    """Shape of a panel with its edge on z = r^2/(4 focal_length) [m] about its centre.
 
-    rim, gradient (2, 2) and the displacement of the stations (station, 2) [m] say where the edge is, `middle` (2,) [m] is that of
-    the panel at rest.
+    rim, gradient (2, 2) and the displacement of the stations (station, 2) [m] define the edge; `middle` (2,) [m] is the middle of
+    the panel as knitted.
     """
     tile, known = map_.tile, map_.known
     inner = map_.place[known]
@@ -127,7 +127,7 @@ def find_surface(
 
 
 def _tension_at(map_: PanelMap, place: np.ndarray) -> np.ndarray:
-    """(place, 2, 2) [N/m] tension of the nearest tile with a value, its symmetric part made positive definite."""
+    """Tension (place, 2, 2) [N/m] of the nearest tile with a value, made symmetric and positive definite."""
     known = map_.known & np.isfinite(map_.tension).all(axis=(2, 3))
     _, nearest = cKDTree(map_.place[known]).query(place)
     tension = map_.tension[known][nearest]

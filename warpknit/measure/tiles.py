@@ -1,8 +1,8 @@
-"""The tiles of a gripped panel, and the map of the values of its tiles.
+"""Tiles of a gripped panel, and the map of their values.
 
 A tile is one repeat of the undeformed cloth. Its nominal stress P is the virial of its wires and contacts, as in
-`Observables.nominal_stress`. Its deformation gradient F is that of the panel plus the slope of the displacement between tiles,
-averaged over the bodies that both tiles have. The tension is the force per current width, P F^T / det F.
+`Observables.nominal_stress`. Its deformation gradient F is the panel's plus the slope of the displacement between tiles, averaged
+over their common bodies. The tension is the force per current width, P F^T / det F.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ class Tiles:
 def panel_map_of(r: Observables, tiles: Tiles, virial: np.ndarray, stress_max: np.ndarray, body_moved: np.ndarray) -> PanelMap:
     """The map of a panel, from values of its tiles.
 
-    virial (tile, 2, 2) [J], of which nominal stress is the sum over the area; stress_max [tile] [Pa]; body_moved (body, 2) [m]:
-    displacement of the bodies from the affine prediction.
+    virial (tile, 2, 2) [J]: nominal stress times area; stress_max [tile] [Pa]; body_moved (body, 2) [m]: displacement of the
+    bodies from the affine prediction.
     """
     model, shape, share = r.model, tiles.shape, tiles.share
     panel, known = model.panel, share >= LEAST_SHARE

@@ -90,7 +90,7 @@ class DrivenStrain:
         self.largest[rows] = np.maximum(self.largest[rows], self.tension[rows] / self._clamp_share)
 
     def forget(self, rows: np.ndarray) -> None:
-        """Have the strains of worlds without a history change by as much again until the next equilibrium."""
+        """Let strains of worlds without a history change freely again until the next equilibrium."""
         driven = rows[self.driven(rows).any(axis=1)]
         if len(driven):
             self._steering.set(driven, strain_origin=self._strain(driven), at_limit=0.0)
@@ -147,9 +147,9 @@ class DrivenStrain:
         self._checks[rows] += 1
 
     def motion(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """[row] [J] motion of the strains since the last check times the change of their forces, and twice its kinetic energy.
+        """Motion of the strains since the last check times the change of their forces [row] [J]; twice its kinetic energy.
 
-        The tensions are those of the state last evaluated.
+        The tensions belong to the state last evaluated.
         """
         work, energy, driven = np.zeros(len(rows)), np.zeros(len(rows)), self.driven(rows)
         which = driven.any(axis=1)
@@ -180,7 +180,7 @@ class DrivenStrain:
         return np.asarray(np.where(self.driven(rows) & ~at_limit, missing, 0.0).max(axis=1) / self.tolerance)
 
     def rest(self, rows: np.ndarray, rests: np.ndarray) -> None:
-        """Have the strains of some worlds rest, and those of the others go on; rests [row]."""
+        """Hold the strains of some worlds, and release the others; rests [row]."""
         moves = self.driven(rows) & ~rests[:, None]
         speed = np.where(moves, self._steering.strain_speed[rows], 0.0)
         self._steering.set(rows, is_driven=moves, strain_speed=speed)

@@ -32,10 +32,10 @@ class CountedForces:
 
 
 class RepeatGrid:
-    """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh (kernels/membrane_transfer.py)."""
+    """A grid of `cells` (2,) over a mesh, from `low` (2,) [m], each of size `cell` (2,) [m] (kernels/membrane_transfer.py)."""
 
     def __init__(self, model: Model, low: np.ndarray, cell: np.ndarray, cells: np.ndarray, *sources: object) -> None:
-        """sources: of the arrays of the mesh by name, those of `RepeatArrays` at least."""
+        """sources: arrays of the mesh by name, at least `RepeatArrays`."""
         self.model, self._sources = model, sources
         self.grid = Grid()
         self.grid.low, self.grid.cell, self.grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
@@ -47,7 +47,7 @@ class RepeatGrid:
         self._displacement.assign(displacement)
 
     def add_to_nodes(self, value: wp.array, name: str, response: Response, wire_scale: wp.array, scale: float = 1.0) -> None:
-        """Add `scale` times `wire_scale` [wire] times what the grid changes in a field to its value [node]."""
+        """Add `scale` times `wire_scale` [wire] times a grid's change of a field to its value [node]."""
         bind(
             spread_to_nodes, node_threads(self.model.panel), *self._sources, response, grid=self.grid,
             displacement=self._displacement, direction=DIRECTIONS.get(name, -1), cell=response.of(name),
@@ -65,7 +65,7 @@ class RepeatGrid:
         per_body: int = 1,
         is_positive: bool = False,
     ) -> None:
-        """The same for a field of bodies, or of their pairs, two `per_body`."""
+        """The same for a field of bodies, or of their pairs: two `per_body`."""
         bodies = self.model.panel.body_count
         if not bodies:
             return

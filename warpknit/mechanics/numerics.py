@@ -1,4 +1,4 @@
-"""Solver constants of every model, damping, the pace of loads, and the number of threads."""
+"""Solver constants of all models, damping, load throttle, and number of threads."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LOOK_AHEAD = 0.12  # steps; stable up to 4/(1 + 2 LOOK_AHEAD) of the unit-step m
 MASS_MARGIN = 1.5  # fictitious masses over the smallest ones stable at unit step without look-ahead
 FIRST_DAMPING = 0.02  # [1/s]
 FASTEST_DAMPING = 0.2  # [1/s]
-FOLLOWED_INCREMENT = 0.015  # of the strain in space, in which a tricot follows its path that leaves it in increments of 2.7 %
+FOLLOWED_INCREMENT = 0.015  # of the strain in the spatial model; a tricot leaves its load path in increments of 2.7 %
 SLOWEST_WAVE = 3.0  # loops of wire: longer bending waves stay overdamped, as they carry almost no force
 TURN_ALLOWANCE = 0.3  # [rad] allowance for turns sharpened by the load, in fictitious masses
 SPEED_SHARE = 0.05  # of a node spacing: largest displacement a step
@@ -36,11 +36,11 @@ AXIAL_ERROR = 2e-5  # allowed error of the axial strain of a softened segment
 # about twice the rms; among many thousands, some next to a clamp are still larger while nothing else changes
 TYPICAL_ALLOWANCE, OUTLIER_ALLOWANCE = 0.5, 5.0
 
-# --- pace at which a load or a correction is applied
+# --- throttle at which a load or a correction is applied
 # overlaps of wires, of the thickness
 MAX_OVERLAP = 0.5  # above it they may pass through each other
-DEEP, SHALLOW = 0.25, 0.125  # above the first one the pace is halved, below the second one it is doubled again
-LEAST_PACE = 0.125
+DEEP, SHALLOW = 0.25, 0.125  # above the first one the throttle is halved, below the second one it is doubled again
+LEAST_THROTTLE = 0.125
 
 # --- nodes
 FEWEST_NODES = 12  # a loop: the tension error of the double atlas cell is 9 % at 8 nodes, 1 % at 12
@@ -73,13 +73,13 @@ def slowest_damping(bending_stiffness: float, wave_length: float, spacing: float
     return 2.0 * math.sqrt(bending_stiffness * wave_number**4 * spacing / mass)
 
 
-def renewed_pace(pace: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """Share of its usual increments in which a load is applied, at most 1: less while wires overlap deeply.
+def renewed_throttle(throttle: np.ndarray, overlap: np.ndarray) -> np.ndarray:
+    """Share of the usual increments of a load, at most 1; less while wires overlap deeply.
 
     overlap: the deepest since the last renewal, over the thickness of the wires.
     """
-    faster = np.where(overlap < SHALLOW, np.minimum(2.0 * pace, 1.0), pace)
-    return np.where(overlap > DEEP, np.maximum(0.5 * pace, LEAST_PACE), faster)
+    faster = np.where(overlap < SHALLOW, np.minimum(2.0 * throttle, 1.0), throttle)
+    return np.where(overlap > DEEP, np.maximum(0.5 * throttle, LEAST_THROTTLE), faster)
 
 
 def renewed_damping(damping: np.ndarray, force: np.ndarray, moved: np.ndarray, slowest: float) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 Edges and corners need many steps, independent of the size of the mesh. A large mesh therefore has a hierarchy of smaller ones,
 solved first, whose fields are transferred to the large one (kernels/prolong.py). On a rectangle the repeats within RIM of an edge
-are copied one to one, the interior is stretched; the fields replace those of the large mesh, since contacts close together only
-where wires lie as on the smaller mesh, and either may have settled at an earlier load in another of many nearly equal states. The
-smallest mesh of a periodic tile is one repeat. So is that of a mesh with another outline, where the change is tapered towards the
-edge. One repeat does not know of edges: its change is added.
+are copied one to one, and the interior is stretched. The fields replace the fields of the large mesh: contacts close together
+only where wires lie as on the smaller mesh, and either mesh may be in another of many nearly equal states.
+The smallest mesh of a periodic tile is one repeat, and so is the smallest mesh of another outline, where the change is tapered
+towards the edge. One repeat has no edges: its change is added.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ FADED = 1.5  # loops of wire from a clamp over which the change is tapered
 
 
 class RepeatProlongation:
-    """Adds fields of a small mesh, or their changes, to those of a large one."""
+    """Adds fields of a small mesh, or their changes, to a large one."""
 
     def __init__(self, large: Model, small: Model, *sources: object) -> None:
-        """sources: of the arrays of the large mesh by name, those of `RepeatArrays` at least."""
+        """sources: arrays of the large mesh by name, at least `RepeatArrays`."""
         self.large, self.small = large, small.global_model
         self._sources = sources
         panel, table, device = large.panel, large.table, large.device
@@ -82,7 +82,7 @@ class RepeatProlongation:
 
     @cached_property
     def _of_bodies(self) -> dict[str, wp.array]:
-        """Arrays of the bodies of the large mesh, over all pairs of a body, also those of other ranks."""
+        """Arrays of the bodies of the large mesh, over pairs of all ranks."""
         panel, mesh = self.large.panel, self.large.global_model.panel
         first = mesh.wire_first[mesh.pair_wire]
         from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)
@@ -96,7 +96,7 @@ class RepeatProlongation:
         }
 
     def taken(self, now: dict[str, np.ndarray], last: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
-        """What the large mesh takes of fields of the small one: all, or their change; None where nothing has changed."""
+        """Transferred fields of the small mesh: whole, or their change; None without a change."""
         if not any(np.any(now[name] != last[name]) for name in now):
             return None
         return now if self.replaces else {name: now[name] - last[name] for name in now}
@@ -112,7 +112,7 @@ class RepeatProlongation:
     ) -> None:
         """Add `scale` times `wire_scale` [wire] times the change of a field to its value [node].
 
-        change: of all fields of the nodes of the small mesh, by name; `x` and `y` are displacements in the plane.
+        change: of all fields of the nodes of the small mesh, by name; `x` and `y` are planar displacements.
         """
         bind(
             prolong_nodes, self._threads, *self._sources, response, m=self._meshes, **self._of_nodes, change_x=change["x"],
@@ -131,7 +131,7 @@ class RepeatProlongation:
         per_body: int = 1,
         is_positive: bool = False,
     ) -> None:
-        """The same for a field of bodies, `body_x` or `body_y`, or of their pairs, two `per_body`."""
+        """The same for a field of bodies, `body_x` or `body_y`, or of their pairs: two `per_body`."""
         bodies = self.large.panel.body_count
         if not bodies:
             return
@@ -142,9 +142,10 @@ class RepeatProlongation:
         ).run(self._device)  # fmt: skip
 
     def source_of_blocks(self) -> np.ndarray:
-        """[block] node of the small mesh that is the source of the middle node of each block; -1 without one.
+        """Source node, on the small mesh, of the middle node of each block [block]; -1 without one.
 
-        By a shift that is linear from the rim on: beside it up to a repeat off that of kernels/prolong.py."""
+        The shift is linear from the rim on; beside it, kernels/prolong.py differs by up to a repeat.
+        """
         panel, table = self.large.panel, self.large.table
         thread = panel.wire_thread[panel.block_wire]
         entry = panel.block_table + panel.block_count // 2

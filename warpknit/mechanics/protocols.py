@@ -1,4 +1,4 @@
-"""The protocols by which the engine loads, steps, checks and records a model.
+"""Protocols of a model, by which the engine loads, steps, checks and records it.
 
 `Model` is constant, a state moves, `Mechanics` loads and observes one world. A `Group` steps and checks worlds, one or many
 side by side.
@@ -26,7 +26,7 @@ class Model(MeshModel, Protocol):
 
     @property
     def bodies(self) -> np.ndarray:
-        """[body] index in the mesh of all ranks; `panel` is that of the strip of this rank."""
+        """Index of each body [body] in the mesh of all ranks; `panel` is the strip of this rank."""
 
     @property
     def softening(self) -> float:
@@ -42,7 +42,7 @@ class Model(MeshModel, Protocol):
 
     @property
     def limited_by(self) -> str:
-        """What limits the time step."""
+        """Limit of the time step, in words."""
 
     @property
     def loading_time(self) -> float:
@@ -93,7 +93,7 @@ class Mechanics(Protocol):
 
     @property
     def group(self) -> Any:
-        """The group of which this is a world."""
+        """The group of this world."""
 
     @property
     def rows(self) -> np.ndarray:
@@ -117,17 +117,17 @@ class Mechanics(Protocol):
     # --- loads
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
-        """Apply a load over so many steps, smoothly or `evenly`; at once with 0 steps."""
+        """Apply a load over `steps` steps, smoothly or `evenly`; at once with 0 steps."""
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         """Steps over which the load of a level is applied."""
 
     @property
     def release_parts(self) -> int:
-        """Equilibria before the first record in which the natural shape is applied (`wire.set_fraction`, or that of a file)."""
+        """Number of increments of the natural shape before the first record (`wire.set_fraction`, or a file's)."""
 
     def release(self, begin: float, end: float) -> None:
-        """Apply it from one share to another: natural curvature and twist go from those as knitted to those of the scene."""
+        """Apply the natural curvature and twist from one share to another: 0 as knitted, 1 as in the scene."""
 
     def predict(self, ratio: float) -> None:
         """Extrapolate the state by `ratio` times its last increment, and store it; set velocities to zero."""
@@ -158,7 +158,7 @@ class Mechanics(Protocol):
         """Largest overlap of wires since the last call, over their thickness."""
 
     def deepest_overlap(self) -> str:
-        """Wires and place of the deepest overlap now, and the stiffness there if it is not that of the scene, in words."""
+        """Deepest overlap in words: wires, place, and a changed stiffness there."""
 
     def fastest(self) -> tuple[int, int]:
         """Wire and node of the largest speed."""
@@ -169,11 +169,11 @@ class Mechanics(Protocol):
         """Start a load level: reset the multiplier rates."""
 
     def begin_test(self, *, is_certain: bool) -> None:
-        """Test whether the next equilibrium is stable, where the model does, if the load has changed enough or `is_certain`."""
+        """Test the stability of the next equilibrium: after a sufficient change of load, or if `is_certain`."""
 
     @property
     def has_left(self) -> bool:
-        """Whether the mesh has left an equilibrium of this level that was not stable."""
+        """Whether the mesh has left an unstable equilibrium of this level."""
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
@@ -202,25 +202,25 @@ class Mechanics(Protocol):
 
     @property
     def owners(self) -> list[Owner]:
-        """What has variables of the mesh and its solver that outlast a step."""
+        """Owners of variables of mesh and solver that outlast a step."""
 
     # --- large meshes, which start from smaller ones and are corrected as membranes (solve/multilevel.py); `rim` is None
 
     def prolongation(self, smaller: Any) -> Any:
-        """Prolongation from a smaller mesh of the same knit, given by its mechanics, to this one.
+        """Prolongation to this mesh from the mechanics of a smaller one.
 
-        Its `carry(response)` adds what changed on the smaller mesh since the last time; `response`: of the cloth at the load. It
-        returns False where the larger mesh cannot take it, and keeps its state.
+        Its `carry(response)` adds the changes of the smaller mesh since the last call; `response`: of the cloth at the load. It
+        returns False, without a change, where the larger mesh cannot take them.
         """
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> Any:
-        """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], which balances the mesh as a membrane.
+        """Grid that balances the mesh as a membrane: `cells` (2,) from `low` (2,) [m], each of size `cell` (2,) [m].
 
-        It has the largest strain of one correction `max_strain`, and the smallest displacement out of the plane that is worth one
-        `least_lift` [m]. `gather()` returns the out-of-balance forces (grid node, 2) [N] that the last convergence check found,
-        `gather_across()` those out of the plane [grid node] [N], None in a planar model. `spread(displacement, response)` moves
-        the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers, `spread_across(displacement)` out of its
-        plane [grid node] [m]; the clamps stay.
+        `max_strain` is the largest strain of one correction, `least_lift` [m] the smallest useful displacement out of the plane.
+        `gather()` returns the out-of-balance forces (grid node, 2) [N] of the last convergence check, `gather_across()` the
+        forces out of the plane [grid node] [N], None in a planar model. `spread(displacement, response)` moves the mesh with the
+        grid (grid node, 2) [m], its repeats by the response, `spread_across(displacement)` out of its plane [grid node] [m]; the
+        clamps stay.
         """
 
     def state_variables(self) -> dict[str, np.ndarray]:
@@ -236,10 +236,10 @@ class Mechanics(Protocol):
     # --- an edge that moves with the membrane
 
     def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
-        """Have the next load take the clamps from displacements (clamp, 2) [m] to others."""
+        """Set displacements (clamp, 2) [m] of clamps at start and end of the next load."""
 
     def clamp_forces(self) -> np.ndarray:
-        """(clamp, 2) [N] by which the wires pull at their clamps, as the last convergence check found them."""
+        """Forces (clamp, 2) [N] of the wires at their clamps, from the last convergence check."""
 
     def renew_damping(self) -> None:
         """Set the damping by the motion of the last steps."""

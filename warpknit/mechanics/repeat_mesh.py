@@ -14,7 +14,7 @@ from ..mesh.rest_table import Table
 
 @dataclass(frozen=True)
 class RepeatArrays:
-    """Blocks of the nodes of a panel and their rest places, on the device."""
+    """Blocks of nodes of a panel with their rest places, on the device."""
 
     block_first: wp.array  # [block] int
     block_count: wp.array

@@ -13,7 +13,7 @@ from .protocols import Mechanics
 
 STRAIN = 2e-3  # strain increment of the finite differences
 LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
-UNCERTAINTY = 2.0  # the same over a negative one, which in slack cloth tells how uncertain all are
+UNCERTAINTY = 2.0  # the same over a negative one: in slack cloth the uncertainty of all
 # nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
 # what describes its state (`Mechanics.state_variables`)
 CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
@@ -39,9 +39,9 @@ class Response:
 
 
 def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float, device: str) -> Response:
-    """Response of endless cloth at a load, by finite differences of equilibria of one repeat, the model `cell`.
+    """Response of endless cloth at a load. By finite differences of equilibria of one repeat, the model `cell`.
 
-    device: of the mesh that responds, which may be another than that of the repeat.
+    device: of the mesh that responds; the repeat may have another.
 
     Raises `Diverged` where the repeat does not converge.
     """
@@ -73,7 +73,7 @@ def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperatu
 
 
 def zero_response(repeat: Mechanics, device: str) -> Response:
-    """A response of zero, of the cloth of one repeat, for a mesh on the device."""
+    """Zero response of one repeat, for a mesh on the device."""
     cell = repeat.model
     change = {
         name: wp.zeros((4, len(value)), dtype=wp.float64, device=device) for name, value in repeat.state_variables().items()
@@ -82,7 +82,7 @@ def zero_response(repeat: Mechanics, device: str) -> Response:
 
 
 def load_response(kept: dict[str, np.ndarray], cell: Any, device: str) -> Response:
-    """The response of the model `cell` from its `state_dict` in a checkpoint, for a mesh on the device."""
+    """Response of the model `cell` from its `state_dict`, for a mesh on the device."""
     values = {name.removeprefix(KEPT): value for name, value in kept.items() if name.startswith(KEPT)}
     tangent = values.pop("tangent")
     return Response(

@@ -47,7 +47,7 @@ class Worlds(ABC):
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Loads that are set within begin at its end, all worlds at once."""
+        """Start the loads set inside at the end: in all worlds at once."""
         self._waiting = {}
         try:
             yield
@@ -81,11 +81,11 @@ class Worlds(ABC):
 
     @abstractmethod
     def count_stress(self) -> None:
-        """Have steps add up their nominal stress from now on, for strains that tensions drive."""
+        """Let steps sum their nominal stress, for strains driven by tension."""
 
     @abstractmethod
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
-        """Step worlds until each has taken `last_step` [row] steps since its start, or is frozen."""
+        """Step worlds until each has taken `last_step` [row] steps, or is frozen."""
 
     @abstractmethod
     def search(self, rows: np.ndarray) -> None:
@@ -124,12 +124,12 @@ class Worlds(ABC):
 
     @abstractmethod
     def stress_at(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] the same under the present strains, which differ by little from those of the last evaluation."""
+        """The same (row, 2, 2) [N/m] under the present strains, which are close to the last evaluation."""
 
     @abstractmethod
     def stress_now(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2, 2) [N/m] the same in the state last evaluated."""
 
-    def settled_stress(self, rows: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] a stress that is at rest only where the strains of the meshes are, too."""
+    def converged_stress(self, rows: np.ndarray) -> np.ndarray:
+        """A stress (row, 2, 2) [N/m] that is constant only where the strains are, too."""
         return self.strains.settled(rows, self.stress(rows))

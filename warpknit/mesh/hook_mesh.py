@@ -40,8 +40,7 @@ HELD_BEYOND = 1  # nodes beyond each clamp, which stands at a node
 
 
 class Arc:
-    """Centre line of a wire by its arc length s [m], `before` [m] of which is below the lower clamp; it goes on as a circle
-    beyond either end."""
+    """Centre line of a wire by its arc length s [m]; `before` [m] is below the lower clamp. A circle continues both ends."""
 
     def __init__(self, hook: Hook, wire: int, before: float = 0.0) -> None:
         self.before = before
@@ -63,7 +62,7 @@ class Arc:
 
 
 def hook_table(hook: Hook, *, segments: int, set_fraction: float) -> Table:
-    """Rest data of both wires at `segments` even segments between the clamps, and a node beyond each."""
+    """Rest data of both wires with `segments` even segments between clamps; a node beyond each."""
     spacing = hook.length / segments
     nodes = segments + 1 + 2 * HELD_BEYOND
     lines = [Line(Arc(hook, wire, HELD_BEYOND * spacing), nodes, spacing) for wire in (LEFT, RIGHT)]
@@ -73,7 +72,7 @@ def hook_table(hook: Hook, *, segments: int, set_fraction: float) -> Table:
 def hook_panel(
     hook: Hook, table: Table, *, set_fraction: float, contact_node: int | None = None, target_share: float = 1.0
 ) -> Panel:
-    """Both wires, their clamps, and the body in the middle of the lens.
+    """Both wires with clamps, and the body in the middle of the lens.
 
     `contact_node`: node of the left wire where the body sits instead, of a single contact point; its target is the middle
     `target_share` of the right wire.
@@ -135,7 +134,7 @@ def hook_panel(
 
 
 def _segment_nearest(place: np.ndarray, body: np.ndarray) -> int:
-    """Node that starts the segment between clamps whose middle is nearest to `body` (2,) [m]; `place` (n, 2) [m]."""
+    """First node of the segment whose middle is nearest to `body` (2,) [m]; `place` (n, 2) [m]."""
     middle = 0.5 * (place[END_NODES : -END_NODES - 1] + place[END_NODES + 1 : -END_NODES])
     return int(np.argmin(np.linalg.norm(middle - body, axis=1))) + END_NODES
 
@@ -157,8 +156,8 @@ def _clamp_numbers(hook: Hook, table: Table, set_fraction: float) -> np.ndarray:
     return numbers
 
 
-ELASTIC_SLIP = 0.01  # diameters of the wire that a body on a plane gives way before it slips
-PINBALL = 4.0  # reaches behind its target at which a contact point is no longer taken to be in contact
+ELASTIC_SLIP = 0.01  # diameters of elastic slip of a body on a plane
+PINBALL = 4.0  # reaches behind its target beyond which a contact point is out of contact
 
 
 @dataclass(frozen=True)
@@ -180,8 +179,9 @@ class Treatment:
 
 
 def choose_treatment(scene: Scene, thickness: float, contact_stiffness: float = math.inf) -> Treatment:
-    """The treatment of a scene, with `thickness` [m] of the yarn where it touches and the contact penalty [N/m], than which a
-    plane holds a body no stiffer before it slips."""
+    """Treatment of a scene; `thickness` [m] of the yarn at contacts, contact penalty [N/m]. Before it slips, a plane holds a body
+    no stiffer than the penalty.
+    """
     contact = scene.contact
     reach = scene.model.body_radius + 0.5 * thickness
     spring = contact.spring_stiffness or 0.0

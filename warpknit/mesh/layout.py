@@ -28,7 +28,7 @@ def mesh_nodes(scene: Scene) -> int:
 
 
 def estimated_nodes(scene: Scene, cloth: Cloth) -> int:
-    """Estimated number of nodes, to refuse a mesh that does not fit in memory."""
+    """Estimated number of nodes, for the check of memory."""
     repeats = scene.knit.repeats[0] * scene.knit.repeats[1]
     if scene.model.boundary == "gripped":
         repeats = scene.panel.shape(scene.knit.size).area / np.prod(scene.knit.repeat)
@@ -42,9 +42,9 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
 
 
 def knit_scene(scene: Scene, device: str = "cpu") -> Cloth:
-    """One repeat of the scene's cloth, or all of it where loops differ; refuses (`MemoryNeeded`) a mesh that cannot fit on
-    the device before anything is laid out, and (`KnitError`) loops so far from the mean that they hook
-    otherwise."""
+    """One repeat of the scene's cloth; all of it where loops differ. Before layout it refuses a mesh that cannot fit on the
+    device (`MemoryNeeded`), and scattered loops that hook otherwise (`KnitError`).
+    """
     knit = scene.knit if scene.knit.scatter else scene.knit.even
     cloth = same_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
     refuse_large_mesh(scene, cloth, device)
@@ -71,8 +71,7 @@ def _size_of(scene: Scene) -> str:
 
 
 def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
-    """Nodes of one repeat of the scene's cloth, the mesh of its copies, and the length [m] of wire of a loop. Raises
-    `ModelError`."""
+    """Nodes of one repeat, the mesh of its copies, wire length of a loop [m]. Raises `ModelError`."""
     loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
     slack = SLIDE_ALLOWANCE * loop_length
     spacing = loop_length / scene.model.nodes_per_loop
@@ -93,22 +92,22 @@ def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
     return table, panel, loop_length
 
 
-RATIO = 3  # repeats of a mesh over those of the smaller one
+RATIO = 3  # repeats of a mesh over the smaller one
 LEAST = 8  # repeats of the smaller mesh, at least
 WORTH = 1.5  # ratio from which a smaller mesh pays
 
 
 def _smaller_side(repeats: int) -> int:
-    """A smaller number of repeats of the same parity, so that the middle of the mesh is the same."""
+    """A smaller number of repeats of the same parity, with the same middle."""
     fewer = -(-repeats // RATIO)
     return min(repeats, max(LEAST + repeats % 2, fewer + (fewer - repeats) % 2))
 
 
 def smaller_scene(scene: Scene) -> Scene | None:
-    """The scene of the smaller mesh, or None where the mesh is small enough, or none is like it.
+    """Scene of the smaller mesh; None for small meshes, or where none is similar.
 
-    A mesh of another outline than a rectangle starts from one repeat in the plane only: in space, where it fades out towards the
-    clamps, wires would pass through each other.
+    A mesh of another outline than a rectangle starts from one repeat in the planar model only. In the spatial model, where the
+    change fades out towards the clamps, wires would pass through each other.
     """
     repeats = scene.knit.repeats
     if scene.hook is not None or scene.wires is not None or scene.knit.scatter or scene.depends_on_path:
@@ -129,7 +128,7 @@ def smaller_scene(scene: Scene) -> Scene | None:
 
 
 def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
-    """The scene of a tile, or a gripped rectangle, of so many repeats, without loads that vary over the mesh."""
+    """Scene of a tile or gripped rectangle of these repeats. Without loads that vary over the mesh."""
     knit = replace(scene.knit, repeats=(columns, rows))
     return replace(scene, knit=knit, panel=PanelOptions(), stages=_plain_stages(scene))
 

@@ -138,7 +138,7 @@ class Panel:
     pair_high: np.ndarray  # [pair]
     pair_side: np.ndarray  # [pair] +1 | -1
     held_node: np.ndarray  # [held] sorted
-    held_lever: np.ndarray  # [held, 2] [m] rest position of the node less that of its clamp
+    held_lever: np.ndarray  # [held, 2] [m] rest position of the node relative to its clamp
     held_clamp: np.ndarray  # [held] clamp that holds it
     clamp_position: np.ndarray  # [clamp, 2] [m]
     rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
@@ -187,7 +187,7 @@ class _Bodies:
 
 
 def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float) -> _Bodies:
-    """All copies of the clasps whose lens lies whole on wires that are there, GRIP_CLEARANCE from any grip.
+    """Copies of clasps with the lens whole on wires, GRIP_CLEARANCE from grips.
 
     `slack` [m] is how far a contact may slide beyond its lens along the wire.
     """
@@ -230,7 +230,7 @@ def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float) ->
 
 
 def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
-    """Entries that a table needs before and behind a period [-], at the given node spacing [m]."""
+    """Entries of a table before and behind a period [-], at the given node spacing [m]."""
     spans = [arm.arc_high - arm.arc_low for clasp in cloth.clasps for arm in clasp.arms]
     reach = int(np.ceil((max(spans, default=0.0) + slack) / spacing))
     return max(BLOCK_SIZE + BLOCK_PAD, reach) + 6

@@ -122,10 +122,10 @@ def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _fit_rest_curve(centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float) -> tuple[np.ndarray, float]:
-    """Coefficients (nodes, CURVE_COEFFICIENTS) [-] of the rest curve of a period, and the largest miss [m] across it.
+    """Coefficients (nodes, CURVE_COEFFICIENTS) [-] of the rest curve of a period; largest deviation [m] across it.
 
-    The slope at the nodes is that of the centre line; what is missed between them is fitted at Gauss points, across the line
-    before along it: a point that is late on the line does not change the gap.
+    The slope at the nodes is the slope of the centre line. The deviation between them is fitted at Gauss points, across the line
+    before along it: a shift along the line does not change the gap.
     """
     k = np.arange(nodes)
     u = 0.5 * (leggauss(FIT_POINTS)[0] + 1.0)

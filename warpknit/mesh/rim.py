@@ -106,8 +106,9 @@ class Rim:
     # --- the cord ---
 
     def cord_forces(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (station, 2) [N] of the cord on its stations, displaced by `moved` (station, 2) [m] from the outline under the
-        deformation gradient (2, 2), and its tensions [N] behind each station."""
+        """Forces (station, 2) [N] and tensions [N] behind each station of the cord. Stations are displaced by `moved` (station,
+        2) [m] from the outline under the deformation gradient (2, 2).
+        """
         _, tension, unit = self._cord(gradient, moved)
         pull = tension[:, None] * unit
         return pull - np.roll(pull, 1, axis=0), tension
@@ -145,7 +146,7 @@ class Rim:
 
 
 def build_rim(panel: Panel, scene: Scene) -> Rim:
-    """Stations along the outline of a gripped panel, the net nodes among them.
+    """Stations along the outline of a gripped panel, including net nodes.
 
     Those on a cord are as far apart as the nodes of the grid of a membrane (membrane.py), others a repeat.
     Raises `ModelError` where the pitch leaves fewer than three net nodes.
@@ -174,7 +175,7 @@ def build_rim(panel: Panel, scene: Scene) -> Rim:
 
 
 def net_nodes(outline: Outline, pitch: float) -> tuple[int, float]:
-    """How many net nodes a pitch [m] gives, and how far the farthest neighbours are apart along the outline [m]."""
+    """Number of net nodes for a pitch [m], and largest distance along the outline [m]."""
     corners = _corners(outline)
     sides = np.diff(np.append(corners, corners[0] + outline.length))
     spans = np.maximum(1, np.round(sides / pitch))
@@ -182,7 +183,7 @@ def net_nodes(outline: Outline, pitch: float) -> tuple[int, float]:
 
 
 def _corners(outline: Outline) -> np.ndarray:
-    """Arc lengths [m] of the corners at which an outline turns by more than CORNER; of the first one where none does."""
+    """Arc lengths [m] of corners with turns above CORNER; else of the first corner."""
     edge, before = outline.edges, np.roll(outline.edges, 1, axis=0)
     turn = np.arctan2(before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0], np.sum(before * edge, axis=1))
     found = outline.arcs[np.abs(turn) > CORNER]

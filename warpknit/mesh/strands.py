@@ -60,7 +60,7 @@ def cut_cloth(cloth: Cloth, outline: Outline) -> Cut:
 
 
 def _crossings(curve: ThreadCurve, width: float, outline: Outline) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of the strands of a thread that meet the outline, and the arc lengths [m] at which they do."""
+    """Columns of the strands of a thread that meet the outline; arc lengths [m] there."""
     (x_low, x_high), (y_low, y_high) = curve.reach
     columns, arcs = [], []
     for corner, edge, length in zip(outline.corners, outline.edges, outline.lengths, strict=True):
@@ -122,7 +122,7 @@ class Strands:
     arc_end: np.ndarray  # [wire] [m]
 
     def wire(self, thread: np.ndarray, column: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Wire (...) that holds the stretch from arc `low` to `high` [m] of strands (thread, column), -1 where none does."""
+        """Wire (...) with the segment from arc `low` to `high` [m] of strands (thread, column); else -1."""
         if self.closed:
             return np.mod(column, len(self.columns)) * (self.thread.max() + 1) + thread
         # wires and stretches on one line: strand after strand, farther apart than any strand is long

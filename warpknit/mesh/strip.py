@@ -26,7 +26,7 @@ class Neighbour:
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of one rank. `panel` is that of the strip, in which a foreign pair has the wire -1."""
+    """Strip of one rank. In its `panel`, a foreign pair has the wire -1."""
 
     panel: Panel
     whole: Panel
@@ -40,13 +40,13 @@ class Strip:
 
 
 def even_shares(wire_first: np.ndarray, wire_count: np.ndarray, parts: int) -> np.ndarray:
-    """First wire of each part, and the number of wires behind them (parts + 1,): about as many nodes for each."""
+    """First wire of each part, then the number of wires (parts + 1,); similar numbers of nodes."""
     middle = wire_first + 0.5 * wire_count
     return np.asarray(np.searchsorted(middle, wire_count.sum() * np.arange(parts + 1) / parts))
 
 
 def wires_of_ranks(panel: Panel, ranks: int) -> np.ndarray:
-    """First wire of each rank, and the number of wires behind them (ranks + 1,): about as many nodes for each.
+    """First wire of each rank, then the number of wires (ranks + 1,); similar numbers of nodes.
 
     Raises `ModelError` where there are fewer wires than ranks.
     """
@@ -95,7 +95,7 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
 
 
 def panel_of(panel: Panel, wires: np.ndarray) -> Panel:
-    """Some wires of a panel, in rising order, with their clamps and without bodies."""
+    """Some wires of a panel, in rising order, with clamps and without bodies."""
     count, first_node = panel.wire_count[wires], panel.wire_first[wires]
     first = np.cumsum(count) - count
     number = np.full(len(panel.wire_first), -1)
@@ -130,7 +130,7 @@ def _taken(part: Panel, panel: Panel, index: np.ndarray, *names: str) -> Panel:
 
 
 def _neighbours(rank: int, body: np.ndarray, rank_of_pair: np.ndarray) -> tuple[Neighbour, ...]:
-    """Neighbours that share the bodies (body,) of a strip, from the ranks (body, 2) of their pairs."""
+    """Neighbours with shared bodies (body,) of a strip, from the ranks (body, 2) of their pairs."""
     found = []
     order = np.argsort(body)  # the order in the whole mesh is the same for both sides
     other = rank_of_pair.max(axis=1) + rank_of_pair.min(axis=1) - rank

@@ -45,7 +45,7 @@ class ThreadCurve:
 
     @cached_property
     def reach(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Weft and warp positions [m], lowest and highest, that the first period does not leave."""
+        """Lowest and highest weft and warp positions [m] of the first period."""
         room = self.length / len(self._spline.x)
         bounds = []
         for coordinate in (self._x, self._y):
@@ -69,7 +69,7 @@ class Across:
         self._high = np.maximum(at_knots[:-1], at_knots[1:]) + step
 
     def arcs(self, level: float) -> np.ndarray:
-        """Arc lengths [m] in the first period at which the coordinate is `level` [m], ascending."""
+        """Rising arc lengths [m] in the first period where the coordinate is `level` [m]."""
         near = (self._low <= level) & (level <= self._high)
         edges = np.flatnonzero(np.diff(near.astype(np.int8), prepend=0, append=0))
         found = [np.zeros(0)]

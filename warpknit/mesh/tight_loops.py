@@ -1,11 +1,11 @@
-"""Whether the loops of a knit are tight: wires in space touch long before the lenses of the planar model close.
+"""Tight loops: round wires touch long before the lenses of the planar model close.
 
 The share of the planar approach at the first touch is 0.88 on the double atlas cell, 0.44 on a single atlas and 0.70 on a tricot
 (studies/condensation.md).
 
-A planar model lets two hooked wires come together until their lens is as wide as its bodies say. In space they pass over each
-other at one end of the lens and under at the other, and touch there first: the nearer the heights change, and the shorter the
-lens is against the wire, the wider it still is. Here one wire is moved towards the other as both are knitted, without bending.
+A planar model lets two hooked wires approach until their lens is as wide as its body. Spatial wires pass over each other at one
+end of the lens and under at the other, and touch there first: the more abrupt the change of height and the shorter the lens, the
+earlier. Here one wire is moved towards the other as both are knitted, without bending.
 """
 
 from __future__ import annotations
@@ -27,14 +27,18 @@ MOST_POINTS = 20_000  # of an arm: wires of a ten-thousandth of their loops
 
 
 def lens_widths(cloth: Cloth, diameter: float) -> NDArray[np.float64]:
-    """(clasp, 2) [m] plan distance of the two wires of each clasp as knitted, and where wires of a diameter [m] first touch;
-    one diameter, where they would slide past each other."""
+    """Plan distance of both wires of each clasp (clasp, 2) [m]: as knitted, and where wires of a diameter [m] first touch. One
+    diameter where they would slide past each other.
+    """
     return np.array([_widths(cloth, clasp, diameter) for clasp in cloth.clasps]).reshape(-1, 2)
 
 
-def way_left(cloth: Cloth, diameter: float, closing: float) -> float:
-    """The least share, over all clasps, of the way to a lens of the width `closing` [m] that wires in space have gone where they
-    first touch. Where none touch before, 1, or 0 if wires overlap in plan view as knitted."""
+def approach_at_touch(cloth: Cloth, diameter: float, closing: float) -> float:
+    """Share of the approach at the first touch, least over all clasps.
+
+    The approach ends at a lens of width `closing` [m]. 1 without touch before; 0
+    if wires overlap in plan view as knitted.
+    """
     width, touching = lens_widths(cloth, diameter).T
     early = (touching > closing) & (width > touching)
     if not early.any() and np.any(width < diameter):
@@ -73,7 +77,7 @@ TIGHT = 0.8  # share of the planar approach at the first touch, below which loop
 
 
 def first_touch(scene: Scene) -> float:
-    """Share of the planar approach at which wires of the scene's knit first touch in space; 1: not before the lenses close.
+    """Share of the planar approach at which wires first touch; 1: not before the lenses close.
 
     Loops of the mean size stand for scattered ones. Raises `KnitError`.
     """
@@ -87,7 +91,7 @@ def is_tight(scene: Scene) -> bool:
 
 
 def tension_error(scene: Scene) -> float | None:
-    """[%] known error of tensions at the preset in force, of tight knits against the reference preset; None if unknown."""
+    """Known error of tensions of tight knits at the preset in force [%]; None if unknown. Relative to the reference preset."""
     name = scene.preset_in_force
     if name is None or not is_tight(scene):
         return scene.preset_error_percent
@@ -98,4 +102,4 @@ def tension_error(scene: Scene) -> float | None:
 def _first_touch(knit: Knit, thickness: float, closing: float) -> float:
     """`first_touch` of one repeat; lengths in [m]."""
     cloth = same_cloth(knit, thickness)  # with nested lenses as one, however many bodies they get
-    return way_left(cloth, thickness, closing)
+    return approach_at_touch(cloth, thickness, closing)

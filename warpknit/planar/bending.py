@@ -30,7 +30,7 @@ class BendingMoments:
 
 
 def bending_moments(r: HostState) -> BendingMoments:
-    """Moments at the nodes, and under the bodies of closed pairs in their order."""
+    """Moments at the nodes, and under bodies of closed pairs, in order."""
     model, panel = r.model, r.model.panel
     moment = r.moment + r.bow_moment
     pair = np.nonzero(r.pair_force > 0)[0]

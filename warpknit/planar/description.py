@@ -33,7 +33,7 @@ def accuracy(scene: Scene) -> str:
 
 
 def physics(model: Model, bodies: int) -> Iterator[str]:
-    """Physics that a mesh of so many bodies switches on and why, one sentence each."""
+    """Physics of a mesh with `bodies` bodies, one sentence each."""
     scene, wire = model.scene, model.scene.wire
     yield f"stretching: wires carry tension, EA = {engineering(wire.axial_stiffness, 'N')}"
     yield f"bending: wires resist a change of curvature, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
@@ -49,7 +49,7 @@ def physics(model: Model, bodies: int) -> Iterator[str]:
 
 
 def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
-    """Warning where bodies of a repeat have no room as knitted. Those of merged lenses do not count: they may move aside."""
+    """Warning where bodies of a repeat have no room as knitted. Merged lenses do not count: their bodies may move aside."""
     reach = 0.5 * scene.wire.thickness + scene.model.body_radius
     narrow = [clasp for clasp in repeat.clasps if clasp.lenses == 1 and sum(arm.clearance for arm in clasp.arms) < 2.0 * reach]
     if narrow:

@@ -103,7 +103,7 @@ def upload_rest(table: Table, precision: Precision, numerics: Numerics, bending_
 
 
 def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device: str, treatment: Treatment) -> MeshArrays:
-    """The index arrays of a panel, or of the strip of it that a rank holds."""
+    """Index arrays of a panel, or of the strip of a rank."""
 
     def index(a: np.ndarray) -> wp.array:
         return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
@@ -162,7 +162,7 @@ def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device:
 
 
 def _pairs_of_blocks(panel: Panel, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs that may act on the nodes of each block, in the order of their `number`: starts (block + 1,) and pairs.
+    """Pairs that may act on each block's nodes, in the order of `number`: starts (block + 1,) and pairs.
 
     A pair acts on the nodes from one before its first segment to two behind the start of its last; on a closed wire the
     range wraps around, so three copies of the wire are used and clipped.

@@ -1,4 +1,4 @@
-"""What a convergence check finds of worlds between steps: sums over nodes and pairs, the residual, and the damping.
+"""Convergence check of worlds: sums over nodes and pairs, residual, damping.
 
 They are summed on the device (kernels/sums.py, kernels/rayleigh.py); one row a wire and a few values are copied to the host.
 Records use the full state on the host (observables.read). The first axis of an array on the host counts worlds; `rows` are
@@ -33,7 +33,7 @@ from .model import Model
 from .step import Stepper
 from .world_step import WorldStepper
 
-ROUND_OFF_RMS = 3.0  # rms residual of round-off over that of an edge: 1.7 of its length, two edges a force
+ROUND_OFF_RMS = 3.0  # rms residual over an edge's round-off: 1.7 of its length, two edges a force
 ROUND_OFF_LARGEST = 4.0  # the same for the largest residual
 ROUND_OFF_SHARE = 0.1  # of the mean contact force: larger round-off needs double precision
 
@@ -99,7 +99,7 @@ class Diagnostics:
         return [evaluation(self.model, state, state.parity, self.of_nodes(stepper.world), stepper.blocks_of(part))]
 
     def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
-        """Stage of work: their sums, and those of the pairs."""
+        """Launches of the sums of wires and pairs."""
         sources, world = (self.model.rest, self.model.mesh, stepper.state, self.model.constants), stepper.world
         block, blocks = stepper.blocks_of(part)
         pair, pairs = stepper.team.share(self._pairs.shape[1], part)
@@ -145,7 +145,7 @@ class Diagnostics:
         )
 
     def _held_products(self, world: int) -> np.ndarray:
-        """(held, 2, 2) [N m] contributions of held nodes, which move with their clamp, to the stress times the area."""
+        """Contributions of held nodes (held, 2, 2) [N m] to the stress times the area; held nodes move with their clamp."""
         return np.einsum("ia,ib->iab", self._held_forces(world), self.model.panel.held_lever)
 
     def clamp_forces(self, world: int) -> np.ndarray:
@@ -174,7 +174,7 @@ class Diagnostics:
         return total
 
     def distance_from_chord(self, world: int) -> np.ndarray:
-        """[wire] [m] root mean square distance of the nodes of a wire from the straight line through its ends."""
+        """Rms distance of the nodes of a wire from its chord [wire] [m]."""
         model, state, panel, table = self.model, self.stepper.states[world], self.model.panel, self.model.table
         unit, now = model.precision.unit, state.parity
         ux, uy = state.node_ux[now], state.node_uy[now]
@@ -203,7 +203,7 @@ class Diagnostics:
 
 
 class SlowestMode:
-    """Damping near critical for the slowest active mode, by Rayleigh quotients of the change since the last check."""
+    """Damping near critical for the slowest active mode. By Rayleigh quotients of the change since the last check."""
 
     KEPT = ("_last",)
 

@@ -1,4 +1,4 @@
-"""The state of a planar mesh on the host, and what follows from it node by node.
+"""State of a planar mesh on the host, with derived values of nodes.
 
 `read_strip` copies what is needed to the host once; observables.py says what a mesh in this state shows.
 """
@@ -42,7 +42,7 @@ class HostState(Boundary):
     tension: np.ndarray  # [node] [N]
     wire_axial: np.ndarray  # [wire] [N] softened axial stiffness
     segment_force: np.ndarray  # [node, 2] [N] gradient of the energy by the edge (kernels/native/wire_forces.h)
-    moment: np.ndarray  # [node] [N m] bending moment: that of the turns, and what the slope of the moment adds (kernels/bend.py)
+    moment: np.ndarray  # [node] [N m] bending moment: of the turns, plus the slope of the moment (kernels/bend.py)
     bow_moment: np.ndarray  # [node] [N m] by which tension unbends arcs that keep their length (kernels/bend.py)
     turning: np.ndarray  # [node] [rad] turning angle less its natural value
     elastic: np.ndarray  # [node, or none without yield] [rad] part of it that is elastic
@@ -73,7 +73,7 @@ class HostState(Boundary):
         """[node] [rad] yield limit of the elastic turning."""
         return self.model.scene.wire.yield_curvature * self.hinge_length * self.length_factor
 
-    # rest data of the nodes: those of the table but next to clamps
+    # rest data of the nodes, from the table except next to clamps
 
     @property
     def natural_length(self) -> np.ndarray:
@@ -100,7 +100,7 @@ class HostState(Boundary):
 
     @property
     def _hinges_at_clamps(self) -> list[tuple[int, int, np.ndarray]]:
-        """End of the wire, 0 at the clamp or 1 at the next node, and those nodes [wire]."""
+        """Ends of the wire (0 at the clamp, 1 at the next node) with their nodes [wire]."""
         if not self.model.is_gripped:
             return []
         first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
@@ -108,7 +108,7 @@ class HostState(Boundary):
 
 
 def pair_levers(r: HostState, pairs: np.ndarray) -> np.ndarray:
-    """(pair, 4, 2) [m] rest position of the body of each of `pairs` less those of the four nodes that it acts on."""
+    """Rest positions of the bodies of `pairs` relative to their four nodes (pair, 4, 2) [m]."""
     model = r.model
     table, panel = model.table, model.panel
     body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
@@ -117,7 +117,7 @@ def pair_levers(r: HostState, pairs: np.ndarray) -> np.ndarray:
 
 
 def pair_distances(r: HostState, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """(pair, 4, 2) [m] position of the body of each of `pairs` less those of the four `nodes` (pair, 4) that it acts on."""
+    """Positions of the bodies of `pairs` relative to the `nodes` (pair, 4) (pair, 4, 2) [m]."""
     return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
 
 
@@ -127,7 +127,7 @@ def node_entries(model: Model) -> np.ndarray:
 
 
 def read_strip(model: Model, state: State) -> HostState:
-    """Evaluate the wires and copy the strip of this rank to the host."""
+    """Evaluate the wires, and copy the strip of this rank to the host."""
     names = ("tension", "turning", "force_x", "force_y", *OPTIONAL[1:])
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
     evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
@@ -179,7 +179,7 @@ def read_strip(model: Model, state: State) -> HostState:
 
 
 def joined(state: HostState) -> HostState:
-    """The state of the global mesh on the first rank; that of their strip on the others."""
+    """State of the global mesh on the first rank; the strip on the others."""
     model = state.model
     join = Join(model)
     first_node = 0 if model.strip is None else model.strip.nodes.start

@@ -5,8 +5,8 @@ from __future__ import annotations
 from .description import accuracy, contacts, limitations, overlaps_as_knitted, physics
 from .mechanics import PlanarWorlds as worlds
 from .model import build_model
+from .probe_settings import fine, reference, settings, varied
 from .state import initial_state
-from .trials import fine, reference, settings, varied
 
 __all__ = [
     "accuracy",

@@ -1,4 +1,4 @@
-"""Worlds of the planar model, and the mechanics of one of them (protocols: warpknit/mechanics/protocols.py)."""
+"""Worlds of the planar model, and the mechanics of one (warpknit/mechanics/protocols.py)."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ class PlanarMechanics:
         self.group.begin_load(self.world, load)
 
     def release(self, begin: float, end: float) -> None:
-        """Nothing: the natural curvature is that of `wire.set_fraction` from the start."""
+        """Nothing: `wire.set_fraction` sets the natural curvature from the start."""
 
     def rub(self, rubs: bool) -> None:
         """Nothing: as knitted no body pushes."""
@@ -286,7 +286,7 @@ class PlanarMechanics:
         return causes
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """Whether the load is that of the knitted mesh, and that mesh is free of stress."""
+        """Whether the load is zero and the knitted mesh is free of stress."""
         if not load.is_as_knitted(self.model.scene.wire.reference_temperature):
             return False
         self.stepper.evaluate_contact()
@@ -352,7 +352,7 @@ class PlanarMechanics:
 
 
 class HistoryVariables:
-    """Stick places of contacts, plastic turning of wires and anchors of bodies, updated at every equilibrium."""
+    """Stick places, plastic turning and anchors, updated at every equilibrium."""
 
     KEPT = ("dissipated",)
 
@@ -398,8 +398,8 @@ class HistoryVariables:
 def wire_thermal_strain(model: Model, temperature: float, gradient: tuple[float, float]) -> np.ndarray:
     """(wire, 2): relative excess of the length factor at the first node of each wire, and its increment a node.
 
-    The temperature [K] is that of the centre of the panel, its gradient [K/m] is along weft and warp at rest. Along a wire it
-    is interpolated linearly from end to end: the loops deviate from that by less than a stitch.
+    The temperature [K] is at the centre of the panel, its gradient [K/m] along weft and warp as knitted. Along a wire it is
+    interpolated linearly from end to end: the loops deviate from it by less than a stitch.
     """
     panel, table, wire = model.panel, model.table, model.scene.wire
     block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))

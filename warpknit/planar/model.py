@@ -29,7 +29,7 @@ from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.strip import Strip, cut_strip
-from ..mesh.tight_loops import TIGHT, first_touch, way_left
+from ..mesh.tight_loops import TIGHT, approach_at_touch, first_touch
 from ..results.finding import ResultWarning
 from ..results.frame import WireLayout, curve_parts
 from ..results.row import Row
@@ -39,12 +39,12 @@ from .numerics import choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
 SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
-NODES_AT_CLAMP = 3  # at either end of a wire, of which clamps may cut the wire that they stand for
+NODES_AT_CLAMP = 3  # at either end of a wire, which clamps may shorten
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Constants for kernels, in the precision of the run unless the kernel takes double."""
+    """Constants for kernels, in the run's precision unless the kernel takes double."""
 
     unit: Any  # [m] of one count of a coordinate
     gripped: int  # whether two clamps hold every wire
@@ -87,7 +87,7 @@ class Model:
 
     @cached_property
     def global_model(self) -> Model:
-        """The model of the global mesh on the host, for observables and results; its device arrays are of the strip."""
+        """Model of the global mesh on the host; its device arrays belong to the strip."""
         return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
 
     @property
@@ -164,7 +164,7 @@ class Model:
 
     @property
     def owned_bodies(self) -> int:
-        """Number of bodies, the first ones, that count in sums of this rank."""
+        """Number of the first bodies, which count in sums of this rank."""
         return self.panel.body_count if self.strip is None else self.strip.owned_bodies
 
     def layout(self) -> WireLayout:
@@ -189,17 +189,14 @@ class Model:
         return "wrinkle out of its plane"
 
     def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-        """Warnings where the planar model is not valid, one line each, the gravest first."""
+        """Warnings where the planar model is not valid, the gravest first."""
         if self.cloth is not None:
             yield from slid_wires(self.scene, rows)
             yield from tight_loops(self.scene, self.cloth)
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> Model:
-    """Build and upload the model of a scene, of this rank's strip where several `ranks` share it.
-
-    Raises `ModelError`, `MemoryNeeded`, `KnitError`.
-    """
+    """Build and upload the model of a scene, or this rank's strip of it. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
     start_warp()
     if scene.hook is not None:
         return _build_hook(scene, scene.hook, device)
@@ -307,11 +304,11 @@ def slid_wires(scene: Scene, rows: Sequence[Row]) -> Iterator[ResultWarning]:
 
 
 def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[ResultWarning]:
-    """Warning where wires in space touch long before the lenses of the plane close."""
+    """Warning where round wires touch long before planar lenses close."""
     share, loops = first_touch(scene), "Tight loops"
     if share >= TIGHT and scene.knit.scatter:
         wire, loops = scene.wire, "The tightest of the scattered loops"
-        share = way_left(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
+        share = approach_at_touch(cloth, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
     if share < TIGHT:
         yield ResultWarning(
             "W02",

@@ -1,4 +1,4 @@
-"""Augmented Lagrangian multipliers of a relaxation, which correct the errors of softening and contact penalty.
+"""Augmented Lagrangian multipliers of a relaxation, for errors of softening and penalty.
 
 The softening of a wire is bounded, so that its compliance in stretch stays small against that in bending. With nodes at an rms
 distance y from its chord, the compliance is about y^2/EI a length in bending and s/EA in stretch, so s is at most
@@ -100,7 +100,7 @@ class Multipliers:
         ]  # fmt: skip
 
     def _renew(self, rows: np.ndarray, axial: np.ndarray, penalty: np.ndarray, sums: Sums) -> None:
-        """Set new stiffnesses, and raise the fictitious masses where the step is unstable."""
+        """Set new stiffnesses, and raise fictitious masses where the step is unstable."""
         state = self.state
         before = np.asarray(fetch(state.wire_mass)[rows], dtype=np.float64)
         mass = self.rules.renewed_mass(before, axial, penalty, sums)
@@ -152,7 +152,7 @@ class MultiplierRules:
     ) -> np.ndarray:
         """Axial stiffness [row, wire] [N], raised where the softening is too large for the load.
 
-        Strains are those of the arc, as the chord of a straightening wire grows at any stiffness. Differences between
+        Strains are measured along the arc, because the chord of a straightening wire grows at any stiffness. Differences between
         neighbouring segments relax at once; the mean error of a wire is imposed by its ends.
         """
         imposed = sums.error_mean
@@ -193,7 +193,7 @@ class MultiplierRules:
         return ratio
 
     def renewed_mass(self, mass: np.ndarray, axial: np.ndarray, penalty: np.ndarray, sums: Sums) -> np.ndarray:
-        """Masses [row, wire] over those of the rest table, raised where `mass` is unstable."""
+        """Masses [row, wire] over the rest table, raised where `mass` is unstable."""
         model = self.model
         h, stiffness = float(model.table.spacing.min()), model.bending_stiffness
         stiffnesses = axial, stiffness, penalty[:, None], h

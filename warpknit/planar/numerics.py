@@ -21,7 +21,7 @@ CONTACT_TO_AXIAL = 0.25  # contact stiffness over the softened axial stiffness o
 CONTACT_SHARE = 1.0  # of the penalty in a fictitious mass: half of two pairs at one node
 HOOK_CONTACT = 100.0  # contact stiffness of two hooked wires in relax, over EI/R^3: large against the wires, small
 # enough for the convergence of a body on a soft spring
-BODY_MASS_SHARE = 0.5  # body mass over that of half a loop of wire, in a ramp (the paper: less than that)
+BODY_MASS_SHARE = 0.5  # body mass over half a loop of wire, in a ramp (the paper: less)
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def unit_step_mass(
     tension: np.ndarray | float = 0.0,
     contact_along: float = 0.0,
 ) -> np.ndarray:
-    """Node mass [kg] that is stable at a step of 1 s, for a softened EA [N], EI [N m2], a penalty [N/m] and a spacing [m].
+    """Node mass [kg] that is stable at a step of 1 s. Softened EA [N], EI [N m2], penalty [N/m], spacing [m].
 
     Along the wire the largest eigenvalue is a = 4 k (stretch), across it b = 80/3 EI/h^3 (bend), plus the terms of contact and
     of a tension T [N]: 4 T/h across, and unbending of arcs (kernels/bend.py). CONTACT_SHARE covers pairs of neighbouring bodies
@@ -115,6 +115,6 @@ def contact_along(scene: Scene) -> float:
 
 
 def sharpest_turn(table: Table) -> np.ndarray:
-    """Largest turning angle (entry,) [rad] at a node and its neighbours, with an allowance for the load."""
+    """Largest turning angle (entry,) [rad] at a node and its neighbours, with an allowance."""
     turn = np.abs(table.rest_angle)
     return np.maximum(turn, np.maximum(np.roll(turn, 1), np.roll(turn, -1))) + TURN_ALLOWANCE

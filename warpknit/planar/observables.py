@@ -33,8 +33,8 @@ class PlanarObservables(HostState):
 
     @cached_property
     def energies(self) -> Energies:
-        """T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair, and its elastic slip; kinetic
-        from the last step.
+        """Elastic, contact and kinetic energies: T^2 L/(2 EA) a segment, EI theta^2/(2 l) a node, (F - offset)^2/(2 k) a pair
+        with elastic slip; kinetic from the last step.
 
         A softened segment stores T^2 L s/(2 EA) unless its multiplier corrects the softening.
         """
@@ -191,7 +191,7 @@ class PlanarObservables(HostState):
         def place(entry: np.ndarray) -> np.ndarray:
             return np.asarray(knitted[entry] + u[:, None] * towards[entry])
 
-        # [m] as knitted, in the repeat of the body, and in that of the wire
+        # [m] as knitted, in the repeat of the body and of the wire
         at_body = place(panel.pair_table[pairs] + self.pair_slide[pairs]) + panel.pair_shift[pairs]
         origin = np.repeat(panel.block_origin, panel.block_count, axis=0)[self.pair_node[pairs]]
         at_wire = place(self.entry[self.pair_node[pairs]]) + origin
@@ -240,7 +240,7 @@ class PlanarObservables(HostState):
 
     @cached_property
     def wire_stress(self) -> WireStress:
-        """[Pa] E (d/2) |M|/EI + |N| E/EA at the nodes, with the larger tension of the two segments there, and under bodies."""
+        """Stress E (d/2) |M|/EI + |N| E/EA [Pa] at nodes and under bodies. With the larger tension of both segments."""
         moments = bending_moments(self)
         before = np.roll(self.tension, 1)
         panel = self.model.panel

@@ -47,7 +47,7 @@ class State:
     node_vy: wp.array
     tension_offset: wp.array  # [node] [N] augmented Lagrangian multiplier of the segment to the next node
     wire_axial: wp.array  # [wire] [N] axial stiffness of the dynamics: EA over the softening
-    wire_mass: wp.array  # [wire] node masses over those of the rest table
+    wire_mass: wp.array  # [wire] node masses over the rest table
     slide_vy: wp.array  # [sliding clamp] [m/s]
     body_ux: wp.array  # [body] [counts]
     body_uy: wp.array
@@ -122,7 +122,7 @@ class State:
         return start + share * (self.clamp_to.numpy() - start)
 
     def move_clamps(self, start: np.ndarray, end: np.ndarray) -> None:
-        """Set displacements (clamp, 2) [m] of the clamps at start and end of the next ramp."""
+        """Set displacements (clamp, 2) [m] of clamps at start and end of the next ramp."""
         self.clamp_from.assign(np.ascontiguousarray(start))
         self.clamp_to.assign(np.ascontiguousarray(end))
 
@@ -136,7 +136,7 @@ class State:
 
 
 def _empty(shape: tuple[int, ...], like: wp.array) -> wp.array:
-    """An array without entries, of which Warp makes no view."""
+    """An empty array that is not a view (Warp makes none of it)."""
     return wp.empty(shape, dtype=like.dtype, device=like.device)
 
 
@@ -146,7 +146,7 @@ def initial_state(model: Model) -> State:
 
 
 def initial_worlds(model: Model, count: int) -> State:
-    """So many initial states: the world is the first axis of every array."""
+    """`count` initial states: the world is the first axis of every array."""
     real, coordinate, device = model.precision.real, model.precision.coordinate, model.device
     nodes, bodies, pairs = model.panel.node_count, model.panel.body_count, model.pair_count
     wires = len(model.panel.wire_first)

@@ -17,13 +17,13 @@ import warp as wp
 
 from ..compute.host import lanes
 from ..compute.launch import Launch, bind, fewer_rows, replay
-from ..compute.team import Pace, Team
+from ..compute.team import StepSharing, Team
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.bodies import BODY_BLOCK, step_bodies
 from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
 from ..kernels.contact_friction import add_friction
-from ..kernels.contact_node import follow_contact_node, lend_contact_force
+from ..kernels.contact_node import apply_contact_force, follow_contact_node
 from ..kernels.control import update_control
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
@@ -62,7 +62,7 @@ class Stepper:
         short = threads is None and self.threads > 1 and model.panel.node_count < LONG_STEP_NODES and model.strip is None
         self._alone = Stepper(model, state, threads=1, world=world) if short else None
         self._faster: Stepper = self
-        self._pace = Pace()
+        self._sharing = StepSharing()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
         self._runs: dict[tuple[Any, ...], list[Callable[[], None]]] = {}
 
@@ -72,7 +72,7 @@ class Stepper:
         return [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
 
     def count_stress(self) -> None:
-        """Have steps add up the nominal stress of the pairs from now on; that of the wires they have."""
+        """Let steps sum the nominal stress of the pairs; the wires have theirs."""
         if self.counts_stress:
             return
         self.counts_stress = True
@@ -86,10 +86,10 @@ class Stepper:
         if self._alone is None:
             self._take(count)
             return
-        shared, begin = self._pace.is_shared(), time.perf_counter()
+        shared, begin = self._sharing.is_shared(), time.perf_counter()
         self._faster = self if shared else self._alone
         self._faster._take(count)
-        self._pace.took(shared, (time.perf_counter() - begin) / max(1, count))
+        self._sharing.note_time(shared, (time.perf_counter() - begin) / max(1, count))
 
     def _take(self, count: int) -> None:
         for size in GRAPH_STEPS:
@@ -98,7 +98,7 @@ class Stepper:
             count %= size
 
     def _replay(self, steps: int, times: int) -> None:
-        """Replay graphs of so many steps in all threads, while the state does not freeze."""
+        """Replay graphs `times` times in all threads, until the state freezes."""
         state = self.state
         graphs = [self._graphs_of((state.parity + k * steps) % 2, steps) for k in range(times)]
         taken = self.team.replay(list(zip(*graphs, strict=True)), state.control)
@@ -130,7 +130,7 @@ class Stepper:
         faster.team.together(faster.work((contact_stage, *stages) if contact else stages))
 
     def work(self, stages: tuple[Stage, ...]) -> list[Callable[[], None]]:
-        """A function for each thread that does its part of stages of work at the present parity."""
+        """Functions for stages of work at the present parity, one a thread."""
         key = (stages, self.state.parity)
         if key not in self._runs:
             self._runs[key] = [replay(self._launches_of(stages, part), self.model.device) for part in range(self.threads)]
@@ -147,7 +147,7 @@ class Stepper:
             self.run(contact=True)
 
     def _contact_work(self, parity: int, part: int) -> list[Launch]:
-        """Launches of one part of the contact forces, with friction and the contact constraint."""
+        """Launches of one part of the contact forces, with friction and constraint."""
         model, state = self.model, self.state
         sources = (model.rest, model.mesh, state, model.constants)
         coordinates = {"ux": state.node_ux[parity], "uy": state.node_uy[parity]}
@@ -212,7 +212,7 @@ class Stepper:
     def wire_launch(
         self, now: int, first_block: int, blocks: int, vx: wp.array, vy: wp.array, ux_out: wp.array, uy_out: wp.array
     ) -> Launch:
-        """The step of `blocks` blocks of wires from the displacements of parity `now`; updates `vx`, `vy`."""
+        """Step of `blocks` blocks of wires from displacements of parity `now`; updates `vx`, `vy`."""
         model, state = self.model, self.state
         threads = lanes(WIRE_LANES, model.device)
         return bind(
@@ -251,11 +251,11 @@ def contact_launches(model: Model, state: State, part: int) -> list[Launch]:
     if treatment.contact_node is None or part > 0:
         return []
     pinball = wp.float64(treatment.pinball)
-    return [bind(lend_contact_force, model.panel.body_count, model.mesh, state, pinball=pinball)]
+    return [bind(apply_contact_force, model.panel.body_count, model.mesh, state, pinball=pinball)]
 
 
 def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[Launch]:
-    """The step of `blocks` blocks of bodies from `first` on, by the contact constraint."""
+    """Step of `blocks` blocks of bodies from `first`, by the contact constraint."""
     treatment = model.treatment
     if treatment.is_free:
         owned = slice(0, model.owned_bodies)

@@ -1,4 +1,4 @@
-"""The largest stable time step, by an upper bound on the highest frequency from the gradients of the strain measures.
+"""Largest stable time step, from an upper bound on the highest frequency. By gradients of the strain measures.
 
 Every term of the energy is k_e q_e^2/2 with a gradient g_e over the nodes it touches, so the stiffness is K = B^T B with the rows
 sqrt(k_e) g_e of B, and M^-1 K has the same largest eigenvalue as the Gram matrix
@@ -55,9 +55,8 @@ NEAR = 0.02  # of the reach of a contact: smaller gaps count as closed
 class Wires:
     """Square roots of the stiffnesses of the wires' terms, and their shape. A segment stands at the node that starts it.
 
-    At a node meet the segment that ends there and the one that starts there, with the tangents t', t and the normals n', n. The
-    stretches act along t' and t, the swings and the bends of the two neighbours across, along n' and n, and the node's own
-    bend along n'/h' + n/h.
+    At a node the previous segment and the next meet, with tangents t', t and normals n', n. The stretches act along t' and t. The
+    swings and the bends of the two neighbours act across, along n' and n, and the node's own bend along n'/h' + n/h.
     """
 
     before: np.ndarray  # [node] the node before, around closed wires
@@ -95,7 +94,7 @@ def frequency_square(host: HostState, approach: float = 0.0) -> float:
 
 
 def wire_terms(host: HostState) -> Wires:
-    """The terms of the wires, with the stiffnesses and masses of the run."""
+    """Terms of the wires, with stiffnesses and masses of the run."""
     model, panel = host.model, host.model.panel
     nodes = np.arange(panel.node_count)
     last = panel.wire_first + panel.wire_count - 1
@@ -126,7 +125,7 @@ def wire_terms(host: HostState) -> Wires:
 
 
 def near_contacts(host: HostState, approach: float) -> Contacts:
-    """Closed contacts with their nodal weights; contacts about to close with those of a smooth curve."""
+    """Closed contacts with nodal weights; contacts about to close with smooth-curve weights."""
     panel, control = host.model.panel, host.control
     closed = host.pair_force > 0.0
     # the gap of a sleeping pair is out of date; its remaining travel is a lower bound
@@ -147,7 +146,7 @@ def near_contacts(host: HostState, approach: float) -> Contacts:
 
 
 def _curve_weights(u: np.ndarray) -> np.ndarray:
-    """Weights (contact, 4) of the nodes in p(u) of kernels/contact.py, without the corrections of a table."""
+    """Weights (contact, 4) of the nodes in p(u) of kernels/contact.py, uncorrected."""
     h10, h01, h11 = hermite(u)
     return np.stack([-0.5 * h10, 1.0 - h01 - 0.5 * h11, h01 + 0.5 * h10, 0.5 * h11], axis=1)
 

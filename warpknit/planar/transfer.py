@@ -57,7 +57,7 @@ class Prolongation:
         return True
 
     def _follow_stiffness(self) -> None:
-        """Raise stiffness and mass of each wire to the largest of its source wires on the small mesh."""
+        """Raise stiffness and mass of each wire to the largest of its sources."""
         large, small = self.large.panel, self.small.global_model.panel
         join = Join(self.small, everywhere=True)
         source = self._repeats.source_of_blocks()
@@ -73,7 +73,7 @@ class Prolongation:
 
 
 class MembraneGrid:
-    """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh."""
+    """A grid of `cells` (2,) over a mesh, from `low` (2,) [m], each of size `cell` (2,) [m]."""
 
     max_strain = 0.02
     least_lift = 0.0

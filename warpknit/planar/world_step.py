@@ -86,7 +86,7 @@ class WorldStepper:
         ).record(model.device)  # fmt: skip
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
-        """Step worlds until each has taken `last_step` [row] steps since its start, or is frozen."""
+        """Step worlds until each has taken `last_step` [row] steps, or is frozen."""
         if not self.is_by_world:
             for row, last in zip(rows.tolist(), last_step.tolist(), strict=True):
                 self.steppers[row].step(int(last - self.states[row].steering.step))
@@ -105,7 +105,7 @@ class WorldStepper:
             self.states[row].parity = now
 
     def run(self, rows: np.ndarray, *stages: Stage, contact: bool = False) -> None:
-        """Run stages of work for worlds, with `contact` after the contact forces of their states; see `Stepper.run`."""
+        """Run stages of work for worlds, with `contact` after their contact forces; see `Stepper.run`."""
         if not self.is_by_world:
             for row in rows.tolist():
                 self.steppers[row].run(*stages, contact=contact)
@@ -115,7 +115,7 @@ class WorldStepper:
             self._team.each([work[row] for row in rows.tolist()])
 
     def probe(self, rows: np.ndarray, *stages: Stage) -> None:
-        """Find the accelerations f/m of worlds by a step that moves nothing, and go on with other stages of work."""
+        """Find the accelerations f/m of worlds by a step that moves nothing; continue with other stages."""
         control = self.state.control
         kept = fetch(control)[rows]
         self.state.steering.set(rows, **PROBING)

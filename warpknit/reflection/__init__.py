@@ -1,4 +1,4 @@
-"""Reflection of a plane wave by an endless mesh of thin round wires with an impedance at every contact.
+"""Reflection of a plane wave by an endless mesh of thin round wires. Contacts have an impedance.
 
 A recorded equilibrium (`repeat`) becomes branches of wire and contacts (`thin_wires`, `impedance`). A mixed-potential integral
 equation gives their currents (`green`, `currents`), and the currents give the waves that leave the mesh (`waves`). `frequencies`

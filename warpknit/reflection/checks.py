@@ -1,4 +1,4 @@
-"""What [reflection] of a scene asks for, and whether it can be solved."""
+"""Checks of [reflection] of a scene."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _largest_strains(scene: Scene) -> np.ndarray:
 
 
 def refuse_lobes(scene: Scene, cell: np.ndarray) -> None:
-    """Raise InputError for frequencies from which on a mesh with these periods (rows [m]) has grating lobes."""
+    """Raise InputError for frequencies with grating lobes; cell: periods (rows [m])."""
     options = scene.reflection
     assert options is not None
     limit, highest = first_lobe(cell, Angles(options.theta, options.phi)), max(options.frequencies)
@@ -77,7 +77,7 @@ def _loop_length(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class Size:
-    """How large the equation of one state is."""
+    """Size of the equation of one state."""
 
     branches: int
     needed: int  # [bytes]

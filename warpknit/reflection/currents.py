@@ -1,4 +1,4 @@
-"""Currents that a plane wave drives in a periodic mesh of thin wires, and the waves that they send out.
+"""Currents driven by a plane wave in a periodic mesh, and scattered waves.
 
 Mixed-potential integral equation of thin wires (Harrington, Field Computation by Moment Methods, 1968) in the circuit form of
 Ruehli (IEEE Trans. MTT 22 (1974) 216):
@@ -16,7 +16,7 @@ The part of G in `green` is Hermitian and stores energy. The waves that leave th
 
     R = k Z0 / (4 A kz) v^* v^T,      v = p . (integral of t exp(j k . r) along the pieces)
 
-so the power that the currents lose in R is that of the waves, and energy is conserved to round-off.
+so the power lost by the currents in R equals the power of the waves, and energy is conserved to round-off.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class MeshCurrents:
     def scattering(
         self, k: float, angles: Angles, stored: StoredEnergy, wire: complex, contacts: Sequence[np.ndarray]
     ) -> list[Scattering]:
-        """Waves from the mesh, with the matrices of `stored` at the same wave number and angles.
+        """Scattered waves, from the matrices `stored` at the same wave number and angles.
 
         wire: [Ohm/m] impedance of the wire. contacts: for each result the admittances [contact] [S]; 0 is open, inf perfect.
         The currents of the branches are eliminated once for all results.
@@ -133,7 +133,7 @@ class MeshCurrents:
         return np.asarray(vector * (np.exp(1j * middle @ wave) * np.sinc(vector @ wave / (2.0 * np.pi)))[:, None])
 
     def _spread(self, transverse: np.ndarray) -> _Spread:
-        """How currents spread over pieces, with a transverse wave vector (2,) [1/m]."""
+        """Spread of currents over pieces, with a transverse wave vector (2,) [1/m]."""
         return self._spread_with(transverse) if transverse.any() else self._spread_at_normal
 
     @cached_property
@@ -158,7 +158,7 @@ class MeshCurrents:
 
 @dataclass(frozen=True, eq=False)
 class _Spread:
-    """How currents spread over pieces."""
+    """Spread of currents over pieces."""
 
     charge: sparse.csr_array  # (piece, current) [1/m] charge per length times j w
     current: sparse.csr_array  # (piece, current) current in the middle of a piece
@@ -173,7 +173,7 @@ class _Leaving:
     is_specular: bool  # else in a lobe
     moment: np.ndarray  # (polarisation, current) [m]
     strength: float  # [Ohm/m2] k Z0 / (2 A kz): minus the amplitude over moment and current
-    power: float  # kz over that of the incident wave
+    power: float  # kz over the incident wave's
 
     @property
     def resistance(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Drawn curves of the wires of a periodic mesh, and the gaps between them."""
+"""Drawn curves of the wires of a periodic mesh, and their gaps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
 
 
 class Polyline:
-    """The drawn curve of one wire over a repeat, which goes on one closing further."""
+    """Drawn curve of one wire over a repeat; it continues a closing further."""
 
     def __init__(self, points: np.ndarray, closing: np.ndarray, cell: np.ndarray) -> None:
         """points: (point, 3) [m], the last one being the first of the next repeat; closing: (3,) [m] to it."""
@@ -80,7 +80,7 @@ def find_gaps(
 
 
 def _arc_between(share: Any, length: Any) -> Any:
-    """[m] shortest way along a wire between places a share of its length apart."""
+    """Shortest distance [m] along a wire between places a share of its length apart."""
     return abs((share + 0.5) % 1.0 - 0.5) * length
 
 
@@ -99,7 +99,7 @@ class _Segments:
         self.size = np.linalg.norm(self.end - self.begin, axis=1)
 
     def pairs(self, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pairs that may be nearer than `reach` [m], each once, and the periods (pair, 2) from the first to the second."""
+        """Pairs that may be nearer than `reach` [m], each once; periods (pair, 2) from first to second."""
         middle = 0.5 * (self.begin + self.end)
         home = np.floor(middle[:, :2] @ np.linalg.inv(self.cell)).astype(np.int64)
         inside = middle.copy()
@@ -136,7 +136,7 @@ class _Segments:
                 yield one, other, *(image + after - before).tolist()
 
     def _next(self, segment: int, step: int) -> tuple[int, np.ndarray]:
-        """The segment a step further along its wire, and the periods by which it is drawn away from there."""
+        """The segment a step further along its wire, and the periods between."""
         wire = self.wire[segment]
         low, high = self.start[wire], self.start[wire + 1]
         turns, place = divmod(segment - low + step, high - low)

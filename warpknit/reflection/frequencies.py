@@ -80,7 +80,7 @@ class _Band:
     def refined(
         self, exact: Callable[[float], StoredEnergy], waves: Callable[[float, StoredEnergy], list[Scattering]]
     ) -> tuple[_Band, float]:
-        """Twice as many intervals, and the largest error of waves between the points of this one."""
+        """Twice the intervals, and the largest error between the points of this one."""
         points = _points(self.points[0], self.points[-1], 2 * len(self.points) - 2)
         new = [exact(k) for k in points[1::2]]
         error = max(_difference(waves(k, self(k)), waves(k, one)) for k, one in zip(points[1::2], new, strict=True))
@@ -88,7 +88,7 @@ class _Band:
 
 
 def _points(low: float, high: float, intervals: int) -> list[float]:
-    """Chebyshev-Lobatto points; half as many intervals have every second one of them."""
+    """Chebyshev-Lobatto points; half the intervals have every second point."""
     return (0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * np.arange(intervals + 1) / intervals)).tolist()
 
 

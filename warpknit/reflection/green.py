@@ -1,4 +1,4 @@
-"""Green's function of a doubly periodic sheet, integrated over pairs of straight pieces of wire by Ewald's sum.
+"""Green's function of a doubly periodic sheet, integrated over pairs of straight pieces. By Ewald's sum.
 
 A source repeats at R = i cell[0] + j cell[1] with the phase exp(-j kt . R). Its potential is the sum over R of
 
@@ -84,7 +84,7 @@ class PieceKernel:
         return np.asarray(size * np.exp(-1j * phase))
 
     def _find_images(self) -> None:
-        """Pairs (first, second + image) within the range of the images, each once, and the static correction of neighbours.
+        """Find pairs (first, second + image) within range, each once, and static corrections of neighbours.
 
         The correction is the integral of 1/d less its value at the middles; the rest of the image term is smooth.
         """
@@ -128,7 +128,7 @@ class PieceKernel:
 
 
 def _modes(cell: np.ndarray, most: float) -> np.ndarray:
-    """(mode, 2) [1/m] vectors of the reciprocal lattice up to a length [1/m], and one more in each direction."""
+    """Reciprocal lattice vectors (mode, 2) [1/m] up to a length [1/m], and one more each way."""
     reciprocal = 2.0 * np.pi * np.linalg.inv(cell).T
     most = most + np.linalg.norm(reciprocal, axis=1).max()
     count = np.ceil(most * np.linalg.norm(cell, axis=1) / (2.0 * np.pi)).astype(int)
@@ -138,7 +138,7 @@ def _modes(cell: np.ndarray, most: float) -> np.ndarray:
 
 
 def _real_product(wave: np.ndarray, strength: np.ndarray) -> np.ndarray:
-    """sum over `_half_modes` and their opposites of strength wave wave^H, which is real."""
+    """Sum over `_half_modes` and their opposites of strength wave wave^H, which is real."""
     twice = np.concatenate([strength[:1], 2.0 * strength[1:]])
     return np.asarray((wave.real * twice) @ wave.real.T + (wave.imag * twice) @ wave.imag.T)
 
@@ -155,7 +155,7 @@ def _mode_term(u: np.ndarray, height: float, splitting: float) -> np.ndarray:
 
 
 def static_integral(p: np.ndarray, u: np.ndarray, q: np.ndarray, v: np.ndarray, radius: float) -> np.ndarray:
-    """[pair] [m] double integrals of 1/sqrt(|r - r'|^2 + radius^2) over pieces u and v (pair, 3) with the middles p and q.
+    """Double integrals [pair] [m] of 1/sqrt(|r - r'|^2 + radius^2). Over pieces u and v (pair, 3) with middles p and q.
 
     The inner integral is closed. The outer one is Gauss's rule on each half, with its points dense at the ends of the piece.
     """

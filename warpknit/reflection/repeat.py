@@ -2,7 +2,7 @@
 
 The drawn curve of each wire is divided at its contacts, and between them into branches of about equal length. Contacts of one
 wire within a diameter share a node. A gap below the radius between two wires that do not touch is a contact without force: a
-capacitor. Gaps are those of the spatial model; the planar model does not solve for heights.
+capacitor. Gaps come from the spatial model; the planar model does not solve for heights.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _curves(layout: WireLayout, frame: Frame, cell: np.ndarray) -> Iterator[Poly
 
 
 def _nearest_image(curves: Sequence[Polyline], places: Sequence[Meeting], cell: np.ndarray) -> np.ndarray:
-    """(place, 2) periods by which the second wire, as drawn, is moved to lie beside the first."""
+    """Periods (place, 2) that move the second wire, as drawn, beside the first."""
 
     def place(wire: int, share: float) -> np.ndarray:
         return curves[wire].at(np.array(share * curves[wire].length))
@@ -135,7 +135,7 @@ def _divided(curves: Sequence[Polyline], places: Sequence[Meeting], longest: flo
 
 
 def _polygon(curve: Polyline, begin: np.ndarray) -> np.ndarray:
-    """(corner, 3) [m] corners of straight pieces, two a branch, that are drawn at arcs `begin` [m].
+    """Corners (corner, 3) [m] of straight pieces, two a branch, at arcs `begin` [m].
 
     A chord of the length h is h^2 / 12 R inside a curve of the radius R in the mean. Corners lie outside by as much, so the
     inductance of loops converges with few branches.

@@ -73,11 +73,11 @@ class Reflected:
 
     @property
     def record(self) -> int:
-        """The record of the summary: the last one; of a map that of the least tension at the highest frequency."""
+        """Record of the summary: the last one; of a map, at the least tension and highest frequency."""
         return shown_record(self.rows, self.rows[-1].frequency_Hz, self.limit, self.is_map)
 
     def added_to(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """A summary with the section `reflection`, of that record, and with the least tensions among the answers."""
+        """A summary with the section `reflection`, and least tensions among the answers."""
         least = {"reflection": least_tensions(self.rows, self.limit)}
         losses = summary_of([row for row in self.rows if row.record == self.record])
         return summary | {"reflection": losses, "answers": (summary.get("answers") or {}) | least}
@@ -87,7 +87,7 @@ class Reflected:
 
 
 def states_of(directory: Path) -> list[LoadedMesh]:
-    """The recorded states of a finished run or map, without those whose file is missing.
+    """Recorded states of a finished run or map whose files exist.
 
     Raises RunDirectoryError for states without their contacts, of an earlier version.
     """
@@ -105,7 +105,7 @@ def states_of(directory: Path) -> list[LoadedMesh]:
 
 
 def _cells(directory: Path) -> Iterator[tuple[int, MapRow]]:
-    """The number of the state and the row of each load of a map, those of one mesh after the other."""
+    """State number and row of each load of a map, mesh by mesh."""
     whole = (directory / "map.csv", directory / "map_details.csv")
     place = {row.load: number for number, row in enumerate(read_map(*whole))}
     meshes = {int(path.stem.removeprefix("map_")): path for path in (directory / "variants").glob("map_*.csv")}
@@ -123,7 +123,7 @@ def _state(number: int, row: Row) -> LoadedMesh:
 
 
 def reflect(directory: Path, scene: Scene, progress: Display | None = None) -> Reflected:
-    """Solve the waves from all states in `directory`, which holds a finished run or map of `scene`, and write the results.
+    """Solve the waves from all states in `directory`, and write the results. It holds a finished run or map of `scene`.
 
     Raises InputError, RunDirectoryError, and KeyboardInterrupt, on which nothing is written.
     """
@@ -224,7 +224,7 @@ def state_waves(directory: Path, scene: Scene, record: int) -> list[list[Scatter
 
 
 def reflection_text(scene: Scene) -> str:
-    """What the waves from a state would take, for a plan. Raises as `options_of`."""
+    """Cost of the waves from a state, for a plan. Raises as `options_of`."""
     options, size = options_of(scene), Size.of(scene)
     count, workers = len(options.frequencies), worker_count(STARTED, size)
     waves = f"{count} frequenc{'y' if count == 1 else 'ies'} up to {engineering(options.frequencies[-1], 'Hz')}"
@@ -243,7 +243,7 @@ def read_findings(directory: Path, scene: Scene) -> list[Finding]:
 def _write(
     directory: Path, scene: Scene, states: Sequence[LoadedMesh], found: Mapping[int, list[list[Scattering]]], result: Reflected
 ) -> None:
-    """Write the table, the amplitudes, the section of the summary and the figures."""
+    """Write table, amplitudes, section of the summary and figures."""
     write_rows(directory / "reflection.csv", result.rows, COLUMNS)
     options = scene.reflection
     assert options is not None

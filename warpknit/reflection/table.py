@@ -16,7 +16,7 @@ from .waves import Angles, Scattering
 ROOM = 290.0  # [K] temperature of the wires, for their noise
 SIDES = ("te", "tm")
 NEAR_BEST = 0.02  # [dB] by which losses from the least tension on may differ
-SAME = 1e-3  # of a tension: a smaller difference is that of two searches for the same one
+SAME = 1e-3  # of a tension: two searches for the same tension differ by less
 SHOWN = 3  # frequencies in the table of a run
 
 
@@ -71,7 +71,7 @@ class LossRow(Values):
 
 
 class LeastTension(Values):
-    """The least tension that reflects as well as all greater ones up to the elastic limit; null without one."""
+    """Least tension that reflects as well as all greater ones; null without one. Up to the elastic limit."""
 
     frequency_Hz: float  # frequency of the wave
     tension_weft_N_per_m: float | None  # the least tension, by the mean of weft and warp, from which on the losses of all records
@@ -84,7 +84,7 @@ COLUMNS = tuple(LossRow.__annotations__)
 
 
 def loss_row(state: LoadedMesh, frequency: float, angles: Angles, contacts: str, found: Scattering) -> LossRow:
-    """The row of a state at a frequency [Hz] with contacts in a state."""
+    """Row of a state at a frequency [Hz], with contacts in a state."""
     lost = np.maximum(1.0 - found.reflected, 0.0)
     powers = {
         "transmitted": found.transmitted,
@@ -136,7 +136,7 @@ def least_tensions(rows: Sequence[LossRow], limit: float) -> list[LeastTension]:
 
 
 def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
-    """The row of the least tension from which on the loss stays within NEAR_BEST, of rows at one frequency.
+    """Row of the least tension with loss within NEAR_BEST from there on; rows at one frequency.
 
     Counted are rows with tension and a stress up to the limit [Pa]. The losses of those whose tensions in weft and warp are
     not smaller lie within NEAR_BEST of each other. One row alone shows nothing. None if there is no such tension.
@@ -151,18 +151,18 @@ def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
 
 
 def given_rows(rows: Sequence[LossRow], frequency: float) -> list[LossRow]:
-    """Rows at a frequency [Hz], in the first state of the contacts: as computed, or the one that was asked for."""
+    """Rows at a frequency [Hz] with contacts as computed, or as the scene sets."""
     return [row for row in rows if row.frequency_Hz == frequency and row.contacts == rows[0].contacts]
 
 
 def shown_record(rows: Sequence[LossRow], frequency: float, limit: float, is_map: bool) -> int:
-    """The last record; of a map that of the least tension at a frequency [Hz], where there is one."""
+    """The last record; of a map, at the least tension at a frequency [Hz]."""
     least = least_tension(given_rows(rows, frequency), limit) if is_map else None
     return int((least or rows[-1]).record)
 
 
 def shown_frequencies(rows: Sequence[LossRow]) -> list[float]:
-    """[Hz] all frequencies, or the first, the middle and the last of more than SHOWN."""
+    """All frequencies [Hz], or first, middle and last of more than SHOWN."""
     every = sorted({row.frequency_Hz for row in rows})
     return every if len(every) <= SHOWN else [every[0], every[len(every) // 2], every[-1]]
 

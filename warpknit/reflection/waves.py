@@ -80,7 +80,7 @@ def mode_decay(k: float, transverse: np.ndarray) -> np.ndarray:
 
 
 def polarisations(k: float, transverse: np.ndarray, direction: float, phi: float) -> np.ndarray:
-    """(2, 3) unit vectors of TE and TM of a wave that goes up or down; `phi` decides at normal incidence."""
+    """Unit vectors (2, 3) of TE and TM of a wave up or down; `phi` decides at normal incidence."""
     length = float(np.hypot(*transverse))
     x, y = (np.cos(phi), np.sin(phi)) if length < NORMAL * k else transverse / length
     te = np.array([-y, x, 0.0])
@@ -89,7 +89,7 @@ def polarisations(k: float, transverse: np.ndarray, direction: float, phi: float
 
 
 def first_lobe(cell: np.ndarray, angles: Angles) -> float:
-    """[Hz] frequency of the first Wood anomaly, from which on a mesh with these periods (rows [m]) has grating lobes.
+    """Frequency of the first Wood anomaly [Hz]: grating lobes begin there; cell: periods (rows [m]).
 
     A lobe g leaves where |kt + g| = k: k^2 cos^2(theta) - 2 k s . g - |g|^2 = 0 with kt = k s.
     """

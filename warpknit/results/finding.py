@@ -47,7 +47,7 @@ class ResultWarning:
 
     code: str  # W01, W02, ...: a kind of results/warning_kinds.py; empty where it was read from an older file
     text: str  # what is the case
-    advice: str | None = None  # what to do; None: that of its kind
+    advice: str | None = None  # what to do; None: the advice of its kind
 
     def __str__(self) -> str:
         advice = KINDS[self.code].advice if self.advice is None and self.code else self.advice

@@ -175,15 +175,15 @@ class Frame:
         body_active       [body]              whether both pairs are active
         deformation       [2, 2]              mean deformation gradient, of strains and shear
         between           [node, curve_parts - 1, 3] [m]  points of the drawn curve to the next node, relative to the node
-        elsewhere_position  [contact, 3] [m]  active contacts at no body; empty in the plane and in old files
+        elsewhere_position  [contact, 3] [m]  active contacts at no body; empty in planar models and old files
         elsewhere_force     [contact] [N]     their normal force
         elsewhere_wires     [contact, 2]      the wires that touch; twice the same where a wire touches itself
         contact_force     [place] [N]         active contacts of a periodic mesh; empty otherwise and in old files
         contact_wires     [place, 2]          the wires that touch
         contact_share     [place, 2]          where along each wire, in shares of its length from its first node
 
-    Nodes, wires and bodies are those of the `WireLayout` of the run. The number of contacts elsewhere differs from record to
-    record; on a periodic tile such a contact lies where its first wire is drawn, and its second may be an image.
+    Nodes, wires and bodies belong to the `WireLayout` of the run. The number of contacts between stitches differs from record to
+    record. On a periodic tile such a contact lies where its first wire is drawn; its second may be an image.
     """
 
     __repr__ = short_repr

@@ -90,11 +90,11 @@ class Row(Values):
     clamp_rotation: float  # rotation of the clamps [rad]
     clamp_rotation_rad: float  # rotation of the clamps
     temperature_K: float  # temperature of the mesh; the middle of a gradient
-    pairs: int  # pairs of wire and contact body; in space two for each site
+    pairs: int  # pairs of wire and contact body; spatial: two for each site
     active: int  # pairs closed with more than the threshold
     active_pairs: int  # pairs closed with more than the threshold
     active_percent: float  # share of the active pairs
-    bodies: int  # contact bodies; in space places where two wires hook, of wires from a file also where they cross or come near
+    bodies: int  # contact bodies; spatial: places where two wires hook, of wires from a file also where they cross or come near
     # each other
     active_bodies: int  # bodies both of whose pairs are active
     active_bodies_percent: float  # share of the bodies both of whose pairs are active
@@ -102,13 +102,13 @@ class Row(Values):
     at_reach_end: int  # active pairs whose contact has slid to the end of its range along the wire: not reliable
     force_max_N: float  # largest force of a pair, active or not: `contact_force_max_N` of history.csv
     force_mean_N: float  # mean force of the active pairs
-    contact_force_sum_N: float  # sum of the contact forces, in the tables of a trade; in space each twice, as pairs
+    contact_force_sum_N: float  # sum of the contact forces, in the tables of a trade; spatial: each twice, as pairs
     threshold_N: float  # force above which a pair is active, at least 1e-4 EI/W^2
-    near_bodies: int  # in space: sites whose wires are closer than 1.25 diameters
-    near_percent: float  # in space: share of the sites whose wires are closer than 1.25 diameters
-    elsewhere: int  # in space: active contacts outside these places, as between the stitches of a knit
-    contacts_elsewhere: int  # in space: active contacts outside these places
-    elsewhere_force_max_N: float  # in space: largest force of a contact outside these places
+    near_bodies: int  # spatial: sites whose wires are closer than 1.25 diameters
+    near_percent: float  # spatial: share of the sites whose wires are closer than 1.25 diameters
+    elsewhere: int  # spatial: active contacts outside these places, such as between the stitches of a knit
+    contacts_elsewhere: int  # spatial: active contacts outside these places
+    elsewhere_force_max_N: float  # spatial: largest force of a contact outside these places
     central_rhombus: Mapping[str, float]  # the counts of the bodies around the complete opening nearest to the centre
     tension_weft_N_per_m: float  # force per current width in weft
     tension_warp_N_per_m: float  # force per current width in warp
@@ -122,15 +122,15 @@ class Row(Values):
     stress_max_x_m: float  # place of the largest stress in weft, from the corner of the mesh
     stress_max_y_m: float  # place of the largest stress in warp, from the corner of the mesh
     stress_p99_Pa: float  # stress that 1 % of the wire exceeds, by length
-    shear_stress_max_Pa: float  # in space: largest shear stress of twist, G (d/2) times the change of twist
+    shear_stress_max_Pa: float  # spatial: largest shear stress of twist, G (d/2) times the change of twist
     yield_stress_Pa: float  # elastic limit of the wire
-    yield_stress_assumed: bool  # whether the elastic limit is that of the material, which the scene does not give
+    yield_stress_assumed: bool  # whether the elastic limit is the material's default, not given in the scene
     yield_fraction: float  # share of the wire, by length, whose stress is above the yield stress
     plastic_fraction: float  # with `wire.plastic`: share of the wire, by length, that has yielded in bending and keeps a set
     plastic_strain_max: float  # with `wire.plastic`: largest plastic strain of a fibre
     axial_strain_max: float  # largest T/EA of a segment
     slid_max_m: float  # largest difference between the mean displacements of two wires of a periodic tile
-    contact_force_max_N: float  # largest force of a pair, active or not; in space that of a site
+    contact_force_max_N: float  # largest force of a pair, active or not; spatial: of a site
     stress_interior_max_Pa: float  # largest stress away from the edges
     energy_stretch_J: float  # stored in stretch
     energy_bend_J: float  # stored in bending, and in twist
@@ -152,7 +152,7 @@ class Row(Values):
     length_factor: float  # 1 + alpha (T - T0) of the wires
     thermal_force_J: float  # derivative of the energy by the length factor
     areal_mass_kg_per_m2: float  # mass of wire per current area
-    thickness_m: float  # in space: from the lowest to the highest surface of the wires
+    thickness_m: float  # spatial: from the lowest to the highest surface of the wires
     displacement_m: float  # of the driven end of a hook
     drive_force_N: float  # force on the driven end of a hook
     force_left_N: float  # force between the body and the left wire of a hook

@@ -1,4 +1,4 @@
-"""What a run, a map, a trade or a report left in its directory; recorded states are read when they are asked for."""
+"""Results of a run, map, trade or report in its directory. States are read on use."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "z")  # weft, warp, normal
 PLACES = ("stage", "load_factor")  # columns that say where in the load history a record is
-# of a frame: dimensions after the record, and unit; contacts elsewhere have another number in each record
+# of a frame: dimensions after the record, and unit; the number of contacts between stitches varies
 FIELDS = {
     "node_position": (("node", "axis"), "m"),
     "node_stress": (("node",), "Pa"),
@@ -153,7 +153,7 @@ class Run:
         answers          of a report or a run, as in answers.json
         scene, card, fit, figures, directory, export(to)
     Pairs 2b and 2b + 1 belong to body b, where two wires hook each other. help(run.states[-1]) has all fields of a state,
-    help(run.layout) those of the layout.
+    help(run.layout) all fields of the layout.
     Everything but the summary is read when it is asked for. docs/scenes.md explains each value.
     """
 
@@ -209,12 +209,12 @@ class Run:
 
     @property
     def layout(self) -> WireLayout:
-        """Which nodes make a wire, which wires a body hooks, the class of a contact. Raises `RunDirectoryError` for a map."""
+        """Wires of nodes, wires of bodies, classes of contacts. Raises `RunDirectoryError` for a map."""
         return self._record.layout
 
     @property
     def _has_records(self) -> bool:
-        """Whether it is of a run that recorded a state, not of a map, a trade or a report."""
+        """Whether it has recorded states: a run, not a map, a trade or a report."""
         return "stages" in self.summary and ("history" in self.tables or (self.directory / "states").is_dir())
 
     @cached_property
@@ -249,7 +249,7 @@ class Run:
 
     @cached_property
     def fit(self) -> Tree | None:
-        """How a report fitted the scene to measured data (fit.json): factor, rms_error, notes; None where it did not."""
+        """Fit of the scene to measured data (fit.json): factor, rms_error, notes; or None."""
         path = self.directory / "fit.json"
         return _read_json(path) if path.is_file() else None
 
@@ -274,7 +274,7 @@ class Run:
             return export_run(self.directory, to)
 
     def view(self, *, host: str = "localhost", port: int = 8080) -> Viewer:
-        """Show the records in the browser, at `url` of what it returns and in a notebook below the cell, until its `stop()`.
+        """Show the records in the browser and in a notebook, until its `stop()`. The result has the `url`.
 
         port: the first free one from here on is taken. Needs the extra `view`. Raises `ExportError` for a map.
         """
@@ -305,7 +305,7 @@ class Run:
 
 
 def _smaller(picture: Path) -> bytes:
-    """A PNG file at twice the width that a notebook shows, in a few colours."""
+    """A PNG file at twice the width shown in a notebook, in few colours."""
     from PIL import Image  # of matplotlib
 
     data = io.BytesIO()
@@ -352,7 +352,7 @@ class Tables(Mapping[str, Table]):
 
 
 def load_run(out: str | os.PathLike[str]) -> Run:
-    """The results of a run, a map, a trade or a report in the directory `out`; also of one that diverged or was interrupted.
+    """Results of a run, map, trade or report in the directory `out`; also of an unfinished one.
 
         run = load_run("runs/atlas_cell")
         run.history["strain_weft"], run.history["tension_weft_N_per_m"]     # [record], [record] [N/m]

@@ -80,14 +80,14 @@ class Table(Mapping[str, np.ndarray]):
         run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")    # (warp, weft) [%]
         """
         if self[name].dtype.kind == "U":
-            raise InputError(f"grid: {name!r} is a column of words; name a column of numbers")
+            raise InputError(f"grid: {name!r} is a column of words; give a column of numbers")
         (y, row), (x, column) = (np.unique(self[by], return_inverse=True) for by in (rows, columns))
         values = np.full((len(y), len(x)), np.nan)
         values[row, column] = self[name]
         return values
 
     def to_xarray(self, *by: str) -> Any:
-        """An xarray.Dataset along `row`, or over the values of the columns `by`, which are its coordinates.
+        """An xarray.Dataset along `row`, or with the columns `by` as coordinates.
 
         `attrs["units"]` of each variable is the unit that ends its name (UNITS). Raises `MissingExtra` without xarray.
         """
@@ -129,7 +129,8 @@ def found(items: Mapping[str, Value], name: str) -> Value:
         return items[name]
     near = difflib.get_close_matches(str(name), items, n=3, cutoff=0.3)
     instead = f"use {either(list(islice(items, 3)))}" if items else "there are no names here"
-    raise KeyError(f"{name!r} is unknown; {f'the nearest: {chr(44).join(near)}' if near else instead}")
+    nearest = f"the nearest {'are' if len(near) > 1 else 'is'} {' and '.join(near)}"
+    raise KeyError(f"{name!r} is unknown; {nearest if near else instead}")
 
 
 def html_table(lines: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:

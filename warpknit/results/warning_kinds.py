@@ -35,7 +35,7 @@ KINDS = {
     "W02": WarningKind(
         INVALID,
         "Tight loops in the planar model",
-        "In a tight knit, wires touch in space long before the planar model closes their contact. Its tension is too small.",
+        "In a tight knit, wires touch long before the planar model closes their contact. Its tension is too small.",
         SPATIAL,
     ),
     "W03": WarningKind(
@@ -254,7 +254,7 @@ KINDS = {
     "W52": WarningKind(
         LIMITED,
         "Uncertain material card",
-        "The differences that give stiffness and expansion disagree. Contacts close or open, or the mesh snaps through, near"
+        "The differences that give stiffness and expansion disagree. Contacts close or open, or there is a snap-through, near"
         " this tension; with friction, the stiffness depends on the size of a cycle.",
         "Choose another --tension.",
     ),
@@ -289,13 +289,13 @@ KINDS = {
         "Use the linear card, MESH, near its tension.",
     ),
     "W58": WarningKind(
-        LIMITED, "States of a curve are missing", "These states did not converge.", "Use a finer solver.preset."
+        LIMITED, "States of a curve are missing", "These states did not converge.", 'Set solver.preset = "reference".'
     ),
     "W59": WarningKind(
         INVALID,
         "A small mesh fails",
         "`warpknit plan` runs a few steps of a small mesh of the scene, which do not converge.",
-        "Reduce the load, or use a finer solver.preset.",
+        'Reduce the load, or set solver.preset = "reference".',
     ),
     "W60": WarningKind(
         LIMITED,
@@ -308,5 +308,17 @@ KINDS = {
         "The mean is not known well enough",
         "The standard error of the means is above `variants.standard_error`.",
         "Raise variants.count or knit.repeats.",
+    ),
+    "W62": WarningKind(
+        INPUT, "All ranks on one GPU", "`--device` puts all ranks of `mpirun` on one GPU.", "Leave out --device to use all GPUs."
+    ),
+    "W63": WarningKind(
+        INPUT, "No checkpoint to resume", "`--resume` found no checkpoint, so a new run begins.", "Check --out."
+    ),
+    "W64": WarningKind(
+        INPUT, "A small mesh on ranks", "A small mesh is slower on several ranks than without `mpirun`.", "Run without mpirun."
+    ),
+    "W65": WarningKind(
+        INPUT, "A message of Warp", "Warp's library wrote this line at its start.", "See the documentation of Warp."
     ),
 }  # fmt: skip

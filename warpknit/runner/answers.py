@@ -1,10 +1,9 @@
-"""Answers to a designer's questions from the rows of a run: at which tension contacts close and the wire yields, what heat does,
-which tension is best and how far it may drift.
+"""Answers from the rows of a run: closing contacts, yield, heat, best tension.
 
-Answers are read off the records. What happens between two of them has the state of the second one, and both as its bounds. With
-`output.frames = "auto"` the two are within `output.load_tolerance` of the load. A class of contact closes where half of its pairs
-carry more than the threshold. The closing is the one that lasts up to the largest tension of a stage, of the records below first
-yield if there is one among them: wires in space may graze each other, and part again, long before they carry load there.
+Answers are read from the records. An event between two records has the state of the second one, and both as its bounds. With
+`output.frames = "auto"` the two are within `output.load_tolerance` of the load. A class of contacts closes where half of its
+pairs carry more than the threshold. Its closing lasts up to the largest tension of a load step, among the records below first
+yield if possible: spatial wires may graze each other and part again long before they carry load there.
 
 The best tension is found in best_tension.py. Tensions are known to a tolerance: smaller ones are zero.
 """
@@ -35,7 +34,7 @@ ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the tole
 
 
 class Closing(Event):
-    """The first record in which half of the pairs of a class carry more than the threshold."""
+    """First record in which half of a class's pairs exceed the threshold."""
 
     closed_percent: float  # share of its pairs that are closed in the second record of `between`
     first_touch: Row | None  # the record in which a class was closed before, and opened again; null without one
@@ -50,7 +49,7 @@ class ClosedRange(Values):
 
 
 class ClassAnswer(Values):
-    """How a class of contact closes."""
+    """Closing of a class of contacts."""
 
     name: str
     pairs: int
@@ -69,19 +68,19 @@ class Service(Values):
     state: Row | None
     resolved: bool  # false where the share is not the same in the records on both sides
     stage: str | None  # the stage of this state; null without one
-    jump: Sequence[Row] | None  # the records on both sides where the mesh jumps to another equilibrium at this tension, each with
+    jump: Sequence[Row] | None  # records on both sides of a snap-through to another equilibrium at this tension, each with
     # `active_percent`, in place of a state; null without one
     between: Sequence[Row] | None  # where it is not resolved, these two records, each with `active_percent`; null otherwise
     why: str  # why there is no share, or what limits it; left out otherwise
 
 
 class Heat(Values):
-    """What a change of temperature does. The values of HEATED are pairs: those at its begin and end."""
+    """Effects of a change of temperature. The values of HEATED are pairs, at begin and end."""
 
     stage: str
     held: Sequence[str]  # what it holds in weft and warp, `tension` or `strain` each
     peak: Row  # largest stress of its records, and the temperature there
-    jump: bool  # true where the mesh jumps to another equilibrium in the stage: between records of `jumps`
+    jump: bool  # whether the load step has a snap-through: between records of `jumps`
     jump_between: Sequence[Row] | None  # the records on both sides of the first of these jumps; null without one
 
 
@@ -101,7 +100,7 @@ class Answers(Values):
     # tension in both
     tension_tolerance_N_per_m: float  # smaller tensions are zero within the tolerance of the equilibria
     tension_error_percent: float | None  # known error of tensions at the preset: of tight knits against the reference preset, at
-    # nine of ten loads; else that of the double atlas mesh; null where it is not known
+    # nine of ten loads; else the error for the double atlas mesh; null where it is not known
     heat: Sequence[Heat]  # each stage that changes the temperature alone: values at its begin and end
     best: Best | None  # the state in the middle of the widest range of tension with the most active contacts, up to first yield,
     # with the largest stress, both away from the grips; what a single record alone shows does not count. Stages that go on
@@ -174,8 +173,9 @@ def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -
 
 
 def _closing_row(rows: Sequence[Row], closed: Sequence[bool], yields: int | None) -> int | None:
-    """The record from which a class stays closed up to the largest tension of a stage, first of those before the one that
-    `yields`; else the first in which it is closed."""
+    """Record from which a class stays closed to the load step's largest tension. Preferably before the record that
+    `yields`; else the first closed one.
+    """
     for known in (rows[:yields], rows):
         begin = 0
         for part in stages_of(known):
@@ -207,8 +207,8 @@ def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Clos
 
 
 def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | None]:
-    """The neighbouring rows between which the mean tension passes `tension` [N/m], first in each stage but for changes of
-    temperature behind the first passage; a row that has it, within the `error` of a tension, stands twice. One None without any.
+    """Neighbouring rows between which the mean tension passes `tension` [N/m]. First in each load step, without changes of
+    temperature after the first passage; a row within the `error` of a tension stands twice. One None without any.
     """
     slack = error * tension
     passages: list[Jump | None] = [(rows[0], rows[0])] if mean_tension(rows[0]) >= tension - slack else []
@@ -263,13 +263,13 @@ def _yielding_row(rows: Sequence[Row], limit: float, stress: str) -> int | None:
 
 
 def first_yield(run: Rows, limit: float, stress: str) -> Event | None:
-    """The first record whose `stress`, a column, is above the elastic limit [Pa], and the place; None if there is none."""
+    """First record whose `stress` column exceeds the elastic limit [Pa], with the place; or None."""
     k = _yielding_row(run.rows, limit, stress)
     return None if k is None else run.first(k).changed(**vars(_peak(run.rows[k])) | {"stress_max_Pa": run.rows[k][stress]})
 
 
 def _peak(row: Row) -> Row:
-    """Where the stress is largest, and how large."""
+    """Place and value of the largest stress."""
     return Row(stress_max_Pa=row.stress_max_Pa, **{name: row.get(name) for name in PEAK})
 
 

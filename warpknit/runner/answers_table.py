@@ -22,14 +22,14 @@ OPEN = "open"
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: it is shown too
 
 
-def answer_findings(answers: Answers, yield_stress: float, *, gave_up: bool = False) -> Iterator[Finding]:
+def answer_findings(answers: Answers, yield_stress: float, *, failed: bool = False) -> Iterator[Finding]:
     """The answers as rows.
 
-    yield_stress [Pa]: elastic limit of the wire. gave_up: the relaxation did not converge beyond the largest tension.
+    yield_stress [Pa]: elastic limit of the wire. failed: the relaxation did not converge beyond the largest tension.
     """
     answers = _without_scatter(answers, answers.tension_tolerance_N_per_m)
     reached = f"up to {_tension(answers.largest_tension)}"
-    if gave_up:
+    if failed:
         reached += ", beyond which the relaxation did not converge"
     of_mean = " (mean tension)" if " / " in _tension(answers.largest_tension) else ""
     yield Finding("classes closed", _classes(answers.contacts), sure=of_mean, short=True)
@@ -47,7 +47,7 @@ def answer_findings(answers: Answers, yield_stress: float, *, gave_up: bool = Fa
         yield Finding(f" {away}", f"none {reached}" if inner is None else _where(inner))
     for stage in answers.heat:
         yield from _heat(stage)
-    yield from _best(answers, gave_up)
+    yield from _best(answers, failed)
 
 
 def _classes(contacts: Sequence[ClassAnswer]) -> str:
@@ -84,7 +84,7 @@ def _mean(state: Row) -> str:
 
 
 def _service(point: Service, reached: str) -> str:
-    """The share of active contacts at a service tension; those of the records on both sides where they differ."""
+    """Share of active contacts at a service tension; of both records around it if they differ."""
     there, why = point.state, point.get("why", "")
     if sides := point.jump or point.get("between"):
         low, high = sides
@@ -104,7 +104,7 @@ def _inside(answers: Answers) -> str:
 
 
 def unreached_text(answers: Answers) -> str:
-    """How far a run that did not converge got, of the tension that it was asked for."""
+    """Largest converged tension of a run that failed, beside the requested one."""
     answers = _without_scatter(answers, answers.tension_tolerance_N_per_m)
     top, asked = answers.largest_tension, answers.asked_tension_N_per_m
     of_asked = "" if asked is None else f" of the {exact(asked, 'N/m')} that the scene asks for"
@@ -132,7 +132,7 @@ def _tension(state: Row, digits: int = 3) -> str:
 
 
 def _pair_of(state: Row) -> str:
-    """Strain of a state whose mean tension is known, after the tensions in weft and warp where they differ."""
+    """Strain of a state, after its weft and warp tensions if they differ."""
     tension = _tension(state)
     return f"mean of {tension}, {_strain(state)}" if " / " in tension else _strain(state)
 
@@ -157,7 +157,7 @@ def _closing(one: ClassAnswer, reached: str) -> str:
 
 
 def _pairs(one: ClassAnswer) -> str:
-    """Number of pairs of a class, with the share that closes where it does, and that at the end if it is another."""
+    """Number of pairs of a class; shares at closing and at the end, if they differ."""
     closes, pairs = one.closes, f"{one.pairs} pairs"
     if closes is None or closes.closed_percent == 100.0:
         return pairs
@@ -166,7 +166,7 @@ def _pairs(one: ClassAnswer) -> str:
 
 
 def _where(one: Event) -> str:
-    """The record in which something has happened; both records where they are far apart, or the mesh jumps between them."""
+    """Record of an event; both records if they are far apart, or around a snap-through."""
     low, high = one.between
     if one.resolved:
         return f"at {_tension(one)}, {_strain(one)}"
@@ -224,15 +224,15 @@ def _heat(stage: Heat) -> Iterator[Finding]:
 
 
 def _change(begin: Row, end: Row) -> str:
-    """Change of the strain in weft and warp, over one plus the strain before it, both to as many digits."""
+    """Change of the strain in weft and warp, over one plus the strain before; both with the same digits."""
     changes = [100.0 * (end[name] - begin[name]) / (1.0 + begin[name]) for name in ("strain_weft", "strain_warp")]
     digits = max(len(f"{change:.2g}".partition(".")[2]) for change in changes)
     return " / ".join(f"{change:+.{digits}f}" for change in changes) + " %"
 
 
-def _best(answers: Answers, gave_up: bool) -> Iterator[Finding]:
+def _best(answers: Answers, failed: bool) -> Iterator[Finding]:
     best = answers.best
-    is_short = gave_up and answers.first_yield_interior is None
+    is_short = failed and answers.first_yield_interior is None
     top = _tension(answers.largest_tension)
     unknown = f"; not known beyond {top}, where the relaxation did not converge" if is_short else ""
     if best is None:
@@ -242,13 +242,13 @@ def _best(answers: Answers, gave_up: bool) -> Iterator[Finding]:
     stage = f" in {best.stage!r}" if best.stages > 1 else ""
     found = f"{percent(0.01 * best.active_percent, 0)} active, {engineering(best.stress_max_Pa, 'Pa')}{away}"
     of_mean = " (mean)" if " / " in _tension(best) else ""
-    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, gave_up)}", short=True)
+    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, failed)}", short=True)
     share = f"stress{away} at {percent(best.stress_over_limit, 0)} of yield"
     ahead = ahead_texts(best, answers.first_yield_interior, best.next_jump, _inside(answers))
     yield Finding("  margin", "; ".join((share, *([_at_grips(answers, best)] if away else []), *ahead)))
     low, high = best.low, best.high
     if low == high:
-        more = f"; {'beyond it the relaxation did not converge' if gave_up else 'a larger load extends it'}" if best.grows else ""
+        more = f"; {'beyond it the relaxation did not converge' if failed else 'a larger load extends it'}" if best.grows else ""
         yield Finding("  valid", f"in one record, {_tension(best)}{more}{unknown}")
         return
     lowest, highest = (
@@ -259,35 +259,35 @@ def _best(answers: Answers, gave_up: bool) -> Iterator[Finding]:
     if best.open_low:
         lowest = f"{lowest}, the first record,"
     if best.open_high:
-        highest = f"{highest}, {'beyond which the relaxation did not converge' if gave_up else 'the end of the load'}"
+        highest = f"{highest}, {'beyond which the relaxation did not converge' if failed else 'the end of the load'}"
     snaps = "; ".join(between(*map(_tension, jump)) for jump in best.jumps)
     yield Finding("  valid", f"from {lowest} to {highest}{f'; snap-through {snaps}' if snaps else ''}{unknown}")
     error = answers.tension_error_percent
     nearest = min(abs(mean_tension(one) / mean_tension(best) - 1.0) for one in (low, high))
     if error is not None and nearest < 0.01 * error:
         yield Finding(
-            "  accuracy", f"tensions at this preset are within {error:g} %, more than this range: use a finer solver.preset"
+            "  accuracy", f"tensions at this preset are within {error:g} %, more than this range: set solver.preset = 'reference'"
         )
 
 
-def _validity(best: Best, gave_up: bool) -> str:
+def _validity(best: Best, failed: bool) -> str:
     """The range of tensions about the best one in few words."""
     if best.low != best.high:
         lowest = "at most " * best.open_low + _mean(best.low)
         return f"valid from {lowest} to {'at least ' * best.open_high}{_mean(best.high)}"
     if not best.grows:
         return "valid in one record only"
-    return "beyond it the relaxation did not converge" if gave_up else "a larger load may be better"
+    return "beyond it the relaxation did not converge" if failed else "a larger load may be better"
 
 
 def _sides(best: Best, name: str) -> str:
-    """The record beyond an end of the range of the best tension, which is not in it."""
+    """Record beyond an end of the range of the best tension."""
     tensions = [_tension(one) for one in best[f"{name}_between"]]
     return f"not {tensions[0] if name == 'low' else tensions[1]}{', a snap-through' if best[f'{name}_jump'] else ''}"
 
 
 def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None, inside: str = "") -> Iterator[str]:
-    """Distance in tension from a state to the next snap-through and to first yield, where they are above it.
+    """Tension up to the next snap-through and first yield, over a state's.
 
     jump: the states on both sides of that snap-through. inside: where the first yield is, in words.
     """
@@ -315,7 +315,7 @@ def _times(there: Row, here: Row) -> str:
 
 
 def _at_grips(answers: Answers, best: Best) -> str:
-    """Stress at the grips in the state of the best tension, and where the wire first yields there."""
+    """Stress at the grips at the best tension, and first yield there."""
     stress = f"{engineering(best.stress_with_grips_Pa, 'Pa')} at the grips"
     first_yield = answers.first_yield
     if first_yield is None or not _inside(answers):

@@ -1,4 +1,4 @@
-"""The best tension: the middle of the widest range of records with the most active contacts, and how far it may drift."""
+"""Best tension: middle of the widest range with the most active contacts."""
 
 from __future__ import annotations
 
@@ -18,14 +18,12 @@ SAME = 1e-9  # of a tension: round-off
 
 
 class Best(Row):
-    """The state of the best tension, and the range of records in which it may drift."""
+    """State of the best tension, and its range of records."""
 
-    low: (
-        Row  # the lower end of this range, in which at most one percentage point of contacts opens along the load; that of `best`
-    )
+    low: Row  # lower end of this range: at most one percentage point of contacts opens below `best`
     # where the range is a single record
     open_low: bool  # true where the records begin there
-    low_jump: bool  # true where the mesh jumps to another equilibrium between the records of `low_between`
+    low_jump: bool  # whether a snap-through lies between the records of `low_between`
     low_between: Sequence[Row] | None  # the records on both sides of the lower end where they are farther apart than
     # `output.load_tolerance`; null where they are not, or the records end there
     high: Row  # the upper end
@@ -38,14 +36,16 @@ class Best(Row):
     next_jump: Sequence[Row] | None  # the states on both sides of the first snap-through at a larger tension, up to first yield;
     # null without one
     jumps: Sequence[Sequence[Row]]  # the states on both sides of each jump to another equilibrium within the range
-    stages: int  # number of stages among the records up to first yield, all of which are searched
+    stages: int  # number of load steps among the records up to first yield, all of them searched
     stress_over_limit: float  # the stress away from the grips over the elastic limit
-    first_yield_over_tension: float | None  # mean tension of first yield away from the grips over that of this state; null where
+    first_yield_over_tension: (
+        float | None
+    )  # mean tension of first yield away from the grips over the tension of this state; null where
     # the wire does not yield, at an unknown tension, a smaller one, or at another temperature
 
 
 def best_tension(run: Rows, limit: float, stress: str) -> Best | None:
-    """The tension in the middle of the widest range with the most active contacts, and no stress above `limit` [Pa]; or None.
+    """Middle of the widest tension range with the most active contacts; or None. No stress there exceeds `limit` [Pa].
 
     run: up to the first row above the limit. stress: the column that counts. A range is a part of the path of one stage, or of
     stages that go on loading at one temperature; where several have the most contacts, one at one temperature comes first, and
@@ -132,13 +132,13 @@ def _middle(run: Rows, stress: str) -> Row:
 
 
 def row_between(before: Row, after: Row, share: float, *names: str) -> Row:
-    """State, largest stress and columns `names` at a share of the way from one row to the next; contacts of the nearer one."""
+    """State, stress and columns `names` between two rows, with contacts of the nearer one."""
     values = {name: (1.0 - share) * before[name] + share * after[name] for name in (*STATE, "stress_max_Pa", *names)}
     return Row(**values, stage=after.stage, active_percent=(before if share < 0.5 else after).active_percent)
 
 
 def _loadings(rows: Sequence[Row]) -> list[list[Row]]:
-    """The rows of each stage, or of stages together that go on loading at one temperature."""
+    """Rows of each load step, joined where loading continues at one temperature."""
     parts: list[list[Row]] = []
     for part in stages_of(rows):
         if parts and _loads(parts[-1]) and _loads(part):

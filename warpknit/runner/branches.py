@@ -1,4 +1,4 @@
-"""The rows of a run, its changes from one branch of equilibria to another by the rules of measure/jumps.py, and their work."""
+"""Rows of a run, its snap-throughs by measure/jumps.py, and their work."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from ..results.row import Row
 from .history import mean_tension, stages_of, work_terms
 
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
-HEAT_JUMP = 20.0  # strain of a mesh over that of free wire, beyond which another equilibrium was found
+HEAT_JUMP = 20.0  # strain of a mesh over free wire's, beyond which another equilibrium was found
 HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
-SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over that of the next, as slack is taken up
+SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over the next row's, while the mesh is slack
 Jump = tuple[Row, Row]  # neighbouring states of different branches
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the fifth degree: a cubic force times the slope of a cubic
 
 
 class Event(Row):
-    """What happens between two records: the state and the stage of the second one, and how well its place is known."""
+    """An event between two records: state and load step of the second, and its uncertainty."""
 
     as_knitted: bool  # true where it has happened in the first record
-    resolved: bool  # false where the records `between` are farther apart than `output.load_tolerance`, where the mesh jumps
+    resolved: bool  # false where the records `between` are farther apart than `output.load_tolerance`, at a snap-through
     # between them, or where it takes up slack
     between: Sequence[Row]  # the records before and after it
-    jump: bool  # true where the mesh jumps to another equilibrium between them
-    slack: bool  # true where the mesh strains freely for most of the way between them
+    jump: bool  # whether there is a snap-through between them
+    slack: bool  # whether the mesh is slack for most of the way between them
 
 
 def state_of(row: Row) -> Row:
@@ -41,37 +41,37 @@ def state_of(row: Row) -> Row:
     return Row(**{name: row[name] for name in STATE})
 
 
-def takes_up_slack(before: Row, after: Row) -> bool:
-    """Whether the mesh strains freely for most of the way from one row to the next."""
+def is_slack(before: Row, after: Row) -> bool:
+    """Whether the mesh is slack for most of the way between two rows."""
     step = max(abs(after[name] - before[name]) for name in ("strain_weft", "strain_warp"))
     return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of a run in their order, of which answers are read off."""
+    """Rows of a run in order, the source of answers."""
 
     rows: Sequence[Row]
     jumps: Sequence[Jump] = ()
     tolerance: float = 0.02  # share of the load of a stage: two rows so near give the place of what happens between them
 
     def is_jump(self, before: Row, after: Row) -> bool:
-        """Whether the mesh jumps between two neighbouring rows."""
+        """Whether a snap-through lies between two neighbouring rows."""
         return any(one is before and other is after for one, other in self.jumps)
 
     def is_near(self, before: Row, after: Row) -> bool:
         """Whether two rows give the place of what happens between them."""
         begin = before.load_factor if before.stage == after.stage else 0.0
         is_narrow = after.load_factor - begin <= self.tolerance * (1.0 + 1e-9)
-        return is_narrow and not self.is_jump(before, after) and not takes_up_slack(before, after)
+        return is_narrow and not self.is_jump(before, after) and not is_slack(before, after)
 
     def first(self, k: int) -> Event:
-        """What happens between row k and the one before."""
+        """Event between row k and the previous row."""
         before, after = self.rows[max(k - 1, 0)], self.rows[k]
         return Event(
             **vars(state_of(after)), stage=after.stage, as_knitted=k == 0, resolved=k == 0 or self.is_near(before, after),
             between=[state_of(before), state_of(after)], jump=self.is_jump(before, after),
-            slack=k > 0 and takes_up_slack(before, after),
+            slack=k > 0 and is_slack(before, after),
         )  # fmt: skip
 
 
@@ -88,12 +88,12 @@ def jumps_of(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:
 
 
 def is_heated(part: Sequence[Row]) -> bool:
-    """Whether a stage, from the row before it on, changes the temperature and holds strain or tension in both directions."""
+    """Whether a load step changes only temperature: strain or tension is held both ways."""
     return part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
 
 
 def _is_held(part: Sequence[Row], side: str) -> bool:
-    """Whether the load along a side is the same at begin and end of a stage: no strain but that of a frame, or no tension."""
+    """Whether the load along a side is constant in a load step. No strain but the frame's, or no change of tension."""
     begin, end = part[0], part[-1]
     strain = abs(end[f"strain_{side}"] - begin[f"strain_{side}"])
     tension = [row[f"tension_{side}_N_per_m"] for row in (begin, end)]
@@ -101,7 +101,7 @@ def _is_held(part: Sequence[Row], side: str) -> bool:
 
 
 def jumps_in_heat(part: Sequence[Row], expansion: float) -> list[Jump]:
-    """Neighbouring rows of a heated stage between which the mesh is strained by far more than free wire of `expansion` [1/K]."""
+    """Neighbouring rows of a heated load step with far more strain than free wire (`expansion` [1/K])."""
 
     def jumped(before: Row, after: Row) -> bool:
         free = abs(expansion * (after.temperature_K - before.temperature_K))
@@ -141,13 +141,13 @@ def tensions_text(one: Row, other: Row) -> str:
 
 
 def with_work(rows: Sequence[Row], model: MeshModel) -> list[Row]:
-    """The rows of a relaxation with the work of its load, along each branch of equilibria and from one to the next.
+    """Rows of a relaxation with the work of its load, along branches and between.
 
         W = integral of A0 P : dF + (thermal force) d(length factor),      the work of a quasi-static load.
 
-    Along one branch forces and displacements are monotone cubics (PCHIP) through the states: where both are monotone between two
-    states, so are the curves, and their work lies within the bounds of measure/jumps.py. Between two branches the states tell
-    nothing of the way, and the work is that of the mean force. Energy lost there shows as a difference from the stored energy.
+    Along one branch forces and displacements are monotone cubics (PCHIP) through the states. Where both are monotone between two
+    states, so are the curves, and their work lies within the bounds of measure/jumps.py. Between two branches the curve is
+    unknown, and the work is computed from the mean force. Energy lost there shows as a difference from the stored energy.
     """
     if model.scene.solver.drive != "relax" or not rows:
         return list(rows)

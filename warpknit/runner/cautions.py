@@ -28,7 +28,7 @@ BARE_KELVIN = 100.0  # [K] a colder temperature without a unit was probably mean
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
 QUASI_STATIC = 0.1  # largest kinetic over stored energy of a quasi-static ramp
 BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the error of its minimum
-FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields throughout, over that of first yield
+FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields throughout, over first yield
 
 
 def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -57,7 +57,7 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]
 
 
 def cut_cautions(model: MeshModel) -> Iterator[ResultWarning]:
-    """Warning where much of the wire of a patch is in pieces of less than a loop, which grips hold at both ends."""
+    """Warning on a patch with much wire in pieces of less than a loop. Grips hold them at both ends."""
     panel, cloth = model.panel, model.cloth
     if cloth is None or panel.boundary == "periodic":
         return
@@ -129,7 +129,7 @@ def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterat
 
 
 def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
-    """Strains that no arrangement of wires below their strength reaches, of the first load that has one.
+    """Warning on strains that no arrangement of wires below their strength reaches.
 
     The bound is for points of hooking; between two of them a wire is shorter by its thickness at most. A direction under a given
     tension may contract to any length.

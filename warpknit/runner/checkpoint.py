@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base.files import write_arrays
-from ..compute.kept import under
+from ..compute.kept import strip_prefix
 from ..compute.ranks import Ranks
 from ..errors import RunDirectoryError
 from ..results.row import Row, Values
@@ -108,6 +108,6 @@ class Checkpoint:
         """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
         try:
             for world, drive in enumerate(simulation.drives):
-                drive.load_state_dict(under(f"{world}/", self._arrays))
+                drive.load_state_dict(strip_prefix(f"{world}/", self._arrays))
         except (AttributeError, KeyError, ValueError) as error:
             raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}); start over with --force") from error

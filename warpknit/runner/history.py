@@ -26,7 +26,7 @@ def ends_of(rows: Sequence[Row]) -> list[Row]:
 
 
 def with_slides(row: Row, before: Row) -> Row:
-    """The row of a hook with the sliding distance of its contact, from that of the row before."""
+    """Row of a hook with its contact's sliding distance since the previous row."""
     slides = before.hook_is_closed and row.hook_is_closed
     left, right = (
         before[f"slide_{side}_m"] + slides * abs(row[f"arc_{side}_m"] - before[f"arc_{side}_m"]) for side in ("left", "right")

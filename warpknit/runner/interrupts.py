@@ -11,7 +11,7 @@ STOPPING = b"\nstopping after this check; press Ctrl-C again to stop at once\n"
 
 
 def to_continue(again: str, *, resume: bool, force: bool) -> str:
-    """How an interrupted command goes on, with the options of the command line.
+    """Advice to continue an interrupted command, with its options.
 
     again: what is given once more, as the command. resume: whether it already resumes, of itself or by the option.
     """

@@ -1,4 +1,4 @@
-"""What the spatial model gives under the load of a planar tile, as the mean of a few meshes; where that takes seconds."""
+"""Spatial means under the load of a planar tile, where they take seconds."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class _TooLong(Exception):
     """The comparison needs more node-steps than it may take."""
 
 
-def spatial_means(scene: Scene, watch: Callable[[Progress], None]) -> SpatialMeans | None:
+def spatial_means(scene: Scene, monitor: Callable[[Progress], None]) -> SpatialMeans | None:
     """Means of the spatial model; None for it, for meshes that are no tiles, and where it does not come to an end in time.
 
-    watch: called at every check, may raise to stop.
+    monitor: called at every check, may raise to stop.
     """
     other = _spatial(scene)
     if other is None or MESHES * mesh_nodes(other) * FEWEST_STEPS > NODE_STEPS:
@@ -49,7 +49,7 @@ def spatial_means(scene: Scene, watch: Callable[[Progress], None]) -> SpatialMea
         variants = VariantModels(other)
         models = [variants.model(number) for number in variants.take(MESHES)]
         simulation = Simulation(models[0], worlds=models)
-        ends = _ends(simulation, models[0].node_count, watch)
+        ends = _ends(simulation, models[0].node_count, monitor)
     except (KnitError, ModelError, _TooLong):
         return None
     if len(ends) < MESHES:
@@ -75,14 +75,14 @@ def _spatial(scene: Scene) -> Scene | None:
         return None
 
 
-def _ends(simulation: Simulation, nodes: int, watch: Callable[[Progress], None]) -> list[Row]:
+def _ends(simulation: Simulation, nodes: int, monitor: Callable[[Progress], None]) -> list[Row]:
     """The last row of each mesh that converges."""
 
     def check(progress: Progress) -> None:
-        watch(progress)
+        monitor(progress)
         if nodes * sum(drive.progress.steps for drive in simulation.drives) > NODE_STEPS:
             raise _TooLong
 
-    simulation.watch = check
+    simulation.monitor = check
     last = {record.world: row_of(record) for record in simulation.run()}
     return [row for world, row in last.items() if world not in simulation.failures]

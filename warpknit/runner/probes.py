@@ -27,13 +27,13 @@ class Probes:
         taken = {line.name for line in table.MEASURES}
         for name, function in self._functions.items():
             if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
-                raise InputError(f"probes: {name!r} cannot name a column; give text of one line that is no column of history.csv")
+                raise InputError(f"probes: {name!r} cannot name a column; give one line of text that is no column of history.csv")
             if not callable(function):
                 raise InputError(f"probes: {name}: {function!r} is not a function; give a function of a record")
 
     @property
     def names(self) -> list[str]:
-        """Names in their order."""
+        """Ordered names."""
         return list(self._functions)
 
     def values(self, record: Record) -> dict[str, float | None]:

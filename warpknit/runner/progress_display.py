@@ -21,14 +21,14 @@ from ..base.text import duration, percent, rounded
 _log = logging.getLogger(__name__)
 
 LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
-LEAST_GAINED = 0.1  # of the work: before, the time left is not told
-LEFT_OF_STAGE = "of this stage"  # the time that is told to be left, where there are several stages
+LEAST_GAINED = 0.1  # of the work: the time left is shown from here on
+LEFT_OF_STAGE = "of this stage"  # what the time left refers to, where there are several load steps
 NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
 @dataclass
 class Course:
-    """How far a stage is, from what is reported of it: never less than before."""
+    """Progress of a load step from its reports; it never decreases."""
 
     of_stage: str = ""  # LEFT_OF_STAGE where there are several
     begin: float | None = None  # [s] of the clock, at the first report
@@ -39,7 +39,7 @@ class Course:
     is_search: bool = False  # how much work is left is unknown
 
     def report(self, done: float | None, load_factor: float) -> None:
-        """The share of the work that is done, None where it is unknown, and of the load."""
+        """Report the share of the work done (None: unknown) and of the load."""
         self.clock, self.is_search = time.monotonic(), done is None
         self.load_factor = max(self.load_factor, load_factor)
         self.done = max(self.done, min(self.load_factor if done is None else done, 1.0))
@@ -80,7 +80,7 @@ class StageLines(Display):
 
     def stage(self, name: str, *, number: int, of: int) -> None:
         self._course = Course(f" {LEFT_OF_STAGE}" if of > 1 else "")
-        _log.info("stage %d of %d: %s", number, of, name)
+        _log.info("%s (%d of %d)", name, number, of)
 
     def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
         course = self._course

@@ -27,13 +27,13 @@ from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_slides, with_sums, write_history
 from .interrupts import Interrupted
+from .monitor import LoopResult, Monitor
 from .other_model import spatial_means
 from .probes import Probes
 from .progress_display import Display
 from .run_directory import CommandResult, write_scene
 from .summary import Estimate, PanelValues, Summary, cord_summary, report_panel, run_summary
 from .variants import Means
-from .watch import LoopResult, Watch
 
 if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
@@ -101,7 +101,7 @@ class Recorder:
         self._last: Record | None = None
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
-        self.watch = Watch(
+        self.monitor = Monitor(
             simulation,
             out,
             wall_before=checkpoint.wall if checkpoint else 0.0,
@@ -115,7 +115,7 @@ class Recorder:
             self.model.layout().save(out / "layout.npz")
         self._reserve = out / ".reserve"
         self._reserve.write_bytes(bytes(RESERVED_DISK))
-        with self.watch.interrupts.handled():  # an interrupt that is raised while USD is imported is lost
+        with self.monitor.interrupts.handled():  # an interrupt that is raised while USD is imported is lost
             self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
 
     def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
@@ -157,19 +157,19 @@ class Recorder:
 
     def _loop(self) -> LoopResult:
         """Run and record the simulation."""
-        return self.watch.run(self._write_record)
+        return self.monitor.run(self._write_record)
 
     def _estimate(self) -> Estimate:
-        """Estimated error of the last record of a finished run, and what the spatial model gives. Raises `Interrupted`."""
+        """Estimated error of the last record, and means of the spatial model. Raises `Interrupted`."""
         estimate = Estimate()
         if self.error_estimator is not None and self._last is not None:
             estimate = self.error_estimator(self._last)
-        with self.watch.interrupts.handled():
-            spatial = spatial_means(self.scene, lambda _progress: self.watch.interrupts.check())
+        with self.monitor.interrupts.handled():
+            spatial = spatial_means(self.scene, lambda _progress: self.monitor.interrupts.check())
         return replace(estimate, spatial_model=spatial)
 
     def _write_record(self, record: Record) -> None:
-        """Write the state, the USD frame, the maps and last the row of a record, which counts from then on."""
+        """Write state, USD frame, maps and last the row of a record."""
         self._reserve_memory()
         row = row_of(record).changed(probes=self.probes.values(record))
         self.frames.add_frame(frame_of(record))
@@ -216,7 +216,7 @@ class Recorder:
             self.model,
             self.rows,
             stop_reason=reason,
-            wall=self.watch.wall,
+            wall=self.monitor.wall,
             compile_time=self.compile_time,
             steps=self.steps,
             message=message,

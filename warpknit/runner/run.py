@@ -24,6 +24,7 @@ from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
+from .monitor import Monitor
 from .probes import Probe, Probes
 from .progress_display import Display
 from .recorder import ErrorEstimator, Recorder
@@ -38,7 +39,6 @@ from .run_directory import (
 )
 from .summary import Summary
 from .variants_recorder import Variants, VariantsRecorder
-from .watch import Watch
 
 _log = logging.getLogger(__name__)
 
@@ -58,8 +58,8 @@ def run_scene(
     error_estimator: ErrorEstimator | None = None,
     probes: Mapping[str, Probe] | None = None,
 ) -> CommandResult[Summary | None]:
-    """Run `scene` into the directory `out`; several `ranks` that share it all call this, and the first one writes the results.
-    `error_estimator` estimates the error of the last state of a finished run; `probes` are further columns of history.csv.
+    """Run `scene` into the directory `out`, on several `ranks` if given. The first one writes the results. `error_estimator`
+    estimates the error of the last state of a finished run; `probes` are further columns of history.csv.
 
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
@@ -71,17 +71,17 @@ def run_scene(
         return finished
     name = find_device(device, ranks.place, lambda: mesh_nodes(scene))
     if ranks.count > 1 and device is not None and name != "cpu":
-        _log.warning("warning: --device %s puts all %d ranks on one GPU; without --device they take those of the machine in turn",
+        _log.warning("warning W62: --device %s puts all %d ranks on one GPU; leave it out to use all GPUs of the machine",
                      name, ranks.count)  # fmt: skip
     checkpoint = None
     if resume and ranks.from_first(lambda: has_checkpoint(out)):
         checkpoint = Checkpoint(out, scene.hash, ranks)
     elif resume:
-        _log.warning("warning: --resume: %s has no checkpoint to continue: a new run begins", out)
+        _log.warning("warning W63: --resume: %s has no checkpoint; a new run begins", out)
     several = Variants(scene, name, checkpoint) if scene.variants.count > 1 else None
     model = build_model(scene, name, ranks) if several is None else several.simulation.model
     if ranks.count > 1 and ranks.is_first and model.global_model.node_count < LEAST_SHARED:
-        _log.warning("warning: a mesh of %s nodes runs slower on %d ranks than without mpirun",
+        _log.warning("warning W64: run without mpirun: a mesh of %s nodes is slower on %d ranks",
                      f"{model.global_model.node_count:,}", ranks.count)  # fmt: skip
     with compile_times() as times:
         simulation = _simulation(model, checkpoint) if several is None else several.simulation
@@ -98,7 +98,7 @@ def run_scene(
         if checkpoint is None:
             ranks.from_first(lambda: clear(out))
         if not ranks.is_first:
-            loop = Watch(simulation, out).run(lambda _record: None)
+            loop = Monitor(simulation, out).run(lambda _record: None)
             return CommandResult(loop.exit_code, None, loop.message)
         where = (out, progress or Display(), compile_time, checkpoint, hold)
         if several is not None:

@@ -65,7 +65,7 @@ def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tre
     if summary.get("scene", {}).get("hash") != scene_hash:
         held = _finished(out, name)
         raise RunDirectoryError(
-            f"{out}: holds the {held} of another scene, or of this one with other --set, --preset or --error;"
+            f"{out}: holds the {held} of another scene, or of other --set, --preset or --error;"
             f" {_alternatives(out, command, held)}"
         )
     return summary
@@ -74,7 +74,7 @@ def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tre
 def continues_earlier(
     out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool, command: str | None = None
 ) -> bool:
-    """Whether to continue the map or trade (`kind`) of the scene `resolved` whose `table` is in `out`.
+    """Whether to continue the map or trade (`kind`) of the scene `resolved` in `out`; table: its name.
 
     command: that asks, where it is not `kind`: a report, which makes a map.
 
@@ -89,7 +89,7 @@ def continues_earlier(
 
 
 def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None = None) -> None:
-    """Refuse to continue the run, map or trade (`kind`) in `out` where it is not of the scene `resolved`; command: that asks.
+    """Refuse to continue results (`kind`) in `out` of another scene than `resolved`; command: for the message.
 
     Raises RunDirectoryError.
     """
@@ -148,7 +148,7 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, comman
 
 
 def _holds_results(out: Path) -> bool:
-    """Whether a directory was written by a run, map or trade, by files that are like no others."""
+    """Whether a directory holds results of a run, map or trade, by characteristic files."""
     if any((out / name).exists() for name in TABLES) or any("stop_reason" in _read_json(out / name) for name in SUMMARIES):
         return True
     try:
@@ -158,12 +158,12 @@ def _holds_results(out: Path) -> bool:
 
 
 def holds_killed_run(out: Path) -> bool:
-    """Whether `out` has the records of a run that ended without a summary or a checkpoint."""
+    """Whether `out` has records of a run without a summary or a checkpoint."""
     return (out / "history.csv").exists() and not any((out / name).exists() for name in (*SUMMARIES, *TABLES))
 
 
 def _finished(out: Path, name: str) -> str:
-    """The finished result in `out` by its summary `name`, in words; that of a map with a report."""
+    """Finished result in `out`, in words, by its summary `name`; also a map's report."""
     kind = SUMMARIES[name]
     return f"finished {kind}" + (" with its report" if kind == "map" and (out / "report.html").exists() else "")
 

@@ -1,4 +1,4 @@
-"""How means over meshes change with what a scene does not know: nodes, friction, and an overshoot of the load.
+"""Changes of means over meshes with nodes, friction, and an overshoot of the load.
 
 Each change runs on two of the meshes. It is compared with the same two, so that their scatter drops out.
 """
@@ -22,10 +22,10 @@ from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 from .history import row_of
 from .summary import Estimate
-from .variants import Watched, watched
+from .variants import MeshValues, mesh_values
 
 MESHES = 2  # by which a change is measured
-COARSENING = 1.4  # nodes a loop of the run over those of the comparison
+COARSENING = 1.4  # nodes a loop of the run over the comparison's
 ORDER = 2  # of the errors of discretisation: they fall with the square of the nodes
 NODES = "nodes"
 FRICTIONS = {"friction_half": 0.5, "friction_double": 2.0}  # factors by which it is uncertain
@@ -77,19 +77,19 @@ class Sensitivity:
         self.scene, self.device, self.scale = scene, device, scale
         self.numbers = list(rows)[:MESHES]
         self.rows = {number: rows[number] for number in self.numbers}
-        self.seen = self._watched(rows)
+        self.seen = self._mesh_values(rows)
 
-    def _watched(self, rows: Mapping[int, Row]) -> Watched:
-        return watched(self.scene.stages[-1].by_tension, list(rows.values()), self.scale)
+    def _mesh_values(self, rows: Mapping[int, Row]) -> MeshValues:
+        return mesh_values(self.scene.stages[-1].by_tension, list(rows.values()), self.scale)
 
-    def changes(self, watch: Callable[[Progress], None]) -> dict[str, Change]:
-        """Changes of the means by name; of those whose meshes run to the end. watch: called at every check, may raise to stop."""
+    def changes(self, monitor: Callable[[Progress], None]) -> dict[str, Change]:
+        """Changes of the means by name, where all meshes run to the end. monitor: called at every check, may raise to stop."""
         found: dict[str, dict[int, Row]] = {}
         every = list(self._meshes())
         for places in side_by_side([mesh.model for mesh in every]):
             meshes = [every[place] for place in places]
             simulation = Simulation(meshes[0].model, worlds=[mesh.model for mesh in meshes])
-            simulation.watch = watch
+            simulation.monitor = monitor
             last = {record.world: row_of(record) for record in simulation.run()}
             for world, mesh in enumerate(meshes):
                 if world not in simulation.failures:
@@ -110,7 +110,7 @@ class Sensitivity:
         """From the rows of some meshes to other rows of the same; None where no mesh is in both."""
         if not (both := before.keys() & after.keys()):
             return None
-        first, second = (self._watched({number: rows[number] for number in sorted(both)}).values for rows in (before, after))
+        first, second = (self._mesh_values({number: rows[number] for number in sorted(both)}).values for rows in (before, after))
         relative = (second - first).mean(axis=0) / self.seen.scale
         return Change(**dict(zip(self.seen.names, relative.tolist(), strict=True)))
 
@@ -133,5 +133,5 @@ class Sensitivity:
 
     @property
     def _change_of_error(self) -> float:
-        """Change of a figure with fewer nodes over its error with those of the scene (Richardson)."""
+        """Change of a figure with fewer nodes over the scene's error (Richardson)."""
         return float((self.scene.model.nodes_per_loop / fewer_nodes(self.scene)) ** ORDER - 1.0)

@@ -1,4 +1,4 @@
-"""The elastic limit and the strength of a wire, and what a stress beyond them means, in words."""
+"""Elastic limit and strength of a wire, and effects of higher stress, in words."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from ..scene import Scene
 
 
 def assumed_note(key: str, is_assumed: bool) -> str:
-    """That the value of a dotted key is that of the material, and how to give it; empty where the scene gives it."""
+    """Note that a dotted key has the material's default; empty where the scene gives it."""
     return f" (assumed; set {key})" if is_assumed else ""
 
 
 def limit_text(scene: Scene) -> str:
-    """The elastic limit with its value, and that it is assumed where the scene does not give it."""
+    """Elastic limit with its value, and a note if it is assumed."""
     return f"elastic limit of {engineering(scene.wire.yield_stress, 'Pa')}{assumed_text(scene, 'wire.yield_stress')}"
 
 
@@ -27,7 +27,7 @@ def assumed_text(scene: Scene, key: str) -> str:
 
 
 def exceeded_text(scene: Scene, stress: float) -> str:
-    """What a wire stress [Pa] exceeds, and what the wire would do; empty within the elastic limit."""
+    """Limit that a wire stress [Pa] exceeds, in words; empty within the elastic limit."""
     if stress > scene.wire.tensile_strength:
         return f"above the {strength_text(scene)}"
     if stress > scene.wire.yield_stress:

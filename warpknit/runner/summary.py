@@ -64,7 +64,7 @@ class Summary:
     other_warnings: tuple[ResultWarning, ...] = ()  # further limits to the use of this result
     stages: tuple[Row, ...] = ()  # the same groups at the end of each stage, with its `name`
     estimate: Estimate = field(default_factory=Estimate)
-    jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records between which the mesh jumps to another
+    jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between
     # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
     variants: Means | None = None  # with `variants.count` above 1: how single meshes lie about the means
     spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model under its load
@@ -120,7 +120,7 @@ class Summary:
 
 
 def sections_of(row: Row) -> dict[str, dict[str, object]]:
-    """The measures of the end of a stage by section (measure/table.py), its probes and its panel."""
+    """Measures at the end of a load step by section (measure/table.py), probes and panel."""
     sections: dict[str, dict[str, object]] = {}
     for line in table.MEASURES:
         if line.summary and row.get(line.name) is not None:
@@ -129,7 +129,7 @@ def sections_of(row: Row) -> dict[str, dict[str, object]]:
 
 
 def _row_of_sections(stage: Tree) -> Row:
-    """The row that `sections_of` was given, without the measures that are columns of history.csv alone."""
+    """The row given to `sections_of`, without measures of history.csv alone."""
     sections = [part for name, part in stage.items() if name not in ("name", *TABLES)]
     values = {name: value for part in sections for name, value in part.items()}
     return Row(stage=stage["name"], **values, **{name: stage[name] for name in TABLES if name in stage})
@@ -177,13 +177,13 @@ def run_summary(
             source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",  # table of the scene that
             # gives the wires: `knit`, `hook` or `wires`
             warnings=None,  # why the model is not valid for this mesh, the gravest first; also in `warnings`
-            boundary=scene.model.boundary,  # `periodic`, `gripped` or that of wires from a file
+            boundary=scene.model.boundary,  # `periodic`, `gripped` or the boundary of wires from a file
             precision=model.precision.name,  # `single` or `double`
             wires=len(panel.wire_first),  # wires of the mesh
             nodes=model.node_count,  # nodes of the mesh
             repeats=list(scene.knit.repeats if scene.wires is None else scene.wires.repeats),  # repeats of the knit in weft and
             # warp
-            bodies=panel.body_count,  # contact bodies, or in space places where two wires hook; of wires from a file also where
+            bodies=panel.body_count,  # contact bodies, or spatial places where two wires hook; of wires from a file also where
             # they cross or come near each other
             pairs=model.pair_count,  # two of each body
             notes=list(panel.notes),  # how the mesh was cut
@@ -200,7 +200,7 @@ def run_summary(
             node_steps_per_s=steps * model.node_count / wall if wall > 0 else 0.0,  # steps times nodes over the wall time
             mass_scaling=1.0 + model.added_mass,  # mass of a ramp over the real mass
             axial_softening=model.softening,  # divisor of the axial stiffness that was used in the dynamics at the start of the
-            # run: at most that of the scene; in space bending limits it
+            # run: at most the scene's; in the spatial model bending limits it
             preset=scene.solver.preset,  # preset of the settings
             preset_error_percent=scene.preset_error_percent,  # measured error of the preset; null if keys of the scene override
             # its settings
@@ -227,7 +227,7 @@ class PanelReport:
 def _map_table(m: PanelMap, mean_gradient: np.ndarray) -> Columns:
     """One value for each tile that is mostly mesh.
 
-    Positions are those of the tile centres from the centre of the panel, undeformed and in the mean deformation.
+    Positions are tile centres relative to the centre of the panel, undeformed and in the mean deformation.
     """
     known = m.known
     now = m.place[known] @ mean_gradient.T

@@ -28,7 +28,7 @@ FOR_LOAD = 58  # columns of the load in the first line
 
 
 def summary_table(result: Summary, directory: Path, reflection: Iterable[Finding] = ()) -> ResultTable:
-    """The table of a run, for the measures that it has, and of its reflection."""
+    """Table of a run with its measures and its reflection."""
     findings = (*summary_findings(result), *reflection, Finding("results", str(directory), short=True))
     return ResultTable(findings, result.model_warnings + result.other_warnings)
 
@@ -52,7 +52,7 @@ def summary_findings(result: Summary) -> Iterator[Finding]:
         yield from _stress_findings(end, end.is_hook or model.boundary == "gripped", variants)
     if answers is not None:
         ends_at_top = diverged and end.tension_warp_N_per_m == answers.largest_tension.tension_warp_N_per_m
-        yield from answer_findings(answers, end.yield_stress_Pa, gave_up=ends_at_top)
+        yield from answer_findings(answers, end.yield_stress_Pa, failed=ends_at_top)
     if variants is not None:
         yield from _variants_findings(variants)
     if result.estimate.error is not None:
@@ -113,7 +113,7 @@ def _error_parts(estimate: Estimate) -> str:
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:
-    """The ranges of the figures over the meshes, and whether these are of one kind."""
+    """Ranges of the figures over meshes, and whether meshes are of one kind."""
     figures = {
         "strain": ("strain_weft", "strain_warp"),
         "tension": ("tension_weft_N_per_m", "tension_warp_N_per_m"),
@@ -134,7 +134,7 @@ def _variants_findings(variants: Means) -> Iterator[Finding]:
 
 
 def _range(variants: Means, names: Sequence[str]) -> str:
-    """The range of eight meshes in ten, of a figure or of it in weft and warp; empty where it is nothing."""
+    """Range of eight in ten meshes, of one figure or in weft and warp; or empty."""
     found = [variants[name] for name in names if name in variants]
     if not any(one.p90 - one.p10 > LEAST_SPREAD * abs(one.mean) for one in found):
         return ""
@@ -211,7 +211,7 @@ def _earlier_stage(end: Row) -> Iterator[Finding]:
 
 
 def model_findings(model: Values, cost: str) -> Iterator[Finding]:
-    """The kind of model with its cost, why it is of this kind, and the friction of its wires."""
+    """Kind of model with cost and reason, and the friction of its wires."""
     yield Finding(f"{model.kind} model", cost, short=True)
     yield Finding("  chosen", model.kind_reason, short=model.kind_reason not in (GIVEN, DEFAULT))
     if friction := model.get("friction"):

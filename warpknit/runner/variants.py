@@ -16,7 +16,7 @@ from ..results.finding import ResultWarning
 from ..results.row import Row, Values
 from ..scene.options import Variants
 
-# of which the scatter is told
+# figures with a reported scatter
 FIGURES = (
     "strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "active_bodies", "elsewhere",
     "force_max_N", "force_mean_N", "contact_force_max_N", "stress_max_Pa", "stress_interior_max_Pa", "stress_p99_Pa",
@@ -25,7 +25,7 @@ FIGURES = (
 CLOSING = tuple(f"force_{name}_N" for name in CLASS_NAMES)  # by which contacts of a class close: in half of the meshes
 PLACES = ("stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")  # of one mesh: they have no mean
 PERCENTILES = (10.0, 90.0)
-EARLY, MOST = 0.4, 4  # of the standard error that is asked for, at which half of the meshes do; times as many at most
+EARLY, MOST = 0.4, 4  # of the requested standard error, where half of the meshes are enough; largest multiple
 # codes of warnings that one path depends on the way, on which means over meshes do not depend
 OF_ONE_PATH = {"W18", "W19", "W32"}
 FEWEST = 4  # meshes, of a standard error that ends a run early
@@ -57,7 +57,7 @@ class Branch(Values):
 class Means(Values):
     """The section `variants` of summary.json, with a `Spread` of each figure: `tension_weft_N_per_m`."""
 
-    count: int  # meshes of which the results are the mean
+    count: int  # number of meshes in the mean
     failed: int  # meshes that did not converge, which are left out
     refused: int  # seeds whose loops do not fit, which others replace
     why: str  # why the first of these
@@ -69,7 +69,7 @@ class Means(Values):
 
 
 @dataclass(frozen=True)
-class Watched:
+class MeshValues:
     """Figures whose standard errors end a run: (mesh, figure), and what an error of each is measured by."""
 
     names: tuple[str, ...]
@@ -92,8 +92,8 @@ class Watched:
         return int(np.argmin((away**2).sum(axis=1)))
 
 
-def watched(by_tension: Sequence[bool], ends: Sequence[Row], scale: float) -> Watched:
-    """What the last state of each mesh has: tension, or strain where a tension drives it, active contacts, largest stress.
+def mesh_values(by_tension: Sequence[bool], ends: Sequence[Row], scale: float) -> MeshValues:
+    """Last values of each mesh: tension (driven: strain), active contacts, largest stress.
 
     by_tension: in weft and warp; scale [N/m]: of a small tension.
     """
@@ -107,11 +107,11 @@ def watched(by_tension: Sequence[bool], ends: Sequence[Row], scale: float) -> Wa
     sides = [max(strain, 1e-3) if driven else max(tension, scale) for driven in by_tension]
     names += ["active_percent", "stress_max_Pa"]
     values = np.array([[row[name] for name in names] for row in ends], dtype=float)
-    return Watched(tuple(names), values, np.array([*sides, 100.0, max(stress, 1.0)]))
+    return MeshValues(tuple(names), values, np.array([*sides, 100.0, max(stress, 1.0)]))
 
 
 def wanted(count: int, standard_error: float, found: int, error: float) -> int:
-    """How many meshes are wanted in all, with so many `found` and their standard `error`; as many as found: enough."""
+    """Number of wanted meshes, with `found` ones and their standard `error`; `found` is enough."""
     half = count // 2
     if found < half and standard_error and half >= FEWEST:
         return half
@@ -127,7 +127,7 @@ def first_meshes(variants: Variants) -> int:
 
 
 def range_of(values: Any) -> NDArray[np.float64]:
-    """The range (2, ...) in which eight in ten other meshes are, by values (mesh, ...) of some, whatever their distribution.
+    """Range (2, ...) of eight in ten other meshes, from values (mesh, ...), for any distribution.
 
     The k-th smallest of n values exceeds k/(n + 1) of all on average; fewer than nine have no more than their extremes.
     """
@@ -135,7 +135,7 @@ def range_of(values: Any) -> NDArray[np.float64]:
 
 
 def mean_row(rows: Sequence[Row], median: int) -> Row:
-    """The mean of rows of the same load; places and words are those of the `median` mesh.
+    """Mean of rows of the same load; places and words are the `median` mesh's.
 
     p10_NAME, p90_NAME: a figure that a tenth of the meshes is below, or above.
     """
@@ -176,7 +176,7 @@ def spread_of(values: Sequence[float]) -> Spread:
 
 
 def variant_warnings(variants: Means, asked: float) -> Iterator[ResultWarning]:
-    """What limits the means; asked: the standard error that was to be reached, 0 where none was."""
+    """Warnings on the means; asked: requested standard error, or 0."""
     if variants.failed:
         text = f"{variants.failed} of {variants.count + variants.failed} meshes did not converge and are left out"
         yield ResultWarning("W60", f"{text}. The first: {variants.why}")
@@ -186,7 +186,7 @@ def variant_warnings(variants: Means, asked: float) -> Iterator[ResultWarning]:
         yield ResultWarning("W61", text)
 
 
-def branch_of(seen: Watched) -> Branch | None:
+def branch_of(seen: MeshValues) -> Branch | None:
     """The fewer meshes of two groups between which there is a gap; None where they are one."""
     count = len(seen.values)
     best: tuple[float, str, NDArray[np.bool_]] | None = None

@@ -1,4 +1,4 @@
-"""Runs the meshes of [variants] side by side, and writes their mean as the records of a run, with the states of the median one.
+"""Runs the meshes of [variants] side by side, and writes their mean. Recorded states belong to the median mesh.
 
 Beside them DIR has variants.csv: the rows of each mesh. While it runs, variants/## holds the states of each.
 """
@@ -23,11 +23,11 @@ from ..solve.variant_models import VariantModels
 from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_sums, write_history
+from .monitor import LoopResult
 from .recorder import Recorder, frame_of, open_frames
 from .sensitivity import MESHES, Sensitivity
 from .summary import Estimate
-from .variants import Means, Watched, branch_of, first_meshes, mean_row, spreads, wanted, watched
-from .watch import LoopResult
+from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values, spreads, wanted
 
 if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
@@ -60,7 +60,7 @@ class Variants:
         self.simulation.failures = {world: Diverged(text) for world, text in ended.items()}
 
     def kept(self) -> dict[str, object]:
-        """What `__init__` goes on from."""
+        """Values from which `__init__` continues."""
         names = ("failed", "begun", "group", "finished_steps")
         kept = {name: getattr(self, name) for name in names}
         return {**kept, "refused": self.models.refused, "next": self.models.next}
@@ -71,7 +71,7 @@ class Variants:
         return Simulation(self.of_scene(models[0]), worlds=models, progress=progress)
 
     def of_scene(self, model: Any) -> Any:
-        """The model of a mesh as that of the whole scene."""
+        """Model of a mesh as the model of the whole scene."""
         return replace(model, scene=self.scene)
 
     def _next(self, more: int) -> Simulation:
@@ -80,7 +80,7 @@ class Variants:
         return self._simulation(numbers)
 
     def follow(self, more: int) -> Simulation:
-        """The next simulation, of so many more meshes or less."""
+        """Next simulation, with `more` more meshes, or less."""
         self.note_failures()
         self.finished_steps += self._group_steps
         self.simulation = self._next(more)
@@ -120,7 +120,7 @@ class Variants:
 
 
 class VariantsRecorder(Recorder):
-    """Writes the records of several meshes as those of one."""
+    """Writes the records of several meshes as records of one run."""
 
     def __init__(self, variants: Variants, *args: Any, **options: Any) -> None:
         self.meshes = variants
@@ -132,7 +132,7 @@ class VariantsRecorder(Recorder):
         return open_frames(self.scene, None, self.out, resume=resume, hold=hold)  # until the median mesh is known
 
     def _loop(self) -> LoopResult:
-        loop = self.watch.run(self._write_record, self._following)
+        loop = self.monitor.run(self._write_record, self._following)
         self.meshes.note_failures()
         whole = self._whole_members()
         if not whole:
@@ -174,12 +174,12 @@ class VariantsRecorder(Recorder):
             if rows[-1].load_factor == 1.0 and rows[-1].stage == self.scene.stages[-1].name and number not in self.meshes.failed
         }
 
-    def _watched(self, whole: dict[int, list[Row]]) -> Watched:
-        return watched(self.scene.stages[-1].by_tension, [rows[-1] for rows in whole.values()], self._small_tension)
+    def _mesh_values(self, whole: dict[int, list[Row]]) -> MeshValues:
+        return mesh_values(self.scene.stages[-1].by_tension, [rows[-1] for rows in whole.values()], self._small_tension)
 
     @property
     def _small_tension(self) -> float:
-        """[N/m] of which differences count as those of the tensions themselves."""
+        """Tension [N/m] whose differences count as differences of tension."""
         return 1e-3 * tension_scale(self.model)
 
     def _following(self) -> Simulation | None:
@@ -187,15 +187,15 @@ class VariantsRecorder(Recorder):
         self.meshes.note_failures()
         whole, variants = self._whole_members(), self.scene.variants
         found = len(self.meshes.begun)
-        error = self._watched(whole).standard_error if whole else float("inf")
+        error = self._mesh_values(whole).standard_error if whole else float("inf")
         more = wanted(variants.count, variants.standard_error, found, error) - found
         return self.meshes.follow(more) if more > 0 else None
 
     # --- the mean
 
     def _write_mean(self, whole: dict[int, list[Row]], *, complete: bool) -> None:
-        """Write the mean of the rows, the rows of each mesh, and the states of the median one."""
-        seen = self._watched(whole)
+        """Write the mean row, the rows of each mesh, and the median mesh's states."""
+        seen = self._mesh_values(whole)
         numbers, members = list(whole), list(whole.values())
         self.model = self.meshes.of_scene(self.meshes.models.model(numbers[seen.median]))
         self.rows = [mean_row(rows, seen.median) for rows in zip(*members, strict=True)]
@@ -217,7 +217,7 @@ class VariantsRecorder(Recorder):
     def _frames_of(self, number: int, count: int) -> Iterator[Frame]:
         return (Frame.load(state_file(self._member_directory(number), index)) for index in range(count))
 
-    def _means(self, seen: Watched, whole: dict[int, list[Row]], median: int) -> Means:
+    def _means(self, seen: MeshValues, whole: dict[int, list[Row]], median: int) -> Means:
         failed, refused = self.meshes.failed, self.meshes.models.refused
         return Means(
             count=len(whole),
@@ -237,9 +237,9 @@ class VariantsRecorder(Recorder):
         if self.variants is None or len(whole) < 2 or not self.scene.variants.sensitivity:
             return Estimate()
         sensitivity = Sensitivity(self.scene, self.meshes.models.device, whole, self._small_tension)
-        with self.watch.interrupts.handled():
+        with self.monitor.interrupts.handled():
             self.display.stage(f"how sure, by {MESHES} meshes", number=1, of=1)
-            changes = sensitivity.changes(lambda _progress: self.watch.interrupts.check())
+            changes = sensitivity.changes(lambda _progress: self.monitor.interrupts.check())
         self.variants = self.variants.changed(changes=Values(**changes))
         return sensitivity.estimate(changes)
 
@@ -254,5 +254,5 @@ class VariantsRecorder(Recorder):
         if self._stage_shown != count:
             self._stage_shown = count
             self.display.stage(f"{count} meshes", number=1, of=1)
-        share, rate = self.meshes.share, self.steps * self.model.node_count / max(self.watch.wall, 1e-9)
+        share, rate = self.meshes.share, self.steps * self.model.node_count / max(self.monitor.wall, 1e-9)
         self.display.update(done=share, load_factor=share, node_steps_per_s=rate)

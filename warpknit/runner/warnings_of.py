@@ -14,7 +14,7 @@ from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
 from ..results.finding import ResultWarning
 from ..results.row import Row
-from .branches import jumps_of, takes_up_slack, tensions_text
+from .branches import is_slack, jumps_of, tensions_text
 from .cautions import cautions, cut_cautions
 from .history import ends_of, missing_work
 from .strength import limit_text, strength_text
@@ -23,7 +23,7 @@ STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
 SHORTER = -0.005 * (1.0 + 1e-9)  # imposed strain below which a mesh counts as compressed: 0.5 %, beyond round-off
 PUSHED = -0.03  # of the largest tension: below it, beyond the residual, a direction that is held counts as compressed
-PRESTRESS = 0.01  # of the largest tension: less at zero load is not told
+PRESTRESS = 0.01  # of the largest tension: less at zero load is not reported
 CARRIED = 0.2  # of the tension, by wires of less than a loop
 TAUT = 3.0  # largest stress over that away from the grips, of wires that are taut between two grips
 CLOSED = -0.1  # strain under tension below which the release of the wires counts as closing the knit
@@ -32,7 +32,7 @@ UNEVEN = 0.25  # relative difference between the median tension of a panel and t
 
 
 def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
-    """Warnings from the rows of a run, beside those of the model."""
+    """Warnings from the rows of a run, beside the model's."""
     stages = ends_of(rows)
     short_wires = [*_taut_between_grips(model, stages)]
     return [
@@ -67,7 +67,7 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) 
 
 
 def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Whether wires of less than a loop between two grips carry the largest stress, or a large part of the tension."""
+    """Warning on short wires between grips: with the largest stress, or much tension."""
     if not stages or model.cloth is None or model.panel.boundary == "periodic":
         return
     end, length = stages[-1], model.panel.wire_length
@@ -85,7 +85,7 @@ def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[Res
 
 
 def fragment_share(end: Row, side: str) -> float:
-    """Share of the tension in weft or warp that wires of less than a loop between two grips carry."""
+    """Share of the weft or warp tension in short wires between grips."""
     tension, part = end.get(f"tension_{side}_N_per_m") or 0.0, end.get(f"fragment_tension_{side}_N_per_m") or 0.0
     return part / tension if tension > 0.0 else 0.0
 
@@ -164,7 +164,7 @@ def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[Resu
 
 
 def _release(model: MeshModel, rows: Sequence[Row]) -> tuple[str, str] | None:
-    """What `wire.set_fraction` does before any load, if that exceeds the strength or closes the knit, and what to do."""
+    """Effect of `wire.set_fraction` before any load, and advice; None if harmless."""
     wire = model.scene.wire
     if wire.set_fraction == 1.0 or not rows or rows[0].load_factor > 0.0 or not rows[0].steady:
         return None
@@ -193,7 +193,7 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
 
 
 def _prestressed(rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Whether wires of a file carry tension before they are loaded, as pushing them apart leaves it."""
+    """Warning on wires of a file with tension before they are loaded."""
     if not rows or rows[0].load_factor > 0.0:
         return
     tension = [rows[0].tension_weft_N_per_m, rows[0].tension_warp_N_per_m]
@@ -215,7 +215,7 @@ def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
 
 
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """The first jump between neighbouring levels, by the rule that also marks the cells of a map, and the number of others."""
+    """Warning on the first snap-through between levels, with the number of others. By the rule that marks the cells of a map."""
     if found := jumps_of(model, rows):
         a, b = found[0]
         more = len(found) - 1
@@ -230,28 +230,28 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWar
 
 
 def _between(a: Row, b: Row) -> str:
-    """The loads of two neighbouring records, as shares of the load step of the second one."""
+    """Loads of two neighbouring records, as shares of the second one's load step."""
     before = a.load_factor if a.stage == b.stage else 0.0
     return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of {b.stage!r}"
 
 
 def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Work that is not stored, and the neighbouring records between which most of it is missing; slack does not count."""
+    """Warning on work that is not stored, with the records around most of it; slack does not count."""
     balance = stages[-1].get("energy_balance_of_stored", 0.0) if stages else 0.0
     if abs(balance) <= UNBALANCED or model.scene.output.levels < LEVELS_FOLLOWED:
         return
-    missing = [0.0 if takes_up_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
+    missing = [0.0 if is_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
     share = np.array(missing) / max(row.stored for row in rows)
     if abs(share.sum()) > UNBALANCED:
         k = int(np.argmax(np.sign(share.sum()) * share))
         yield ResultWarning(
             "W19",
-            f"Work and stored energy differ by {percent(share.sum(), 0)}, of which {percent(share[k], 0)} between"
-            f" {_between(rows[k], rows[k + 1])}: a snap-through, or too few load levels.",
+            f"Work and stored energy differ by {percent(share.sum(), 0)} ({percent(share[k], 0)} between"
+            f" {_between(rows[k], rows[k + 1])}): a snap-through, or too few load levels.",
         )
 
 
 def _driven_by_tension(model: MeshModel, name: str) -> np.ndarray:
-    """(2,) whether a stage prescribes the tension in weft and warp, so that the strain follows."""
+    """Whether a load step prescribes tension in weft and warp (2,), so that strain follows."""
     stage = next(stage for stage in model.scene.stages if stage.name == name)
     return np.array(stage.by_tension)

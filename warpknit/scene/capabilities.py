@@ -34,7 +34,7 @@ Place = tuple[Location, Any]  # a key, and its value
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, as in its file or resolved, with the command, device and ranks."""
+    """A scene (of the file or resolved) with command, device and ranks."""
 
     scene: Scene | SceneFile
     command: str = ""
@@ -43,7 +43,7 @@ class Case:
 
     @property
     def stages(self) -> Iterator[tuple[Location, Stage]]:
-        """Where each stage stands, and the stage; of a map and a report the first one, which is all that they run."""
+        """Location of each load step, and the step; only the first for a map and a report."""
         for number, stage in enumerate(self.scene.stages[:1] if self.command in ("map", "report") else self.scene.stages):
             yield ("load",) if number == 0 else ("path", number - 1), stage
 
@@ -63,14 +63,14 @@ class Trait:
 
 
 class Words(str):
-    """A value shown unquoted, because it is not the value of a key."""
+    """A value shown unquoted, because it belongs to no key."""
 
 
 # --- requests of a trait -----------------------------------------------------------------------------------------
 
 
 def _value(key: str, case: Case) -> Any:
-    """The value of a dotted key, None where there is no such table."""
+    """The value of a dotted key, or None without its table."""
     value: Any = case.scene
     for part in key.split("."):
         value = None if value is None else getattr(value, part)
@@ -78,19 +78,19 @@ def _value(key: str, case: Case) -> Any:
 
 
 def _is(key: str, wanted: Any) -> Asked:
-    """Where a key has this value."""
+    """Places of a key with this value."""
     return lambda case: [(tuple(key.split(".")), wanted)] if _value(key, case) == wanted else []
 
 
 def _given(key: str, *nothing: Any) -> Asked:
-    """Where a key has a value other than None and these."""
+    """Places of a key with a value other than None and these."""
     return lambda case: (
         [(tuple(key.split(".")), value)] if (value := _value(key, case)) is not None and value not in nothing else []
     )
 
 
 def _staged(*keys: str, nothing: tuple[Any, ...] = ()) -> Asked:
-    """Where a stage has one of these keys."""
+    """Places of load steps with one of these keys."""
     return lambda case: [
         ((*location, key), value)
         for location, stage in case.stages
@@ -140,7 +140,7 @@ def _choice(key: str, value: str) -> Trait:
 
 
 def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
-    """Requested by a key with a value other than `nothing`, such as `value`."""
+    """Trait of a key whose value is not `nothing`, such as `value`."""
     *above, last = key.split(".")
     example = {last: value}
     for part in reversed(above):
@@ -194,14 +194,14 @@ TRAITS = {
     "pull": _load("pulls at the edge", "pull", [PULL], nothing=((),)),
     "rotation": _load("clamp rotation", "clamp_rotation", 0.1, nothing=(0.0,)),
     "rotation and pull": Trait(
-        "clamp rotation and pulls in one stage",
+        "clamp rotation and pulls in one load step",
         "load.clamp_rotation",
         _turned_and_pulled,
         {"load": {"clamp_rotation": 0.1, "pull": [PULL]}},
         ("rotation", "pull"),
     ),
     "path": Trait(
-        "stages after the first",
+        "load steps after the first",
         "path",
         lambda case: [(("path",), Words("stages"))] if len(case.scene.stages) > 1 else [],
         {"path": [{"name": "second"}]},
@@ -296,11 +296,11 @@ SIZE = "the size of the mesh is known only when the file is read"
 NO_EDGE = "a periodic tile has no edge, and its load is uniform"
 ALONE = "a map strains its mesh uniformly"
 FICTITIOUS = "the masses of a relaxation are fictitious, and it has no real time"
-OWN_CONTACT = "in space wires touch each other directly: there are no bodies"
+OWN_CONTACT = "spatial wires touch each other directly, without bodies"
 
 RULES = (
     # the mesh and its model
-    Rule("planar", ("wires",), SPATIAL, "its wires are curves in space"),
+    Rule("planar", ("wires",), SPATIAL, "its wires are spatial curves"),
     Rule("periodic", ("hook",), GRIPPED, "both wires of a hook are held at their ends"),
     Rule("panel", ("hook",), LEAVE_OUT, "the wires have no outline"),
     Rule("panel", ("wires",), LEAVE_OUT, "the wires have no outline"),
@@ -326,7 +326,7 @@ RULES = (
     Rule("friction", ("planar", "ramp"), "write 0", NOT_BUILT),
     Rule("plastic", ("ramp",), "write false", NOT_BUILT),
     Rule("hardening", ("elastic",), NO_EFFECT, "it applies only with wire.plastic = true"),
-    Rule("poisson", ("planar",), NO_EFFECT, "wires do not twist in the plane"),
+    Rule("poisson", ("planar",), NO_EFFECT, "planar wires do not twist"),
     Rule("seed", ("even loops",), NO_EFFECT, "it applies only with knit.scatter"),
     # loads
     *(
@@ -362,7 +362,7 @@ RULES = (
     Rule("no sweep", ("map",), "add [sweep], with strains or tensions in weft and warp", "a map reads its loads from [sweep]"),
     Rule("ramp", ("map",), RELAX, "a map consists of equilibria"),
     Rule("ramp", ("error",), RELAX, "errors are estimated for equilibria only"),
-    Rule("spatial", ("error", "hook"), "write 'planar'", "errors of hooks in space are not known"),
+    Rule("spatial", ("error", "hook"), "write 'planar'", "errors of spatial hooks are not known"),
     *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "wires")),
     Rule("gripped", ("report",), "write 'periodic'", "a card describes endless cloth"),
     *(
@@ -373,7 +373,7 @@ RULES = (
     Rule("ranks", ("trade",), ONE_RANK, "its meshes are small"),
     Rule("ranks", ("map",), ONE_RANK, "its meshes are small"),
     Rule("ranks", ("variants",), ONE_RANK, "its meshes are small"),
-    Rule("variants", ("trade",), "write 1", "errors are those of one mesh"),
+    Rule("variants", ("trade",), "write 1", "errors refer to one mesh"),
     Rule("variants", ("error",), "write 1", "errors are estimated for one mesh"),
 )
 
@@ -383,8 +383,8 @@ def refuse(
 ) -> None:
     """Raise `SceneError` for the first rule that excludes this scene or command.
 
-    command: run | map | trade | report | error (`run --error`); empty: what no command takes. device: the one that was named.
-    ranks: processes that are to share it. source: for messages with the values as they were written.
+    command: run | map | trade | report | error (`run --error`), or empty. device: as named. ranks: processes that share it.
+    source: of the values as written, for messages.
     """
     case = Case(scene, command, device, ranks)
     for rule in RULES:
@@ -403,7 +403,7 @@ def without_effect(scene: Scene) -> Iterator[str]:
 
 
 def kind_of_model(file: SceneFile, *, command: str = "", ranks: int = 1) -> tuple[str, str]:
-    """Kind of model of a scene file, `auto` resolved, and the reason in a few words.
+    """Kind of model of a scene file, and the reason in words.
 
     `auto` is spatial, unless the spatial model lacks a feature of the scene or the command that the planar model has.
     command, ranks: as in `refuse`.
@@ -438,6 +438,9 @@ def _places(rule: Rule, case: Case) -> Iterable[Place]:
 def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Source | None) -> SceneError:
     others = " and ".join(TRAITS[name].words for name in rule.others).replace("`", "").replace('"', "'")
     wrong = f"cannot be combined with {others} ({rule.why})"
+    if rule.trait == "no sweep":
+        path = cast("Scene", case.scene).path if source is None else source.path
+        return scene_error(path, dotted(location), f"missing for {others}", rule.instead)
     if source is not None:
         return source.refusal(location, value, wrong, rule.instead)
     key = dotted(location)
@@ -457,7 +460,7 @@ def with_needs(names: Iterable[str]) -> frozenset[str]:
     return frozenset(found)
 
 
-def goes_together(one: str, other: str) -> str:
+def compatibility(one: str, other: str) -> str:
     """Whether two traits go together, whatever else a scene has: "yes", "no", "partly" (it depends on a third one), or "no
     effect"."""
     both = with_needs((one, other))

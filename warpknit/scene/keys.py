@@ -3,10 +3,10 @@
     class Solver(Table):
         damping: Rate | None = key("Ramp: mass-proportional damping.", None, left_out="chosen")
 
-`Rate` (values.py) is the unit and the range. From this line follow how the file is checked, the attribute of the scene, the
-resolved file, the nearest known key of an unknown one, and the row in docs/scenes.md (reference.py). A class that derives
-from `Table` is a table of the file as it was checked, where what was left out may be None, and then the frozen object of the
-scene, where `warpknit.scene.scene_loader` has filled it in; so its annotations are those of the object.
+`Rate` (values.py) is the unit and the range. From this line follow the check of the file, the attribute of the scene, the
+resolved file, the nearest known key, and the row in docs/scenes.md (reference.py). A class that derives from `Table` is first the
+checked table of the file, where values may be None, and then the frozen object of the scene, which `warpknit.scene.scene_loader`
+has filled in. The annotations describe the object.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ABOUT = "about"  # where a field keeps its sentence: a field without one is no k
 
 
 class Table:
-    """Base of the frozen dataclasses that tables of a scene file are checked as: unknown keys are errors.
+    """Base of frozen dataclasses for the tables of a scene file: unknown keys are errors.
 
     Unit, default and meaning of each key stand in the docstring too, for `help(scene.wire)`.
     """
@@ -50,11 +50,9 @@ class Table:
 def key(about: str, default: Any = MISSING, *, left_out: str = "", allowed: str = "", compare: bool = True) -> Any:
     """The field of a key.
 
-    about: what it means, as docs/scenes.md shows it.
-    default: required if not given; None: nothing, or that it follows from others.
-    left_out: what stands where it is left out, in words, if the default does not say it.
-    allowed: what may stand there, in words, if its type does not say it.
-    compare: whether scenes that differ in it differ.
+    about: its meaning, for docs/scenes.md. default: required if not given; None: nothing, or a consequence of others. left_out:
+    the default in words, if `default` does not say it. allowed: allowed values in words, if its type does not say it. compare:
+    whether scenes that differ in it differ.
     """
     return field(default=default, compare=compare, metadata={ABOUT: about, "left_out": left_out, "allowed": allowed})
 
@@ -82,13 +80,13 @@ class Key:
 
     @property
     def table(self) -> type[Table] | None:
-        """The table that it holds, or that the entries of its list are."""
+        """Class of its table, or of the tables in its list."""
         found = (part for part in _parts(self.annotation) if isinstance(part, type) and issubclass(part, Table))
         return next(found, None)
 
     @property
     def si_unit(self) -> str:
-        """The SI unit of its value, or of each entry of its pair or list; none for numbers."""
+        """SI unit of its value or of its entries; empty for numbers."""
         check = self.check.each if isinstance(self.check, Pair) else self.check
         if isinstance(check, Quantity):
             return DIMENSIONS[check.dimension].unit
@@ -96,11 +94,11 @@ class Key:
 
     @property
     def unit(self) -> str:
-        """The SI unit that its value is written back with, none for numbers, pairs and lists."""
+        """SI unit of its written value; empty for numbers, pairs and lists."""
         return "" if self.is_list or isinstance(self.check, Pair) else self.si_unit
 
     def text(self, value: Any) -> str:
-        """A value of it in SI, with its unit where it has one."""
+        """A value in SI, with its unit if it has one."""
         if not self.unit or not isinstance(value, int | float):
             return shown(value)
         return celsius(value) if self.unit == "K" else exact(value, self.unit)
@@ -133,7 +131,7 @@ class Key:
 
     @property
     def allowed(self) -> str:
-        """What may stand there, in words."""
+        """Allowed values, in words."""
         words = self.allowed_words or ("" if self.check is None else self.check.allowed)
         return f"a list, each {words}" if self.is_list and not self.allowed_words else words
 
@@ -142,14 +140,14 @@ Object = TypeVar("Object", bound=Table)
 
 
 def as_object(kind: type[Object], table: Table, **filled_in: Any) -> Object:
-    """The object of a class of the scene from the table of a file, with other values where they are given."""
+    """Object of a checked table, with some values replaced."""
     names = {entry.name for entry in fields(cast(Any, kind))}
     values = {entry.name: getattr(table, entry.name) for entry in fields(cast(Any, table)) if entry.name in names}
     return kind(**(values | filled_in))
 
 
 def given_values(table: Table) -> dict[str, Any]:
-    """The values of the table of a file that were given, and those of defaults."""
+    """Given values of a table, including defaults."""
     values = {name: getattr(table, name) for name in keys_of(type(table))}
     return {name: value for name, value in values.items() if value is not None}
 

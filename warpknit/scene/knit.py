@@ -1,4 +1,4 @@
-"""The table [knit] with its bars and loops, and [hook] in its place, as frozen objects in plain SI."""
+"""The tables [knit] with bars and loops, and [hook], as frozen objects in SI."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class Knit(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class KnitTable(Knit):
-    """[knit] as it stands in a file, with what says the same in another way."""
+    """[knit] as written in a file, with its alternative keys."""
 
     wales: values.PerLength | None = key("Instead of `wale_spacing`: wales per length.", None)
     courses: values.PerLength | None = key("Instead of `course_spacing`: courses per length.", None)

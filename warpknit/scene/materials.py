@@ -3,7 +3,7 @@
 Sources, by column:
 
 - Young's modulus, Poisson's ratio, density, thermal expansion: textbook values of the pure metals. Tungsten's modulus
-  and density are those of Guglielmini, Marotta and Salvini (2022).
+  and density: Guglielmini, Marotta and Salvini (2022).
 - Tensile strength: tungsten 4.5 GPa is the upper end found for drawn wire of 16 to 150 um (Riesch et al., Phys. Scr.
   T170, 014032, 2017), thin wire being the stronger; molybdenum 0.8 GPa is the lower end of 0.8 to 1.2 GPa; gold
   0.13 GPa is annealed.

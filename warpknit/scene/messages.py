@@ -62,7 +62,7 @@ def first_error(file: object, error: ValidationError) -> SceneError:
 
 
 def unknown_key(file: object, location: Location, more: Sequence[str] = ()) -> SceneError:
-    """The error for a location of which a part is no key, with the nearest that is one; more: the keys of other errors."""
+    """Error for an unknown key, with the nearest known key; more: keys of other errors."""
     depth = unknown_depth(location)
     assert depth is not None
     above, below = location[: depth + 1], dotted(location[depth + 1 :])
@@ -83,7 +83,7 @@ def unknown_depth(location: Location) -> int | None:
 
 
 def value_text(location: Sequence[int | str], value: Any) -> str:
-    """A value in SI of a key, which the file may have left out: with its unit."""
+    """A value in SI with its unit, also of an omitted key."""
     entry = keys_of(_table_at(tuple(location[:-1]))).get(str(location[-1]))
     return shown(value) if entry is None else entry.text(value)
 
@@ -149,7 +149,7 @@ def _nearest_key(location: Location) -> tuple[str, bool]:
 
 
 def _nested(location: Location) -> str | None:
-    """What to write in place of a dotted key in a table; None for other keys."""
+    """Text to write in place of a dotted key in a table; None for other keys."""
     *above, last = location
     key = ".".join([*([dotted(above)] if above else []), str(last)])
     if "." not in str(last) or re.sub(r"\[\d+\]", "[0]", key) not in known_keys():
@@ -160,13 +160,13 @@ def _nested(location: Location) -> str | None:
 
 
 def _allowed_at(location: Location) -> str:
-    """What a required key allows."""
+    """Allowed values of a required key."""
     entry = keys_of(_table_at(location[:-1]))[str(location[-1])]
     return "a list with at least one entry" if entry.is_list or entry.check is None else entry.check.allowed
 
 
 def _list_at(location: Location, given: Any) -> str:
-    """What to write for a list, and how one of tables is written where a table was given."""
+    """Text to write for a list, also in place of a table."""
     entry = keys_of(_table_at(location[:-1])).get(str(location[-1])) if location else None
     if entry is None or entry.table is None:
         return "write a list"
@@ -176,7 +176,7 @@ def _list_at(location: Location, given: Any) -> str:
 
 
 def _table_in_words(location: Location, given: Any) -> str:
-    """What to write for a table, and how one in a list of tables is written."""
+    """Text to write for a table, also in a list of tables."""
     example = _example(location, given) if location and isinstance(location[-1], int) else ""
     if example:
         return f"write a table, as in a list of tables{example}"
@@ -184,7 +184,7 @@ def _table_in_words(location: Location, given: Any) -> str:
 
 
 def _example(location: Location, given: Any) -> str:
-    """An entry of a list of tables with its first key, which is the given value where that may stand there."""
+    """Example of a list of tables: its first key with the given value."""
     first = next(iter(keys_of(_table_at(location)).values()))
     text = first.default is MISSING and isinstance(given, str)
     return f", [{{{first.name} = {json.dumps(given)}}}]" if text else ""
@@ -202,7 +202,7 @@ class Source:
     table: Mapping[str, Any]
 
     def refusal(self, location: Sequence[int | str], value: Any, wrong: str, instead: str) -> SceneError:
-        """The error for a value that conflicts with another, such as "is above 1"; `value` is shown if none was written."""
+        """Error for a value that conflicts with another, such as "is above 1"; `value` is shown if none was written."""
         given: Any = self.table
         for part in location:
             if not (part < len(given) if isinstance(part, int) else part in given):

@@ -33,7 +33,7 @@ LOAD = "write a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 
 PLATING = "write a metal and the thickness of its coating, such as 'gold, 0.2 um'"
 SPACING = "write a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
 COMMENTS_AT = 28  # column of the comments behind keys
-SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over that of the scene: from 2 N/m to those in orbit
+SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over the tension of the scene
 
 
 class Refused(ValueError):
@@ -45,7 +45,7 @@ class Refused(ValueError):
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """What a new scene is asked for, as typed; "": the default of the knit."""
+    """Request of a new scene, as typed; "": the default of the knit."""
 
     knit: str = "double-atlas"
     material: str = "molybdenum"
@@ -79,14 +79,14 @@ def check_value(name: str, given: str) -> None:
 
 
 def check_file_name(name: str) -> None:
-    """Check the name of a file, which also names the directory of its results. Raises `Refused`."""
+    """Check a file name, which also names the directory of results. Raises `Refused`."""
     if not name.isprintable():  # such as a byte that is no UTF-8
         raise Refused(name, "cannot be shown", "write a name of printable characters")
     _accept(name, name.removesuffix(".toml"), SceneFile, "name")
 
 
 def _accept(given: str, value: Any, table: type[Table], key: str, instead: str = "") -> Any:
-    """A value in SI, by the check of its key. `given`: of which it is a part; instead: what to write for the whole."""
+    """A value in SI, by the check of its key. `given`: the whole text; instead: what to write for it."""
     check = keys_of(table)[key].check
     assert check is not None
     try:
@@ -231,7 +231,7 @@ def _bars(bars: Sequence[GuideBar]) -> str:
 
 
 def _sweep(loads: Sequence[tuple[str, str]]) -> str:
-    """Loads of a map: tensions about those of the scene, or strains."""
+    """Loads of a map: tensions about the tension of the scene, or strains."""
     tensions = [si(value.strip('"'), "tension") if key.startswith("tension") else 0.0 for key, value in loads]
     if min(tensions) == 0.0:
         return "\n".join(f"# strain_{side} = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]  # or tension_{side}" for side in SIDES)

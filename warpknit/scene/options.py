@@ -33,7 +33,7 @@ TREATMENT_KEYS = {
 
 @dataclass(frozen=True, kw_only=True)
 class KindOfModel:
-    """Where the kinds of model differ for scenes, meshes and messages."""
+    """Differences between kinds of model for scenes, meshes and messages."""
 
     # thicknesses of the wire by which hooked wires pass each other at rest, as in a knit; None: they lie in one plane
     crossing: float | None
@@ -81,7 +81,7 @@ class ModelOptions(Table):
 
     @property
     def of_kind(self) -> KindOfModel:
-        """What the kind of model has."""
+        """Properties of the kind of model."""
         return KINDS[self.kind]
 
 
@@ -90,10 +90,10 @@ class Contact(Table):
     """[contact]: contact between wires; a pair is active when its force exceeds the threshold."""
 
     friction: values.Friction = key(
-        'Coulomb friction coefficient; in the plane `drive = "relax"` only. The state then depends on the load history:'
+        'Coulomb friction coefficient; in the planar model `drive = "relax"` only. The state then depends on the load history:'
         " [theory](theory/contact.md#planar-friction).",
         None,
-        left_out="0.2 in space; 0 in the plane",
+        left_out="0.2 spatial, 0 planar",
     )
     threshold: values.Force = key(
         "A pair is active when its force exceeds this value (and 1e-4 EI/W^2, the unbalanced force of a converged state).", 0.0
@@ -110,7 +110,7 @@ class Contact(Table):
         left_out="0.001 N/m",
     )
     ring_radius: values.Length | None = key(
-        "`ring`: inner radius, at least that of the wire.", None, left_out="the wire's diameter"
+        "`ring`: inner radius, at least the radius of the wire.", None, left_out="the wire's diameter"
     )
     plane_friction: values.Coefficient | None = key("`friction-plane`: friction coefficient.", None, left_out="0.1")
     plane_load: values.PositiveForce | None = key(
@@ -123,7 +123,7 @@ class Contact(Table):
         "`point`: target part of the right wire, about its middle, over its length.", None, left_out="1"
     )
     body_mass: values.BodyMass | None = key(
-        "Ramp: mass of a contact body over that of half a loop of wire; with `[hook]`, over that of half a wire.",
+        "Ramp: mass of a contact body over half a loop of wire; with `[hook]`, over half a wire.",
         None,
         left_out="0.5",
     )
@@ -148,7 +148,7 @@ class Solver(Table):
     preset: values.PresetName = key("Sets the defaults of the keys below.", DEFAULT_PRESET)
     drive: values.Drive = key("`relax`: equilibrium at each load level. `ramp`: real time with true or scaled masses.", "relax")
     precision: values.Precision = key(
-        "`single`: float32, with positions in 32-bit fixed point, in space in float64. `double`: float64.",
+        "`single`: float32, with positions in 32-bit fixed point (spatial: float64). `double`: float64.",
         None,
         left_out="the preset's; `double` above 48 nodes per loop, and for wires so thin that s (d/W)^2 is below 0.001 with the"
         " softening s",
@@ -157,7 +157,7 @@ class Solver(Table):
     target_time_step: values.TimeStep | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
     axial_softening: values.Factor = key(
         "Largest divisor of the axial stiffness in the dynamics that is allowed. A run takes less where bending limits it, and"
-        " for taut wires; `summary.json` has the one that was used at its start.",
+        " for taut wires; `summary.json` has the first value.",
         None,
         left_out="the preset's",
     )
@@ -165,7 +165,7 @@ class Solver(Table):
         "Ramp: mass-proportional damping. Default: the frequency of the slowest bending mode.", None, left_out="chosen"
     )
     loading_time: values.LoadingTime | None = key(
-        "Ramp: duration of a stage. Default: ten periods of the slowest bending mode.", None, left_out="chosen"
+        "Ramp: duration of a load step. Default: ten periods of the slowest bending mode.", None, left_out="chosen"
     )
     residual_tolerance: values.Tolerance = key(
         "Relative residual below which a state is converged.", None, left_out="the preset's"
@@ -186,17 +186,17 @@ class Output(Table):
     """[output]: recorded levels and written files."""
 
     frames: values.FrameCount = key(
-        "Recorded load levels per stage; each is converged when relaxing. `auto`: few, and more where something happens: a class"
-        " of contact closes, the wire first yields, the mesh snaps through, slack ends. Maps and ramps have 20 levels then.",
+        "Recorded load levels per load step; each is converged when relaxing. `auto`: few, and more where a class of contacts"
+        " closes, the wire first yields, the mesh snaps to another equilibrium or slack ends; 20 for maps and ramps.",
         AUTO,
     )
     load_tolerance: values.Tolerance = key(
-        "With `frames = 'auto'`: share of the load of a stage to which these events are found.", 0.02
+        "With `frames = 'auto'`: share of the load of a load step to which these events are found.", 0.02
     )
     usd: values.Flag = key("Write scene.usda while running.", True)
     usd_full_every: values.FrameInterval = key(
-        "Interval of frames with all nodes; the first frame and the ends of stages always have them. In between, the level `full`"
-        " is not updated and `k8` is. 0: only the first frame and the ends of stages.",
+        "Interval of frames with all nodes; the first frame and the ends of load steps always have them. In between, `k8` is"
+        " updated and `full` is not. 0: only the first frame and the ends of load steps.",
         1,
     )
     usd_points_per_tile: values.TileSize = key("Approximate number of nodes per prim of scene.usda.", 500_000)
@@ -241,43 +241,42 @@ class Pull(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class Stage(Table):
-    """[load] and each [[path]]: one stage of the loading, by its final state. Missing keys are as in the stage before.
+    """[load] and each [[path]]: one stage of the loading, by its final state. Missing keys are as in the load step before.
 
-    Each direction is driven by strain or by tension; the other of the two is None. A hook is driven by `displacement` alone,
-    which its model applies as a shear of its frame (mesh/hook_mesh.py); for a mesh, `displacement` is converted to strains when
-    it is read.
+    Each direction is driven by strain or by tension; the other one is None. A hook is driven by `displacement` alone, which its
+    model applies as a shear of its frame (mesh/hook_mesh.py); for a mesh, `displacement` is converted to strains on reading.
     """
 
-    name: values.Name = key("Name of the stage in the results.", None, left_out="`load`, then `stage-2`, ...")
+    name: values.Name = key("Name of the load step in the results.", None, left_out="`load`, then `stage-2`, ...")
     strain_weft: values.Strain | None = key(
-        "Strain at the end of the stage, relative to the knitted size.", None, left_out="0, then as in the stage before"
+        "Strain at the end of the load step, relative to the knitted size.", None, left_out="0, then as in the load step before"
     )
-    tension_weft: values.Tension | None = key("Instead of `strain_weft`: force per current width at the end of the stage.", None)
-    strain_warp: values.Strain | None = key("The same in warp.", None, left_out="0, then as in the stage before")
+    tension_weft: values.Tension | None = key("Instead of `strain_weft`: force per current width.", None)
+    strain_warp: values.Strain | None = key("The same in warp.", None, left_out="0, then as in the load step before")
     tension_warp: values.Tension | None = key("Instead of `strain_warp`.", None)
     displacement: values.SignedLength | None = key(
         "Instead of both strains: outward displacement of every side. With `[hook]`: displacement of the driven end to the"
         " right.",
         None,
     )
-    shear: values.Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the stage before")
+    shear: values.Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the load step before")
     clamp_rotation: values.Turn = key(
         "Counter-clockwise rotation of every clamp about the point where it holds its wire. Gripped meshes with"
         ' `drive = "relax"` only, without cord or pull.',
         None,
-        left_out="0, then as in the stage before",
+        left_out="0, then as in the load step before",
     )
     temperature: values.Temperature = key(
-        "Temperature at the end of the stage, at the middle of the mesh.",
+        "Temperature at the end of the load step, at the middle of the mesh.",
         None,
-        left_out="the reference temperature, then as in the stage before",
+        left_out="the reference temperature, then as in the load step before",
     )
     temperature_gradient: values.TemperatureGradient = key(
         'Temperature gradient along weft and warp. Gripped meshes with `drive = "relax"` only.',
         None,
-        left_out="none, then as in the stage before",
+        left_out="none, then as in the load step before",
     )
-    pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the stage before")
+    pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the load step before")
 
     @model_validator(mode="before")
     @classmethod
@@ -351,7 +350,7 @@ class Sweep(Table):
 
     @property
     def axes(self) -> tuple[list[float], list[float]]:
-        """Strains, or tensions [N/m], in weft and in warp, each once and in their order."""
+        """Strains, or tensions [N/m], of the two axes: weft and warp, each value once, in order."""
         weft, warp = (self.tension_weft, self.tension_warp) if self.by_tension else (self.strain_weft, self.strain_warp)
         return sorted(set(weft or ())), sorted(set(warp or ()))
 
@@ -375,27 +374,27 @@ class Variants(Table):
     """[variants]: meshes that are alike but for what scatters; results are means over them, with their range."""
 
     count: values.VariantCount = key(
-        "Meshes side by side, of which the results of a run or a map are the mean. 1: a single mesh, with `knit.scatter`.",
+        "Number of meshes with scattered loops; results are their mean. 1: a single mesh, with `knit.scatter`.",
         None,
-        left_out="16 for a tile in space, without `knit.scatter`, `--error`, `trade` and `mpirun`; else 1",
+        left_out="16 for a spatial tile without `knit.scatter`, `--error`, `trade` and `mpirun`; else 1",
     )
     standard_error: values.Fraction = key(
-        "Largest standard error, of tension (or strain, where tension drives), active contacts and largest stress. Up to four"
-        " times `count` meshes run to reach it, at a pair of a map no more than `count`; half of them are enough where they are"
-        " at 0.4 of it. 0: exactly `count`.",
+        "Largest standard error of tension (or strain, where tension drives), active contacts and largest stress. A run adds"
+        " meshes up to four times `count` to reach it, a map up to `count`. Half of `count` is enough where the error is below"
+        " 0.4 of it. 0: exactly `count`.",
         0.05,
     )
-    scatter: values.Scatter = key("Takes the place of `knit.scatter`: relative standard deviation of the loop proportions.", 0.02)
+    scatter: values.Scatter = key("Relative standard deviation of the loop proportions, in place of `knit.scatter`.", 0.02)
     friction: values.Fraction = key("Standard deviation of the logarithm of `contact.friction` between the meshes.", 0.0)
-    seed: values.Seed = key("Of the first mesh; the others have the ones after it.", 0)
+    seed: values.Seed = key("Random seed of the first mesh; the next meshes have the next seeds.", 0)
     sensitivity: values.Flag = key(
-        "How sure a run is. Two of its meshes run again with fewer nodes, and with half and twice the friction: the estimated"
-        " error of the means (`quality.estimated_error`). A planar tile is compared with three meshes of the spatial model"
-        " (`spatial_model`), where that takes seconds.",
+        "Estimate the error of the means (`quality.estimated_error`): two meshes run again with fewer nodes, and with half and"
+        " twice the friction. A planar tile is compared with three meshes of the spatial model (`spatial_model`), where that"
+        " takes seconds.",
         True,
     )
     overshoot: values.Fraction = key(
-        "Share of the first load by which `sensitivity` strains the meshes too far, and lets them back.", 0.0
+        "Share of the first load by which `sensitivity` strains the meshes further before unloading.", 0.0
     )
 
 

@@ -1,4 +1,4 @@
-"""The outline of a gripped mesh: a simple polygon in the plane of the mesh as knitted, x weft and y warp.
+"""Outline of a gripped mesh: a simple polygon as knitted, x weft and y warp.
 
 Its corners run counter-clockwise; places on it are counted by arc length from the first corner.
 """
@@ -66,7 +66,9 @@ class Outline:
         return Path(np.vstack([self.corners, self.corners[:1]]), closed=True).contains_points(points)
 
     def cover(self, low: np.ndarray, cell: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-        """Share (column, row) inside the outline of each cell of a grid from `low` (2,) [m] on, cells being `cell` (2,) [m]."""
+        """Share (column, row) of each grid cell inside the outline. The grid starts at `low` (2,) [m], with cells of `cell` (2,)
+        [m].
+        """
         inside = (np.arange(SAMPLES) + 0.5) / SAMPLES
         x, y = (low[k] + cell[k] * (np.arange(shape[k])[:, None] + inside).ravel() for k in range(2))
         there = self.contains(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
@@ -79,7 +81,7 @@ class Outline:
         return self.corners[edge] + self.edges[edge] * ((arc - self.arcs[edge]) / self.lengths[edge])[..., None]
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Arc lengths (point,) [m] of the places on the outline nearest to points (point, 2) [m], and how far they are [m]."""
+        """Arc lengths (point,) [m] of the nearest places on the outline; distances (point,) [m] to points (point, 2) [m]."""
         best, arc = np.full(len(points), np.inf), np.zeros(len(points))
         for corner, edge, length, start in zip(self.corners, self.edges, self.lengths, self.arcs, strict=True):
             from_corner = points - corner
@@ -98,7 +100,7 @@ def signed_area(corners: np.ndarray) -> float:
 
 
 def is_simple(corners: np.ndarray) -> bool:
-    """Whether no two edges of the polygon (corner, 2) cross or touch, but at a common corner."""
+    """Whether edges of the polygon (corner, 2) meet only at common corners."""
     n = len(corners)
     start, end = corners, np.roll(corners, -1, axis=0)
 
@@ -119,14 +121,14 @@ def rectangle(width: float, height: float) -> Outline:
 
 
 def regular(corners: int, side: float) -> Outline:
-    """A regular polygon with `side` [m], round the origin, its lowest side along weft."""
+    """Regular polygon with `side` [m] about the origin, its lowest side along weft."""
     radius = side / (2.0 * np.sin(np.pi / corners))
     angle = -0.5 * np.pi + np.pi / corners * (2 * np.arange(corners) - 1)
     return Outline(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def disc(diameter: float) -> Outline:
-    """A polygon of DISC_CORNERS corners with the area of the disc, round the origin."""
+    """Polygon with DISC_CORNERS corners and a disc's area, about the origin."""
     n = DISC_CORNERS
     radius = 0.5 * diameter * np.sqrt(2.0 * np.pi / (n * np.sin(2.0 * np.pi / n)))
     angle = 2.0 * np.pi * np.arange(n) / n

@@ -61,7 +61,7 @@ class PanelOptions(Table):
     )
 
     def shape(self, rectangle_size: tuple[float, float]) -> Outline:
-        """The outline round the origin (a polygon where its corners say); `rectangle_size` [m] is that of all repeats."""
+        """The outline about the origin; a polygon where its corners say. `rectangle_size` [m]: size of all repeats."""
         if self.outline == "rectangle":
             return rectangle(*rectangle_size)
         if self.outline == "polygon":
@@ -77,11 +77,11 @@ class PanelOptions(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class PanelTable(PanelOptions):
-    """[panel] as it stands in a file, with what says the same in another way."""
+    """[panel] as written in a file, with its alternative keys."""
 
     file: values.FileName | None = key(
-        "Instead of `corners`: a CSV file of two columns x and y beside the scene, `12.5 mm, 3 mm` a line, or numbers under a"
-        " line of headings with the unit in brackets: `x [mm], y [mm]`.",
+        "Instead of `corners`: a CSV file beside the scene with columns x and y. Write a line as `12.5 mm, 3 mm`, or numbers"
+        " under the headings `x [mm], y [mm]`.",
         None,
     )
 

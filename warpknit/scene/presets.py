@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-SPATIAL_SOFTENING = 1e5  # of a relaxation in space: the bending stiffness of the loops limits it (spatial/model.py)
+SPATIAL_SOFTENING = 1e5  # of a spatial relaxation: the bending stiffness of the loops limits it (spatial/model.py)
 
 
 @dataclass(frozen=True)
@@ -12,8 +12,8 @@ class Preset:
     """Defaults of the keys that a scene leaves out."""
 
     nodes_per_loop: int  # model.nodes_per_loop
-    spatial_nodes_per_loop: int  # the same in space, where they are closer together at bends (spatial/placed_wires.py)
-    spatial_ramp_nodes_per_loop: int  # the same in a ramp in space, at equal distances
+    spatial_nodes_per_loop: int  # the same in the spatial model, closer together at bends (spatial/placed_wires.py)
+    spatial_ramp_nodes_per_loop: int  # the same in a spatial ramp, at equal distances
     ramp_nodes_per_loop: int  # the same in a ramp, whose segments keep the length of their chords and not of their arcs
     axial_softening: float  # solver.axial_softening: EA is divided by it in the dynamics
     ramp_axial_softening: float  # the same in a ramp, where nothing takes its error out again
@@ -22,12 +22,12 @@ class Preset:
     residual_tolerance: float  # solver.residual_tolerance
     error_percent: float  # measured, see below
     node_steps: float  # of a repeat of the double atlas mesh and a load level, measured
-    spatial_error_percent: float  # the same in space
+    spatial_error_percent: float  # the same in the spatial model
     spatial_node_steps: float
-    tight_error_percent: float | None  # the same of tensions of tight knits in space, at nine of ten levels; None: not known
+    tight_error_percent: float | None  # the same for tensions of tight spatial knits, at nine of ten levels; None: not known
 
     def of(self, kind: str, drive: str) -> Preset:
-        """The preset with the values that `drive` (relax | ramp) takes in a model of this kind (planar | spatial)."""
+        """The preset for a drive (relax | ramp) and a kind of model (planar | spatial)."""
         numerics = {
             "relax": self,
             "ramp": replace(
@@ -54,7 +54,7 @@ class Preset:
 # `error_percent` is the largest error in active share, tension, sum of contact forces and largest stress over the 12 loads of one
 # repeat of the double atlas mesh in tools/studies/results/presets.csv (python tools/studies/accuracy.py presets): 2 to 25 %
 # strain, even and uneven, 15 and 30 um wire, lenses merged or not. `node_steps` is the median there. Other knits and grips are
-# in studies/trade.md; `run --error` measures on the scene. Those in space are of presets_spatial.csv (`accuracy.py space`);
+# in studies/trade.md; `run --error` measures on the scene. Spatial errors are in presets_spatial.csv (`accuracy.py space`);
 # the draft's is a sixth of the contacts, light ones about to close at 10 % strain: else it is 1.5. `tight_error_percent` is of
 # ten knits of two wires by 2 to 12 %, against the reference preset (tools/studies/tight_knits.py --against).
 PRESETS = {
@@ -108,11 +108,11 @@ PRESETS = {
     ),
 }
 DEFAULT_PRESET = "standard"
-COMPARED_NODES = 40  # a loop in space; the locknit of docs/studies/extremes.md has the same state with 32 and more
+COMPARED_NODES = 40  # nodes of a spatial loop; the locknit of docs/studies/extremes.md has the same state with 32 and more
 
 
 def tight_knits(name: str, kind: str) -> str:
-    """What is known of tight knits at a preset in this kind of model, as a sentence without its point; empty if nothing is."""
+    """Accuracy for tight knits at a preset, a sentence without its point; or empty."""
     error = PRESETS[name].of(kind, "relax").tight_error_percent
     if error is None:
         return ""
@@ -121,7 +121,7 @@ def tight_knits(name: str, kind: str) -> str:
 
 
 def preset_like(kind: str, nodes_per_loop: int, axial_softening: float, precision: str, residual_tolerance: float) -> str | None:
-    """The preset with these settings in a relaxation of this kind of model, or None."""
+    """Preset with these settings of a relaxation, or None."""
     given = (nodes_per_loop, axial_softening, precision, residual_tolerance)
     for name, preset in PRESETS.items():
         p = preset.of(kind, "relax")

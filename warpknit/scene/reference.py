@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, goes_together
+from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, compatibility
 from warpknit.scene.keys import Key, keys_below, keys_of
 from warpknit.scene.scene import SceneFile
 
@@ -21,7 +21,7 @@ UNSAID = {"elastic", "even loops", "no sweep"}  # defaults, which have no row
 
 
 def with_key_tables(text: str) -> str:
-    """The text of docs/scenes.md with the tables of keys, between their marks, replaced."""
+    """Text of docs/scenes.md with its marked tables of keys replaced."""
     for section in SECTIONS:
         begin = BEGIN.format(section)
         if text.count(begin) != 1:
@@ -33,7 +33,7 @@ def with_key_tables(text: str) -> str:
 
 
 def key_rows(section: str) -> Iterator[str]:
-    """The table of the keys of one table of a scene file, line by line."""
+    """Lines of the table of keys for one table of a scene."""
     yield "| key | default | allowed | meaning |"
     yield "|---|---|---|---|"
     for name, entry in _keys(section):
@@ -85,13 +85,13 @@ def capabilities_page() -> str:
 
 
 def _matrix() -> Iterator[str]:
-    """Rows of the traits, with columns for models, boundaries, drives, meshes and commands."""
+    """Rows of traits, with columns for models, boundaries, drives, meshes and commands."""
     headings = [HEADINGS.get(name, name) for name in COLUMNS]
     yield row(["", "requested by", *headings])
     yield "|" + "---|" * (len(COLUMNS) + 2)
     for name, trait in TRAITS.items():
         if name not in AT_COMMAND and name not in UNSAID:
-            cells = ("" if _alternatives(name, column) else goes_together(name, column) for column in COLUMNS)
+            cells = ("" if _alternatives(name, column) else compatibility(name, column) for column in COLUMNS)
             yield row([trait.words, f"`{trait.key}`", *cells])
 
 

@@ -48,19 +48,19 @@ class SceneFile(Table):
 
     name: Name | None = key("Names the run and its directory.", None, left_out="the file's name without .toml")
     wire: Wire = key("What is knitted.", Wire())
-    knit: KnitTable = key("How it is knitted.", KnitTable())
+    knit: KnitTable = key("Guide bars, spacings and repeats.", KnitTable())
     hook: Hook | None = key("In place of `[knit]`: two arcs of wire that hook each other.", None)
-    wires: WiresTable | None = key("In place of `[knit]`: a file of centre lines that others made.", None)
-    model: ModelOptions = key("What is kept of the mesh.", ModelOptions())
-    panel: PanelTable = key("What a gripped mesh is cut along and held by.", PanelTable())
+    wires: WiresTable | None = key("In place of `[knit]`: a file of wire centre lines.", None)
+    model: ModelOptions = key("Kind of model and boundary.", ModelOptions())
+    panel: PanelTable = key("Outline and edge of a gripped mesh.", PanelTable())
     load: Stage = key("The first stage.", Stage())
-    path: tuple[Stage, ...] = key("The stages after it.", ())
+    path: tuple[Stage, ...] = key("Load steps after [load].", ())
     contact: Contact = key("How wires touch.", Contact())
-    solver: Solver = key("How the state is found.", Solver())
+    solver: Solver = key("Solver of the states.", Solver())
     output: Output = key("What is written.", Output())
-    variants: Variants = key("How many meshes the answer is the mean of.", Variants())
-    sweep: Sweep | None = key("What `warpknit map` runs.", None)
-    reflection: Reflection | None = key("What wave the mesh reflects.", None)
+    variants: Variants = key("Number of meshes in the mean.", Variants())
+    sweep: Sweep | None = key("Loads of `warpknit map`.", None)
+    reflection: Reflection | None = key("Plane waves for the reflection loss.", None)
 
     @model_validator(mode="before")
     @classmethod
@@ -91,7 +91,7 @@ _ADAPTER = TypeAdapter(SceneFile)
 
 
 def digest(frozen: Any, *, without: str) -> str:
-    """SHA-256, in hex, of all values of a frozen object but one field of its own and those that do not compare."""
+    """SHA-256 in hex of the compared values of a frozen object, but one."""
     table = {key: value for key, value in _plain(frozen).items() if key != without}
     return hashlib.sha256(json.dumps(table, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
@@ -191,7 +191,7 @@ class Scene:
 
     @property
     def has_moving_edge(self) -> bool:
-        """Whether the edge has pulls or cords, so that it deviates from the affine load."""
+        """Whether pulls or cords move the edge away from the affine load."""
         return self.panel.cord is not None or any(stage.pull for stage in self.stages)
 
     @property
@@ -211,7 +211,7 @@ class Scene:
 
     @property
     def preset_caveat(self) -> str:
-        """What is known of tight knits at the preset in force, as a sentence without its point; empty if nothing is."""
+        """Sentence, without its point, on tight knits at the preset in force; or empty."""
         name = self.preset_in_force
         return "" if name is None else tight_knits(name, self.model.kind)
 
@@ -227,7 +227,7 @@ class Scene:
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the resolved values, in hex, independent of the name and the layout of the file."""
+        """SHA-256 in hex of the resolved values, independent of the file's layout."""
         return digest(self, without="name")
 
 
@@ -235,7 +235,7 @@ RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene
 
 
 def resolved_toml(scene: Scene) -> str:
-    """The scene as a TOML file with every default written out, in SI units; it loads to an equal scene.
+    """The scene as a TOML file with all defaults in SI units; it loads to an equal scene.
 
     Wires from arrays are in the file wires.npz, which a run writes beside it.
     """

@@ -52,7 +52,7 @@ else:
 DOTTED_KEY = "write one such as load.strain_warp or knit.bars[1].chain"
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
 
-# The same thing said in another way: setting one key takes the file's other out.
+# Alternative keys: an override of one removes the other from the file.
 RIVALS = {
     "strain_weft": ("tension_weft",),
     "tension_weft": ("strain_weft",),
@@ -96,7 +96,7 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
 
 
 def _refuse_incomplete(file: object, table: Mapping[str, Any], entry: Location, location: Location) -> None:
-    """Refuse an override at a `location` that added an entry of a list which lacks a key: another entry was meant."""
+    """Refuse an override that adds an incomplete entry to a list: another entry was meant."""
     here = _at(table, entry)
     if not isinstance(here, Mapping) or unknown_depth(location) is not None:
         return
@@ -184,7 +184,7 @@ def _set(file: object, table: Any, location: Location, value: Any) -> list[Locat
                     raise unknown_key(file, location)
                 size = len(table) if isinstance(table, list) else 0
                 wrong = f"the list has {size} {'entry' if size == 1 else 'entries'}"
-                instead = f"name entry {f'0 to {size}' if size else '0'}, of which {size} is a new one"
+                instead = f"write {f'0 to {size - 1}, or ' if size else ''}{size} for a new entry"
                 raise scene_error(file, dotted(location[: depth + 1]), wrong, instead)
             if part == len(table):
                 table.append({})
@@ -206,8 +206,8 @@ IN_CODE = Path("scene")  # names a scene that no file holds
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
 SINGLE_SLENDERNESS = 1e-3  # of s (d/W)^2, s being the softening, below which it is too: round-off grows as EA/s, forces as EI/W^2
-FRICTION = 0.2  # of wires in space: docs/studies/friction.md
-VARIANTS = 16  # meshes of a tile in space
+FRICTION = 0.2  # of spatial wires: docs/studies/friction.md
+VARIANTS = 16  # meshes of a spatial tile
 OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yield_stress", "tensile_strength")
 ASSUMED = (*(("wire", name) for name in OF_THE_METAL), ("contact", "friction"), ("variants", "count"))  # by default
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
@@ -222,7 +222,7 @@ def load_scene(
     command: str = "",
     ranks: int = 1,
 ) -> Scene:
-    """The scene of a file, of TOML text, or of a dict of its tables; checked, with all defaults, in SI.
+    """Checked scene of a file, a text or a dict, in SI.
 
         load_scene("scenes/atlas_cell.toml", {"wire.diameter": "17 um"}, preset="draft")
         load_scene({"wire": {"diameter": "17 um"}, "model": {"boundary": "periodic"}, "load": {"strain_warp": 0.1}})
@@ -287,7 +287,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
 
 
 def _toml_fault(text: str, fault: str) -> tuple[str, str]:
-    """What is wrong with a text that is not TOML, and what to write if it is a quantity without quotes."""
+    """Fault of a text that is not TOML; remedy for missing quotes."""
     place = re.search(r"at line (\d+)", fault)
     lines = text.splitlines()
     if place is not None and int(place[1]) <= len(lines):
@@ -373,7 +373,7 @@ def _bare_temperatures(table: Mapping[str, Any]) -> Iterator[float]:
 
 
 def _even_chains(table: Mapping[str, Any], knit: Knit) -> Iterator[str]:
-    """Chains of a checked table that are in even numbers, with the same chains in needles."""
+    """Chains in even numbers, with the same chains in needles."""
     for given, bar in zip(table.get("knit", {}).get("bars", ()), knit.bars, strict=False):
         if (chain := Links()(given["chain"])) != bar.chain:
             yield f"{chain} as {bar.chain}"
@@ -396,7 +396,7 @@ def _wire(source: Source, table: Wire) -> Wire:
 
 
 def _knit(source: Source, file: SceneFile, wire: Wire, panel: PanelOptions) -> Knit:
-    """What is knitted, of as many repeats as cover the panel."""
+    """The knit, with enough repeats to cover the panel."""
     knit = _one_knit(source, file.knit, wire)
     if panel.outline == "rectangle":
         return knit
@@ -460,7 +460,7 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
         "contact_point": 0.5,
         "target_share": 1.0,
     }
-    every = (table.treatment,)  # of keys that are not those of a treatment
+    every = (table.treatment,)  # of keys that belong to no treatment
     chosen = {name for name in defaults if table.treatment in TREATMENT_KEYS.get(name, every) and getattr(table, name) is None}
     return replace(table, **{name: defaults[name] for name in chosen})
 

@@ -56,11 +56,11 @@ def mesh_stages(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: 
             for index, pull in enumerate(given["pull"]):
                 _check_pull(source, file, (*location, "pull", index), pull, outline)
         load = replace(load, name=name, **given)
-        _check_warmth(source, location, load, outline)
+        _check_temperature(source, location, load, outline)
         yield load
 
 
-def _check_warmth(source: Source, location: tuple[int | str, ...], load: Stage, outline: Outline) -> None:
+def _check_temperature(source: Source, location: tuple[int | str, ...], load: Stage, outline: Outline) -> None:
     """Refuse a gradient that gives temperatures out of range."""
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
     there = load.temperature + from_middle @ np.array(load.temperature_gradient)
@@ -231,10 +231,7 @@ def _file_radius(source: Source, path: Path, table: WiresTable) -> tuple[np.ndar
 
 
 def wire_file(source: Source, file: SceneFile, wire: Wire, has_widths: bool) -> WireFile | None:
-    """The file of wires with its defaults, relative to the scene, or None; has_widths: whether its widths count.
-
-    Raises `SceneError`.
-    """
+    """The file of wires with its defaults, or None; has_widths: whether its widths count. Raises `SceneError`."""
     table = file.wires
     if table is None:
         return None

@@ -1,4 +1,4 @@
-"""Quantities as people type them ("15 um", "-190 degC", "12 /cm") to plain SI floats, with the dimension checked."""
+"""Quantities as people type them ("15 um", "-190 degC", "12 /cm") to SI floats, with the dimension checked."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def is_quantity(text: str) -> bool:
 
 
 def si_text(value: float, unit: str) -> str:
-    """`value` [unit] as a quantity string that `si` reads back to the same bits."""
+    """`value` [unit] as a quantity string that `si` reads back exactly."""
     return f"{value!r} {unit}"
 
 
@@ -102,7 +102,7 @@ def tidy(value: float) -> float:
 
 
 def shown(value: object, limit: int = 60) -> str:
-    """`value` as it would stand in the scene file, on one line and not too long."""
+    """`value` as in a scene file, on one short line."""
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, int) and abs(value) >= 10**limit:
@@ -140,7 +140,7 @@ def _converted(text: str, wanted: Dimension) -> float | None:
 
 
 def _case_hint(text: str, wanted: Dimension) -> str:
-    """That upper and lower case of a unit are its fault, with the unit meant; empty where they are not."""
+    """Hint on upper and lower case of a unit; or empty."""
     match = _QUANTITY.fullmatch(text)
     if match is None or not _UNIT.fullmatch(match[2]):
         return ""

@@ -1,4 +1,4 @@
-"""Checks of single values of a scene, each with a description of the allowed values."""
+"""Checks of single values of a scene, with descriptions of allowed values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ValueCheck:
 
     @property
     def instead(self) -> str:
-        """What to write, in words."""
+        """Advice: allowed values, in words."""
         return f"write {self.allowed}"
 
     def refusal(self, wrong: str = "cannot be used", hint: str = "") -> PydanticCustomError:
@@ -69,7 +69,7 @@ class Quantity(ValueCheck):
         if self.least is not None and self.most is not None:
             bounds = [f"from {self.least:g} to {self.most:g}{unit}"]
         else:
-            words = (("above", self.above), ("at least", self.least), ("at most", self.most))
+            words = (("above", self.above), ("of at least", self.least), ("at most", self.most))
             bounds = [f"{word} {exact(bound, kind.unit)}" for word, bound in words if bound is not None]
         example = "" if not kind.unit and bounds else f", such as {self.example}"
         return kind.noun + (" " + " and ".join(bounds) if bounds else "") + example
@@ -96,7 +96,7 @@ class Quantity(ValueCheck):
 
 @dataclass(frozen=True)
 class Unit(ValueCheck):
-    """A length that is one unit of a file, or the name of that unit, in SI."""
+    """A length that is one unit of a file, or its name; in SI."""
 
     allowed: str = "a length above 0 m, such as 'mm' or '25.4 mm'"
 
@@ -261,7 +261,7 @@ class Text(ValueCheck):
 
 @dataclass(frozen=True)
 class Links(ValueCheck):
-    """A chain of links a-b, without its spaces and the // that ends a published one."""
+    """A chain of links a-b, without spaces and without the final //."""
 
     allowed: str = "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'"
 
@@ -281,7 +281,8 @@ def exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
         given = [key for key in group if isinstance(data, dict) and key in data]
         if len(given) > 1:
             first, second = given[:2]
-            wrong = f"cannot be combined with {first} = {shown(data[first])}"
+            other = f"[{first}]" if isinstance(data[first], dict) else f"{first} = {shown(data[first])}"
+            wrong = f"cannot be combined with {other}"
             raise refused(wrong, f"leave out one of {', '.join(group)}", key=second, given=shown(data[second]))
     return data
 

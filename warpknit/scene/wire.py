@@ -25,7 +25,7 @@ class Plating(Table):
 
 @dataclass(frozen=True, kw_only=True)
 class Wire(Table):
-    """[wire]: the yarn of `ends` parallel round wires. Stiffness and mass are those of all ends, plating included."""
+    """[wire]: the yarn of `ends` parallel round wires. Stiffness and mass include all ends and the plating."""
 
     material: values.MaterialName = key(
         "Default of Young's modulus, Poisson's ratio, density, expansion, yield stress and strength.", "tungsten"
@@ -53,10 +53,10 @@ class Wire(Table):
         "Hardness of the surface (the plating, if any), for the contact resistance of a report, which is proportional to its"
         " square root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
         None,
-        left_out="that of the metal at the surface",
+        left_out="the hardness of the surface metal",
     )
     diameter: values.ThinLength = key(
-        "Diameter of one wire, without plating. With a file of wires that has widths: that of its thickest wire, if left out"
+        "Diameter of one wire, without plating. If left out with a file of wires that has widths: its thickest wire"
         " (`wires.widths`).",
         15e-6,
     )
@@ -90,8 +90,7 @@ class Wire(Table):
 
     @property
     def thickness(self) -> float:
-        """Thickness of the yarn where it touches [m]: one wire with its plating, several side by side in the plane of the mesh
-        count as a round bundle of the same section."""
+        """Thickness of the yarn at contacts [m]. Several wires side by side count as a round bundle of the same section."""
         plating = 0.0 if self.plating is None else self.plating.thickness
         return (self.diameter + 2 * plating) * math.sqrt(self.ends)
 
@@ -123,7 +122,7 @@ class Wire(Table):
 
     @property
     def yield_curvature(self) -> float:
-        """[1/m] change of curvature at which the outermost fibres of the core reach the yield stress."""
+        """Change of curvature [1/m] at which the outermost fibres of the core yield."""
         return self.yield_stress / (self.youngs_modulus * self.radius)
 
     @property
@@ -132,7 +131,7 @@ class Wire(Table):
         return self._over_section("density", lambda r: math.pi * r**2)
 
     def _over_section(self, constant: str, disc: Callable[[float], float]) -> float:
-        """Sum of a material constant times the integral `disc`(radius) over core, plating and ends."""
+        """Material constant times the integral `disc`(radius), over core, plating and ends."""
         total: float = getattr(self, constant) * disc(self.radius)
         if self.plating is not None:
             annulus = disc(self.radius + self.plating.thickness) - disc(self.radius)

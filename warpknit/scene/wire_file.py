@@ -76,9 +76,8 @@ class WiresTable(Table):
         left_out="the wire's diameter",
     )
     loop_size: values.LoopLength = key(
-        "Characteristic length W, the counterpart of the wale spacing of a knit: forces are compared with EI/W^2, energies with"
-        " EI/W per loop, lenses of hooked wires are searched up to 1.65 W, and wires that cross up to W/2 apart count as one"
-        " layer.",
+        "Characteristic length W, the counterpart of the wale spacing of a knit. It scales forces (EI/W^2) and energies (EI/W per"
+        " loop). Lenses of hooked wires are searched up to 1.65 W; wires that cross up to W/2 apart count as one layer.",
         None,
         left_out="20 diameters of the wire",
     )
@@ -98,7 +97,7 @@ class WiresTable(Table):
     )
     repeats: values.WireRepeats = key("Repeats of the file along weft and warp in one tile.", (1, 1))
     widths: values.Flag | None = key(
-        "The thickness of each wire (plating and ends included) is that of the file: `widths` of USD, radius of a `.pyp`. Sets"
+        "The file sets the thickness of each wire, plating and ends included: `widths` of USD, radius of a `.pyp`. Sets"
         " contact, stiffness and mass of each wire, and `wire.diameter` to the thickest.",
         None,
         left_out="true if the file has widths and `wire.diameter` is left out",

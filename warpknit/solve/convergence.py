@@ -56,8 +56,8 @@ class Convergence:
         """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
 
         The drift ratio is computed where the residual ratio is small enough; only there `stress` (row, 2, 2) [N/m] is evaluated.
-        to_ratio: ratios of the residual asked for, of all or [row]. Above 1 the drift does not count; one below 1 is waited for,
-        not for ever. is_followed: whether the drift counts above 1, too, by the same ratio.
+        to_ratio: requested ratios of the residual, of all or [row]. Above 1 the drift does not count. is_followed: whether the
+        drift counts above 1, too.
         """
         to_ratio = np.broadcast_to(to_ratio, ratio.shape)
         unmet = ratio / np.maximum(to_ratio, 1.0)
@@ -87,7 +87,7 @@ class Convergence:
         return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, UNKNOWN))
 
     def drifts(self, row: int) -> bool:
-        """Whether a mesh that has not converged meets all criteria but that of the tension."""
+        """Whether only the tension criterion keeps a mesh from convergence."""
         return bool(self._met[row] > 0)
 
     def is_stalled(self, rows: np.ndarray, ratio: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import measure
+from ..base.text import percent
 from ..compute.kept import Kept, Owner, restore, save
 from ..errors import Diverged
 from ..measure.edge_work import EdgeWork
@@ -24,13 +25,13 @@ from .stage_load import load_at, temperature_at
 
 
 class Drive(ABC):
-    """Runs the stages of a scene. `watch` is called after every convergence check and may raise to stop."""
+    """Runs the stages of a scene. `monitor` is called after every convergence check and may raise to stop."""
 
     rate_key: str  # the scene key to raise for slower loading
     KEPT: tuple[str, ...] = ("membrane_residual", "edge_work")
 
-    def __init__(self, mechanics: Mechanics, progress: Progress, watch: Callable[[Progress], None]) -> None:
-        self.mechanics, self.progress, self.watch = mechanics, progress, watch
+    def __init__(self, mechanics: Mechanics, progress: Progress, monitor: Callable[[Progress], None]) -> None:
+        self.mechanics, self.progress, self.monitor = mechanics, progress, monitor
         self.scene = mechanics.model.scene
         self.membrane_residual = 0.0  # largest membrane stress out of balance, over the tension, of abandoned corrections
         uneven = any(any(stage.temperature_gradient) for stage in self.scene.stages)
@@ -85,7 +86,7 @@ class Drive(ABC):
 
     @property
     def owners(self) -> list[Owner]:
-        """What has variables of the mesh and its solver that outlast a step."""
+        """Owners of variables of mesh and solver that outlast a step."""
         return [*self.mechanics.owners, Owner(self)]
 
     def state_dict(self, *, copied: bool = True) -> Kept:
@@ -167,26 +168,25 @@ class Drive(ABC):
     def divergence(self) -> Diverged:
         """The error of a diverged state."""
         wire, node = self.mechanics.fastest()
-        cause = f"the load is probably applied too fast: raise {self.rate_key}"
+        cause = f"raise {self.rate_key}: the load is probably applied too fast"
         is_loaded = self.progress.load_factor > 0.0 or not np.array_equal(self.state.gradient, np.eye(2))
         if self.progress.stage_index == 0 and not is_loaded:
-            cause = "the unloaded wires overlap too deeply or are stretched too far; change their shape"
+            cause = "change the shape of the wires: unloaded, they overlap too deeply or are stretched too far"
             if self.scene.wire.set_fraction < 1.0:
-                cause = "the released wires spring apart too fast; raise wire.set_fraction"
+                cause = "raise wire.set_fraction: the released wires spring apart too fast"
         return Diverged(f"diverged at step {self.progress.steps}: wire {wire}, node {node}, {self._where()}; {cause}")
 
     def overlap_error(self, overlap: float) -> Diverged | None:
-        """The error of wires that may have passed through each other, by their overlap over the thickness, or None."""
+        """Error of wires that may have crossed, by overlap over thickness; or None."""
         if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
         causes = self.mechanics.causes()
-        remedy = "the contact penalty is too small for this load; raise" if not causes else "give a smaller load, or raise"
+        remedy = "raise" if not causes else "give a smaller load, or raise"
         return Diverged(
             f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()},"
-            f" {self.mechanics.deepest_overlap()}{causes}: {remedy}"
-            f" {self.rate_key} or contact.stiffness"
+            f" {self.mechanics.deepest_overlap()}{causes}; {remedy} {self.rate_key} or contact.stiffness"
         )
 
     def _where(self) -> str:
         strain = np.diag(self.state.gradient) - 1.0
-        return f"stage {self.progress.stage!r}, weft strain {strain[0]:.3g}, warp strain {strain[1]:.3g}"
+        return f"load step {self.progress.stage!r}, weft strain {percent(strain[0])}, warp strain {percent(strain[1])}"

@@ -79,7 +79,7 @@ class Equilibrium:
         at_limit = np.asarray(self.group.strains.at_limit(rows).any(axis=1))
         asked[at_limit] = ON_THE_WAY
         asked[(asked > 1.0) & ~self.group.touches[rows]] = ANY
-        ratio = self.convergence.with_drift(rows, ratio, self.group.settled_stress, asked, at_limit)
+        ratio = self.convergence.with_drift(rows, ratio, self.group.converged_stress, asked, at_limit)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading
         stalled = self.convergence.is_stalled(rows[checked], ratio[checked])
@@ -104,4 +104,4 @@ class Equilibrium:
                 raise outcome.failed[0]
             if outcome.converged:
                 return
-            relaxation.watch(relaxation.progress)
+            relaxation.monitor(relaxation.progress)

@@ -1,10 +1,10 @@
 """Coarse-grid correction of large meshes: long-wave out-of-balance forces are balanced on a membrane grid.
 
-Short-wave errors decay in some hundred steps, long-wave errors in a number of steps that grows with the square of the mesh
-size. Out-of-balance forces are therefore gathered at intervals onto a grid of bilinear membrane elements
-(kernels/membrane_transfer.py).
-Their stiffness is that of endless cloth at the load: the derivative of the nominal stress of one periodic repeat in
-equilibrium. The displacement that balances the forces is applied to the mesh; its stress measures the imbalance.
+Short-wave errors decay in some hundred steps, long-wave errors in a number of steps that grows with the square of the mesh size.
+Out-of-balance forces are therefore gathered at intervals onto a grid of bilinear membrane elements
+(kernels/membrane_transfer.py). They have the stiffness of endless cloth at the load: the derivative of the nominal stress of one
+periodic repeat in equilibrium. The displacement that balances the forces is applied to the mesh; its stress measures the
+imbalance.
 
 Grid nodes of cells that the outline cuts follow the nearest place of the outline (rim.py). They are fixed where the edge is
 held; on a cord the stations of the cord are unknowns like the grid nodes.
@@ -122,7 +122,7 @@ class Membrane:
     def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
         """The balancing correction, and its rms stress [N/m] over the mesh.
 
-        `gradient` (2, 2) and `stations` (station, 2) [m] are those of the edge, `held` (clamp, 2) [N] forces of the wires on it.
+        `gradient` (2, 2) and `stations` (station, 2) [m] define the edge, `held` (clamp, 2) [N] are forces of the wires on it.
         """
         force = self._tied.T @ self.imbalance().reshape(-1)
         if self.rim.is_free:
@@ -131,7 +131,7 @@ class Membrane:
         return self._correction(force, np.zeros(len(force)), gradient, stations)
 
     def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
-        """Rms force on the free stations over that of the wires, or of a tension of `least` [N/m].
+        """Rms force on free stations over the wires' force, or over `least` [N/m].
 
         A stiff cord may be out of balance with little effect on the mesh.
         """
@@ -198,8 +198,8 @@ class Membrane:
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
 
     def solve_across(self, gradient: np.ndarray, stress: np.ndarray) -> Correction | None:
-        """The correction (grid node, 1) out of the plane of a mesh in space that is under tension; None without tension, and
-        where it is so small that it would disturb the contacts more than it balances.
+        """Out-of-plane correction (grid node, 1) of a spatial mesh under tension. None without tension, and where it is so small
+        that it would disturb the contacts more than it balances.
 
         `gradient` (2, 2) of the edge, `stress` (2, 2) [N/m] nominal. The tension S = F^-1 P resists: div(S grad w) + R = 0.
         """
@@ -207,7 +207,7 @@ class Membrane:
         tension = 0.5 * (tension + tension.T)
         if force is None or not len(self._inside) or np.linalg.eigvalsh(tension).min() <= 0.0:
             return None
-        # two displacements that are not coupled, of which one is taken
+        # two uncoupled displacements; one is used
         free = self._inside
         pulled, laplacian = (
             self._assembled(np.einsum("ac,bd->abcd", np.eye(2), part))[::2, ::2][free][:, free] for part in (tension, np.eye(2))

@@ -26,7 +26,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
         model.node_count, model.pair_count, model.bending_stiffness          # ..., ..., EI [N m2]
         model.panel.wire_first, model.panel.clamp_position                   # [wire], (clamp, 2) [m] as knitted
 
-    device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model is then that of this rank's strip.
+    device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model then covers this rank's strip.
 
     Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `DeviceError`, `InputError` for what is no scene.
     """
@@ -65,5 +65,5 @@ def worlds_of(models: Sequence[Model], state: Any = None) -> Worlds:
 
 
 def kind_of(scene: Scene) -> ModuleType:
-    """The kind of model of a scene: its module `kind`, with a description in words and settings of trial runs besides."""
+    """The kind of model of a scene: its module `kind`, with a description in words and settings of probe runs besides."""
     return import_module(f"warpknit.{scene.model.kind}.kind")

@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..compute.kept import Kept, Owner, under
+from ..compute.kept import Kept, Owner, strip_prefix
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text
-from ..mechanics.numerics import renewed_pace
+from ..mechanics.numerics import renewed_throttle
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.rim import LoadPoint, Rim, build_rim
@@ -75,14 +75,14 @@ class MultilevelRelaxation(Relaxation):
         self,
         mechanics: Mechanics,
         progress: Progress | None = None,
-        watch: Callable[[Progress], None] = lambda _: None,
+        monitor: Callable[[Progress], None] = lambda _: None,
         *,
         smaller: Relaxation | None = None,
         cell: Relaxation | None = None,
     ) -> None:
         """`smaller`: a smaller mesh of the same knit, the start of each level; `cell`: one periodic repeat, for the membrane
         stiffness of a large gripped mesh. At least one of them is given."""
-        super().__init__(mechanics, progress, watch)
+        super().__init__(mechanics, progress, monitor)
         self.smaller = smaller
         self.cell = cell
         self.prolongation = None if smaller is None else mechanics.prolongation(smaller.mechanics)
@@ -153,7 +153,7 @@ class MultilevelRelaxation(Relaxation):
     def load_state_dict(self, kept: Kept) -> None:
         super().load_state_dict(kept)
         for name, one in self._others.items():
-            one.restore(under(f"{name}_", kept))
+            one.restore(strip_prefix(f"{name}_", kept))
         if self.cell is not None and self.membrane is not None:
             self._response = load_response(kept, self.cell.model, self.model.device)
             self.membrane.renew(self._response)
@@ -216,8 +216,8 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.search()
             if not self.progress.is_prolonged:
                 self.mechanics.notes.append(
-                    f"at strains of {strain_text(target.gradient)} the mesh did not start from a smaller one, in whose state its"
-                    " wires would overlap too deeply: it was loaded from its own state"
+                    f"at strains of {strain_text(target.gradient)} the mesh was loaded from its own state: the start from a"
+                    " smaller mesh would overlap its wires too deeply"
                 )
                 self.mechanics.set_load(begin, 0)
             if target.tension is not None or not self.progress.is_prolonged:
@@ -225,7 +225,7 @@ class MultilevelRelaxation(Relaxation):
         self._move_edge(target)
 
     def _move_edge(self, target: LoadPoint) -> None:
-        """Move the held stations of the rim to their prescribed places, and the mesh with them as a membrane."""
+        """Move held stations of the rim to prescribed places; the mesh follows as a membrane."""
         if self.rim is None or self.membrane is None or target.stations is None:
             return
         displacement = np.where(self.rim.given[:, None], target.stations - self.stations, 0.0)
@@ -254,15 +254,15 @@ class MultilevelRelaxation(Relaxation):
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
-        progress.gave_up = not progress.is_prolonged
-        progress.imbalance = self._unknown_imbalance if progress.gave_up else 1e30
+        progress.is_uncorrected = not progress.is_prolonged
+        progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else 1e30
         progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
         self._correction.begin()
         self._lift.begin()
 
     @property
     def _unknown_imbalance(self) -> float:
-        """Imbalance of a mesh that is not corrected as a membrane: of no interest, but for that of a free edge."""
+        """Imbalance of an uncorrected mesh; only a free edge's matters."""
         return 1e30 if self.membrane is not None and self.membrane.rim.is_free else 0.0
 
     def corrected(self, ratio: float) -> float:
@@ -273,7 +273,7 @@ class MultilevelRelaxation(Relaxation):
         is_slow = residual > SLOW_DECAY * progress.ratio or residual < SETTLED
         progress.ratio = residual
         is_due = progress.checks >= progress.next_balance and is_slow
-        if is_due and (membrane.rim.is_free or not progress.gave_up):
+        if is_due and (membrane.rim.is_free or not progress.is_uncorrected):
             progress.next_balance = progress.checks + CORRECTION_CHECKS
             if self._correct_as_membrane(membrane, ratio):  # not converged at a check that has moved it
                 return max(ratio, progress.imbalance, progress.to_ratio)
@@ -285,12 +285,13 @@ class MultilevelRelaxation(Relaxation):
         return TENSION_FLOOR * tension_scale(self.model)
 
     def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> bool:
-        """Apply a membrane correction unless the mesh is balanced, well where its residual `ratio` exceeds 1; then also one out
-        of the plane. Returns whether the mesh has moved."""
+        """Apply a membrane correction unless the mesh is balanced; return whether it moved. Where its residual `ratio` exceeds 1
+        it is balanced well, and out of the plane too.
+        """
         progress, rim = self.progress, membrane.rim
         least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
         pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
-        solve = membrane.solve_rim if progress.gave_up else membrane.solve
+        solve = membrane.solve_rim if progress.is_uncorrected else membrane.solve
         correction, stress = solve(self.state.gradient, self.stations, pulled)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
@@ -314,12 +315,12 @@ class MultilevelRelaxation(Relaxation):
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
             progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
-        if progress.gave_up:
+        if progress.is_uncorrected:
             self._move_clamps(correction.scaled(correction.max_factor))
         elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
             # the mesh differs from a membrane of endless cloth: continue without corrections
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
-            progress.gave_up, progress.imbalance = True, self._unknown_imbalance
+            progress.is_uncorrected, progress.imbalance = True, self._unknown_imbalance
         else:
             # corrections that fail disturb more than they balance: the mesh has longer to balance itself
             progress.next_correction = progress.checks + CORRECTION_CHECKS * (1 + progress.failed_corrections)
@@ -329,12 +330,12 @@ class MultilevelRelaxation(Relaxation):
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
         """Move the mesh by a correction, in parts that it may take at once; in smaller ones after one that overlapped deeply."""
-        pace = 1.0
-        while (part := pace * correction.max_factor) < 1.0 - 1e-9:
+        throttle = 1.0
+        while (part := throttle * correction.max_factor) < 1.0 - 1e-9:
             self._move(membrane, correction.scaled(part))
             self.mechanics.search()
             self.advance(PART_STEPS)
-            pace = float(renewed_pace(np.array(pace), np.array(self.mechanics.overlap())))
+            throttle = float(renewed_throttle(np.array(throttle), np.array(self.mechanics.overlap())))
             correction = correction.scaled(1.0 - part)
         self._move(membrane, correction)
 

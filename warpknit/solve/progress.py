@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-MOST_SHARE = 0.9  # of the way to convergence that a level which has not converged is said to be
+MOST_SHARE = 0.9  # largest reported share of convergence of an unconverged level
 
 
 @dataclass
@@ -46,7 +46,7 @@ class Progress:
     least_imbalance: float = 1e30  # smallest so far in the level
     failed_corrections: int = 0  # corrections since the smallest imbalance decreased
     is_prolonged: bool = True  # the level starts from the smaller mesh
-    gave_up: bool = False  # corrections of the mesh, for the rest of the level
+    is_uncorrected: bool = False  # no more corrections of the mesh in this level
     imbalance: float = 1e30  # out-of-balance membrane stress over its tolerance
     # ramps
     time: float = 0.0  # [s] of the stage

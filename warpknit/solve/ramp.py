@@ -31,7 +31,7 @@ TENSION_RATE = 60.0  # [1/loading time] gain of the tension control
 MOMENTUM_RATE = 100.0  # [1/loading time] inverse time constant of the strain rate
 TENSION_TOLERANCE = 5e-3  # relative to the prescribed tension, in equilibrium
 MAX_STRAIN_RATE = 0.5  # [1/loading time]
-COMPLIANCE_RANGE = 1e-4  # smallest compliance, over that of a loose mesh
+COMPLIANCE_RANGE = 1e-4  # smallest compliance, over a loose mesh's
 RENEWAL_CHECKS = 4  # largest number of convergence checks between updates of the time step
 RENEWALS = 150  # smallest number of updates of the time step during loading
 HOLD_LIMIT = 5.0  # loading times that the end load is held before the ramp stops unconverged
@@ -83,7 +83,7 @@ class Ramp(Drive):
             while recorded < frames - 1 and share * frames >= recorded + 1:
                 recorded += 1
                 yield self._record(stage, progress.load_factor, steady=False)
-            self.watch(progress)
+            self.monitor(progress)
         progress.solving, progress.load_factor = False, 1.0
         yield self._record(stage, 1.0, steady=self._met_tolerance() and self._has_tension(stage))
 
@@ -156,7 +156,7 @@ class Ramp(Drive):
         return np.diag(observed.gradient) - 1.0, self.mesh_tension(observed)
 
     def _apply_load(self, stage: Stage, factor: float, strain: np.ndarray | None, steps: int, *, evenly: bool) -> None:
-        """Apply the load of the stage at a load factor over so many steps; tension-driven directions go to `strain` (2,)."""
+        """Apply the load at a load factor over `steps` steps; tension-driven directions go to `strain` (2,)."""
         target = self.target(stage, factor)
         if strain is not None:
             gradient = target.gradient.copy()

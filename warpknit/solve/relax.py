@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base.text import engineering, percent
-from ..compute.kept import Kept, Owner, under
+from ..compute.kept import Kept, Owner, strip_prefix
 from ..errors import Diverged, NoProgress, NotCarried, StepLimitExceeded
 from ..measure import energy_scale
 from ..measure.events import Level, happens, level_of
@@ -37,7 +37,7 @@ MAX_CUTS = 4  # how often the increments of a level are halved, before it has fa
 MAX_SLOW_CUTS = 2  # the same where it fails after many steps without progress
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
 FEWEST_LEVELS = 4  # of a stage whose levels are found automatically
-MOST_REFINED = 50_000  # nodes of a mesh of which some equilibria are kept: between larger ones no level is added
+MOST_REFINED = 50_000  # nodes of a mesh with stored equilibria: between larger ones no level is added
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class WantedTension:
 
 @dataclass(frozen=True)
 class Target:
-    """A load level, as a share of the load of the stage, with its equilibrium once it is found."""
+    """A load level: share of its load step, and its equilibrium once found."""
 
     share: Fraction
     kept: dict[str, np.ndarray] = field(default_factory=dict)  # to return to
@@ -76,12 +76,12 @@ class Target:
 
     @classmethod
     def from_arrays(cls, kept: dict[str, np.ndarray]) -> Target:
-        level, (share, of, has_left) = under("level_", kept), kept["target"].tolist()
-        return cls(Fraction(share, of), under("kept_", kept), bool(has_left), Level.from_arrays(level) if level else None)
+        level, (share, of, has_left) = strip_prefix("level_", kept), kept["target"].tolist()
+        return cls(Fraction(share, of), strip_prefix("kept_", kept), bool(has_left), Level.from_arrays(level) if level else None)
 
 
 class Unsolved:
-    """Marker that the levels of a relaxation yield where an equilibrium has to be found."""
+    """Marker of the levels of a relaxation: an equilibrium is needed next."""
 
 
 UNSOLVED = Unsolved()
@@ -101,13 +101,13 @@ class Relaxation(Drive):
         self,
         mechanics: Mechanics,
         progress: Progress | None = None,
-        watch: Callable[[Progress], None] = lambda _: None,
+        monitor: Callable[[Progress], None] = lambda _: None,
         *,
         equilibrium: Equilibrium | None = None,
         row: int = 0,
     ) -> None:
-        """`equilibrium`: the solver of many meshes, of which this is number `row`; default: its own."""
-        super().__init__(mechanics, progress or Progress(), watch)
+        """`equilibrium`: the solver of many meshes, with this one as number `row`; default: its own."""
+        super().__init__(mechanics, progress or Progress(), monitor)
         self._may_cut = self.model.global_model.node_count <= MOST_KEPT
         self.equilibrium = equilibrium or Equilibrium(mechanics.group, [self])
         self.row = row
@@ -141,7 +141,7 @@ class Relaxation(Drive):
         super().load_state_dict(kept)
         if "targets" in kept:
             ahead, count = kept["targets"].tolist()
-            known = [Target.from_arrays(under(f"target{k}_", kept)) for k in range(count)]
+            known = [Target.from_arrays(strip_prefix(f"target{k}_", kept)) for k in range(count)]
             self._targets, self._lower = known[:ahead], known[-1] if count > ahead else None
 
     # --- levels
@@ -174,8 +174,8 @@ class Relaxation(Drive):
         return found_at(levels, lambda factor: self.record(stage, factor, steady=True))
 
     def levels(self, stage: Stage, levels: int | None = None) -> Generator[float | Unsolved, None, None]:
-        """Load factors of equal levels of a stage, each as the mesh is in equilibrium there; UNSOLVED wherever it is to be
-        brought to equilibrium first. levels: their number, default `output.frames`.
+        """Load factors of equal levels of a load step, each in equilibrium. UNSOLVED before each equilibrium to find. levels:
+        their number, default `output.frames`.
 
         Where that fails, `Diverged` is thrown in: the increment is halved from the last equilibrium on, MAX_CUTS times at most.
         """
@@ -188,10 +188,10 @@ class Relaxation(Drive):
             yield float(share)
 
     def refined_levels(self, stage: Stage) -> Generator[float | Unsolved, None, None]:
-        """The same of few levels, with more where something happens between two of them, until they are near enough.
+        """The same for few levels, refined where something happens between two of them.
 
-        Where something happens, the mesh returns to the lower level and goes half of the way. The upper one is kept, and recorded
-        when all levels before it are.
+        There the mesh returns to the lower level and is loaded half-way. The upper level is kept, and recorded when all levels
+        before it are.
         """
         progress, targets = self.progress, self._targets
         unloaded = progress.stage_index == 0
@@ -199,7 +199,7 @@ class Relaxation(Drive):
             count = self._fewest_levels(stage)
             targets += [Target(Fraction(k, count)) for k in range(count, 0, -1)]
             self._lower = None if unloaded else self._solved(Fraction(0))
-            if unloaded and any(stage.by_tension):  # slack is taken up by little tension, and once
+            if unloaded and any(stage.by_tension):  # little tension ends slack, once
                 targets.append(Target(Fraction(1, math.ceil(1.0 / self.scene.output.load_tolerance))))
             if unloaded:
                 targets.append(Target(Fraction(0)))
@@ -291,7 +291,7 @@ class Relaxation(Drive):
             self.mechanics.advance_history()
             progress.part += 1
         if progress.cuts:
-            self.mechanics.notes.append(f"{self._level_text()} was reached in {parts} increments, as larger ones failed")
+            self.mechanics.notes.append(f"{self._level_text()} was reached in {parts} increments, because larger ones failed")
         progress.part, progress.cuts, self._before = 0, 0, {}
 
     def _keep(self, *, may_cut: bool) -> None:
@@ -312,7 +312,7 @@ class Relaxation(Drive):
         progress.steps, progress.cuts, progress.part = steps, progress.cuts + 1, 2 * progress.part
 
     def _parts_of_level(self, stage: Stage, factor: float, width: float) -> int:
-        """Number of increments to a level; of the unloaded mesh, those of its natural curvature."""
+        """Number of increments to a level; unloaded: of its natural curvature."""
         if factor <= 0.0:
             return self.mechanics.release_parts
         if not self.scene.depends_on_path:
@@ -324,10 +324,7 @@ class Relaxation(Drive):
         self.mechanics.release(begin, end)
 
     def reach(self, load: LoadPoint, wanted: WantedTension | None, to_ratio: float = 1.0) -> Iterator[Unsolved]:
-        """Find the equilibrium at a load, or continue an unfinished one.
-
-        to_ratio: see `Convergence.with_drift`.
-        """
+        """Find the equilibrium at a load, or continue an unfinished one. to_ratio: see `Convergence.with_drift`."""
         progress, self._wanted = self.progress, wanted
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
         if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
@@ -413,32 +410,32 @@ class Relaxation(Drive):
         """The error of a level that makes no progress."""
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
         return NoProgress(
-            f"{self._level_text()} did not converge: no progress in {steps:,} steps ({self._residual_text()}); a larger"
-            f" model.nodes_per_loop{self._tolerance_text()}, or other output.frames, may converge{self._overlaps_text}"
+            f"{self._level_text()} did not converge: no progress in {steps:,} steps; try a larger model.nodes_per_loop"
+            f"{self._tolerance_text()}, or other output.frames{self._overlaps_text} ({self._residual_text()})"
         )
 
     @property
     def _overlaps_text(self) -> str:
-        """That a drawing may be without the prestress that its overlaps leave."""
+        """Advice for a drawing prestressed by its overlaps."""
         wires = self.scene.wires
         is_prestressed = wires is not None and wires.overlaps == "prestress" and bool(self.mechanics.notes)
-        return "; wires.overlaps = 'at rest' leaves no prestress" if is_prestressed and self.progress.load_factor == 0.0 else ""
+        return "; wires.overlaps = 'at rest' avoids prestress" if is_prestressed and self.progress.load_factor == 0.0 else ""
 
     def not_carried(self) -> Diverged:
         """The error of a mesh that strains without end under its tensions."""
         largest = [engineering(float(tension), "N/m") for tension in self.mechanics.group.strains.largest[self.row]]
-        strain = " / ".join(percent(strain, 0) for strain in np.diag(stretch(self.state.gradient)) - 1.0)
+        strain = [percent(strain, 0) for strain in np.diag(stretch(self.state.gradient)) - 1.0]
         return NotCarried(
-            f"{self._level_text()}: the mesh strains to {strain} and does not carry that; in equilibrium it carried"
-            f" {largest[0]} in weft and {largest[1]} in warp at most: give smaller tensions, or strains"
+            f"{self._level_text()}: the mesh does not carry this tension (weft strain {strain[0]}, warp strain {strain[1]}); give"
+            f" strains, or at most the largest tension in equilibrium: {largest[0]} in weft, {largest[1]} in warp"
         )
 
     def exceeded_steps(self) -> Diverged:
         """The error of a level that exceeds its step limit."""
         return StepLimitExceeded(
-            f"{self._level_text()} did not converge in {self.step_limit:,} steps ({self._residual_text()}): raise"
-            f" solver.max_steps{self._tolerance_text()}"
+            f"{self._level_text()} did not converge in {self.step_limit:,} steps; raise solver.max_steps{self._tolerance_text()}"
             + ("" if self._tolerance_counts else ", or change output.frames or model.nodes_per_loop")
+            + f" ({self._residual_text()})"
         )
 
     def _level_text(self) -> str:
@@ -447,11 +444,11 @@ class Relaxation(Drive):
         if self._wanted is not None:
             for side in np.nonzero(self._wanted.driven)[0]:
                 load[side] = engineering(float(self._wanted.tension[side]), "N/m")
-        return f"level {self.progress.load_factor:.3g} of stage {self.progress.stage!r} ({' / '.join(load)} in weft / warp)"
+        return f"load level {self.progress.load_factor:.3g} of load step {self.progress.stage!r} (weft {load[0]}, warp {load[1]})"
 
     @property
     def _tolerance_counts(self) -> bool:
-        """Whether an unmet criterion depends on `solver.residual_tolerance`: residual or drift, not those of multipliers."""
+        """Whether an unmet criterion depends on `solver.residual_tolerance`. Residual or drift do, multipliers do not."""
         is_above = self.progress.residual >= self.scene.solver.residual_tolerance
         return is_above or self.equilibrium.convergence.drifts(self.row)
 
@@ -464,7 +461,7 @@ class Relaxation(Drive):
         if self.progress.residual >= self.scene.solver.residual_tolerance:
             return ""
         drifts = self.equilibrium.convergence.drifts(self.row)
-        return " the tension still drifts," if drifts else " multipliers or membrane corrections have not converged,"
+        return " the tension drifts," if drifts else " multipliers or membrane corrections not converged,"
 
     def _residual_text(self) -> str:
         """Residual, fastest node and likely causes, in words."""
@@ -476,7 +473,7 @@ class Relaxation(Drive):
 
 
 def found_at(levels: Generator[float | Unsolved, None, None], find: Callable[[float], Any]) -> Generator[Any, None, None]:
-    """What is found at the load factors of levels, but for None; UNSOLVED, and what is thrown in, goes through."""
+    """Results of `find` at the load factors of levels, without None. UNSOLVED, and exceptions thrown in, pass through."""
     step = next(levels, None)
     while step is not None:
         if isinstance(step, Unsolved):

@@ -24,7 +24,7 @@ MOST_SECONDS = 5.0  # of a mesh of more than SAMPLE_NODES
 FEWEST_NODES = 1_000
 TIMED_CHECKS = 8  # convergence checks by which the time of a step is measured
 PATCH = 2  # repeats a side of a small gripped mesh
-LARGE = 12, 2  # repeats of a gripped mesh that starts from a smaller one, as that of the scene does
+LARGE = 12, 2  # repeats of a gripped mesh with a multilevel start, like the scene's
 
 
 class _Enough(Exception):
@@ -33,7 +33,7 @@ class _Enough(Exception):
 
 @dataclass
 class SampleRun:
-    """What a run of a small mesh took, to the end of the load or of WORK."""
+    """Cost of a run of a small mesh: to the end of the load, or WORK."""
 
     model: Model
     most_checks: int | None = None  # None: to the end of WORK
@@ -42,12 +42,12 @@ class SampleRun:
     marks: list[tuple[float, int]] = field(default_factory=list)  # place and steps of each load level
     clock: list[tuple[float, int]] = field(default_factory=list)  # [s] and steps at each convergence check
     failure: str = ""
-    seconds: float = 0.0  # with those of smaller meshes
+    seconds: float = 0.0  # with the smaller meshes
     begin: float = 0.0  # [s] by the same clock
 
     def run(self) -> SampleRun:
         """Take the steps. Raises `ModelError` where a run does."""
-        simulation = Simulation(self.model, watch=self._watch)
+        simulation = Simulation(self.model, monitor=self._monitor)
         simulation.compile()
         self.begin = time.perf_counter()
         try:
@@ -61,7 +61,7 @@ class SampleRun:
         self.seconds, self.steps = time.perf_counter() - self.begin, simulation.progress.steps
         return self
 
-    def _watch(self, progress: Progress) -> None:
+    def _monitor(self, progress: Progress) -> None:
         if self.clock and progress.steps == self.clock[-1][1]:  # a smaller mesh is solved
             self.clock[-1] = time.perf_counter(), progress.steps
             return
@@ -95,14 +95,14 @@ class SampleRun:
         return steps + left * min(later), steps + left * mean, steps + left * max(later)
 
     def step_time(self, checks: int | None = None) -> float:
-        """[s] of a step, the median over the first `checks` convergence checks or all of them."""
+        """Time of a step [s], the median over the first `checks` convergence checks or all."""
         spans = list(pairwise(self.clock))[:checks]
         return median((b[0] - a[0]) / (b[1] - a[1]) for a, b in spans) if spans else self.seconds / max(1, self.steps)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What a run of a scene takes, by sample runs on the CPU."""
+    """Cost of a run of a scene, by sample runs on the CPU."""
 
     small: SampleRun
     least_steps: int
@@ -127,10 +127,10 @@ def sample_model(scene: Scene) -> tuple[Model, bool]:
 
 
 def measure_run(sample: Model, nodes: int, scene: Scene) -> Measured:
-    """Steps and time of a run of a scene of so many nodes, of which `sample` is the `sample_model`. Raises the errors of a run.
+    """Steps and time of a run of `nodes` nodes, from its `sample_model`. Raises the errors of a run.
 
-    What happens within a repeat takes the same steps in any number of them, long waves between grips steps by the repeats a
-    side: the steps lie between, and the geometric mean is expected. Where the mesh starts from a smaller one, neither counts.
+    Events within a repeat take the same steps in any number of repeats, long waves between grips take steps in proportion to the
+    repeats a side. The geometric mean of both is expected, except for a multilevel start.
     """
     is_knit = scene.hook is None and scene.wires is None
     is_gripped, is_rectangle = is_knit and scene.model.boundary == "gripped", scene.panel.outline == "rectangle"

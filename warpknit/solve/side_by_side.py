@@ -34,10 +34,10 @@ class SideBySide:
         self.resumed = bool(progress)
         self._findings = [findings_of(member) for member in self.members]
 
-    def run(self, watch: Callable[[], None] = lambda: None, without: Collection[int] = ()) -> Iterator[tuple[int, Any]]:
-        """The number of a world, and what it finds, or the `Diverged` by which it ends; in the order in which they come.
+    def run(self, monitor: Callable[[], None] = lambda: None, without: Collection[int] = ()) -> Iterator[tuple[int, Any]]:
+        """Number of a world and its finding, or its final `Diverged`; in order of arrival.
 
-        watch: called at every convergence check; may raise to stop. without: worlds that have ended before.
+        monitor: called at every convergence check; may raise to stop. without: worlds that have ended before.
         """
         rows = np.setdiff1d(np.arange(len(self.members)), list(without))
         if not self.resumed:
@@ -51,7 +51,7 @@ class SideBySide:
             yield from found
             if not active:
                 return
-            watch()
+            monitor()
             check = self.equilibrium.advance(np.array(sorted(active)))
             due = {row: check.failed.get(row) for row in [*check.failed, *check.converged]}
             active = [row for row in active if row not in due]

@@ -38,20 +38,20 @@ class Simulation:
         for record in Simulation(build_model(scene)).run():
             print(record.load_factor, measure.mesh_tension(record.observables))      # [N/m] weft, warp
 
-    A `Record` has its place in the load history (stage, load_factor, temperature [K], steps, steady) and `observables`: the state
-    on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
+    A `Record` has its place in the load history (stage, load_factor, temperature [K], steps, `steady`) and `observables`: the
+    state on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
     `help(record.observables)`. `warpknit.measure` derives measures from them.
 
-    worlds: scenes, or their models, that run side by side in place of that of the model: other loads or temperatures, in space
-    also loops scattered by another seed, or another friction. Records come as worlds find them, with the number of their world;
-    one that fails is left out, with its error in `failures`. Small meshes take a fraction of the time of single runs.
+    worlds: scenes, or their models, that run side by side in place of the model: other loads or temperatures; in the spatial
+    model also loops scattered by another seed, or another friction. Records arrive as worlds find them, with the number of their
+    world. A world that fails is left out, with its error in `failures`. Small meshes take a fraction of the time of single runs.
 
         scenes = [scene.changed([f"load.strain_weft={strain}"]) for strain in (0.02, 0.04, 0.06)]
         last = {record.world: record for record in Simulation(build_model(scene), worlds=scenes).run()}
 
-    Worlds that differ in loads have the bits of single runs, those of other seeds agree with them within the tolerance.
+    Worlds that differ in loads reproduce single runs bit by bit; worlds of other seeds agree with them within the tolerance.
 
-    progress: of a checkpoint, to go on from; of worlds one each. watch: called after every convergence check with the progress;
+    progress: of a checkpoint, to go on from; of worlds one each. monitor: called after every convergence check with the progress;
     may raise to stop.
     """
 
@@ -61,7 +61,7 @@ class Simulation:
         state: Any = None,
         *,
         progress: Progress | Sequence[Progress] | None = None,
-        watch: Callable[[Progress], None] | None = None,
+        monitor: Callable[[Progress], None] | None = None,
         worlds: Sequence[Scene | Model] = (),
     ) -> None:
         if not hasattr(model, "scene"):
@@ -70,31 +70,31 @@ class Simulation:
         self.worlds: SideBySide | None = None
         self.failures: dict[int, Diverged] = {}  # by world
         if worlds:
-            self._begin_worlds(worlds, progress if isinstance(progress, Sequence) else (), watch)
+            self._begin_worlds(worlds, progress if isinstance(progress, Sequence) else (), monitor)
             return
         assert not isinstance(progress, Sequence)
         self.state = initial_state(model) if state is None else state
         self.resumed = progress is not None
         self.progress = progress or Progress()
-        self.watch = watch or (lambda _progress: None)
+        self.monitor = monitor or (lambda _progress: None)
         self.solving = ""  # which smaller mesh is solved for the start of a large one, and how far it is
         if model.scene.solver.drive == "relax":
             mechanics = mechanics_of(model, self.state)
             self.drive: Drive = self._relaxation(mechanics, self.progress, self._cell_of(mechanics))
         else:
-            self.drive = Ramp(mechanics_of(model, self.state), self.progress, self._watched)
+            self.drive = Ramp(mechanics_of(model, self.state), self.progress, self._monitored)
 
     def __repr__(self) -> str:
         progress = self.progress
         return f"<Simulation of {self.model.scene.name}: {progress.records} records, {progress.steps:,} steps>"
 
-    def _watched(self, progress: Progress, model: Model | None = None) -> None:
+    def _monitored(self, progress: Progress, model: Model | None = None) -> None:
         """The progress of the mesh, or of a smaller one with this model."""
         self.solving = ""
         if model is not None and progress is not self.progress:
             columns, rows = model.scene.knit.repeats
             self.solving = f"smaller mesh of {columns} x {rows} repeats {percent(progress.level_share, 0)} done"
-        self.watch(self.progress)
+        self.monitor(self.progress)
 
     @property
     def mechanics(self) -> Any:
@@ -103,16 +103,16 @@ class Simulation:
 
     @property
     def drives(self) -> Sequence[Drive]:
-        """That of the mesh, or of each world."""
+        """Drive of the mesh, or of each world."""
         return [self.drive] if self.worlds is None else self.worlds.members
 
     @property
     def notes(self) -> list[str]:
-        """Notes about the mesh and the smaller ones that it starts from, for the user."""
+        """Notes for the user on the mesh and its smaller ones."""
         return self.drive.notes
 
     def set_force(self, force: np.ndarray) -> None:
-        """Put dead loads on the nodes, (node, 3) [N], from the next load level on; none to begin with. In space only.
+        """Put dead loads (node, 3) [N] on the nodes, from the next load level on. Spatial model only.
 
             simulation = Simulation(build_model(scene))
             node = simulation.model.global_model.rods.position     # (node, 3) [m] as knitted, of all ranks
@@ -130,9 +130,9 @@ class Simulation:
         wanted = (model.global_model.node_count, 3)
         values = np.asarray(force)
         if values.dtype.kind not in "fiu":
-            raise ModelError(f"forces on nodes: an array of {values.dtype} holds no numbers; give finite numbers, {wanted}")
+            raise ModelError(f"forces on nodes: an array of {values.dtype} has no numbers; give finite numbers of shape {wanted}")
         if values.shape != wanted or not np.all(np.isfinite(values)):
-            raise ModelError(f"forces on nodes: an array of {values.shape} does not fit; give finite numbers, {wanted}")
+            raise ModelError(f"forces on nodes: an array of {values.shape} does not fit; give finite numbers of shape {wanted}")
         resultant, total = np.abs(values.sum(axis=0)).max(), np.abs(values).sum()
         if not model.global_model.rods.held.any() and resultant > BALANCED * total:
             raise ModelError(
@@ -146,15 +146,15 @@ class Simulation:
     def _relaxation(self, mechanics: Mechanics, progress: Progress, cell: Relaxation | None) -> Relaxation:
         """A relaxation with its smaller meshes; one whose mechanics move the edge has none."""
         model: Model = mechanics.model
-        watched = partial(self._watched, model=model)
+        monitored = partial(self._monitored, model=model)
         scene = smaller_scene(model.scene) if mechanics.rim is None and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:
-                return Relaxation(mechanics, progress, watched)
-            return MultilevelRelaxation(mechanics, progress, watched, cell=cell)
+                return Relaxation(mechanics, progress, monitored)
+            return MultilevelRelaxation(mechanics, progress, monitored, cell=cell)
         smaller = build_model(scene, self._device_of(model, scene), self._ranks_of(model, scene))
         below = self._relaxation(mechanics_of(smaller, initial_state(smaller)), Progress(), cell)
-        return MultilevelRelaxation(mechanics, progress, watched, smaller=below, cell=cell)
+        return MultilevelRelaxation(mechanics, progress, monitored, smaller=below, cell=cell)
 
     @staticmethod
     def _ranks_of(model: Model, smaller: Scene) -> Ranks:
@@ -165,7 +165,7 @@ class Simulation:
 
     @staticmethod
     def _device_of(model: Model, smaller: Scene) -> str:
-        """The device of a smaller mesh: that of the model, or the CPU where it is faster."""
+        """Device of a smaller mesh: the model's, or the CPU where it is faster."""
         assert model.cloth is not None
         return device_of_mesh(estimated_nodes(smaller, model.cloth), model.device)
 
@@ -185,7 +185,7 @@ class Simulation:
     # --- worlds
 
     def _begin_worlds(
-        self, worlds: Sequence[Scene | Model], progress: Sequence[Progress], watch: Callable[[Progress], None] | None
+        self, worlds: Sequence[Scene | Model], progress: Sequence[Progress], monitor: Callable[[Progress], None] | None
     ) -> None:
         scenes = [one if isinstance(one, Scene) else one.scene for one in worlds]
         if any(scene.solver.drive != "relax" for scene in scenes):
@@ -196,7 +196,7 @@ class Simulation:
         self.worlds = SideBySide(models, lambda member: member.all_records(), progress)
         self.drive = self.worlds.members[0]
         self.state, self.progress, self.resumed, self.solving = self.drive.state, self.drive.progress, bool(progress), ""
-        self.watch = watch or (lambda _progress: None)
+        self.monitor = monitor or (lambda _progress: None)
 
     def _world_model(self, number: int, scene: Scene) -> Model:
         """The model of a world: this one with its loads, or one of loops scattered otherwise."""
@@ -207,11 +207,11 @@ class Simulation:
             alike = replace(scene, knit=knit, contact=contact)
         for name in ("wire", "knit", "contact", "model", "panel", "solver"):
             if getattr(alike, name) != getattr(own, name):
-                raise InputError(f"Simulation: world {number} has another [{name}] than the model; give other loads or seeds")
+                raise InputError(f"Simulation: world {number} differs from the model in [{name}]; change only loads or seeds")
         return replace(model, scene=scene) if scene.knit == own.knit else build_model(scene, model.device)
 
     def _run_worlds(self, worlds: SideBySide) -> Iterator[Record]:
-        for world, found in worlds.run(lambda: self.watch(self.progress), self.failures):
+        for world, found in worlds.run(lambda: self.monitor(self.progress), self.failures):
             if isinstance(found, Diverged):
                 self.failures[world] = found
             else:

@@ -13,7 +13,7 @@ from .progress import LoadStart
 
 
 def stage_before(scene: Scene, stage_index: int) -> Stage | None:
-    """The stage before the one of this index, or None."""
+    """The previous load step, or None."""
     return scene.stages[stage_index - 1] if stage_index else None
 
 

@@ -1,4 +1,4 @@
-"""The meshes of a scene's [variants], built one after the other; those of the next seeds replace loops that do not fit."""
+"""Meshes of [variants], built one after the other. Loops that do not fit are replaced by the next seeds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TRIES = 4  # seeds to a mesh, before a scene has none
 
 
 def side_by_side(models: Sequence[Any]) -> list[list[int]]:
-    """Places of the models that can run as worlds of one simulation: of as many nodes and load steps, with loops of their own."""
+    """Places of models that can run as worlds of one simulation: with equal nodes and load steps, and own loops."""
     groups: dict[tuple[int, ...], list[int]] = {}
     for place, model in enumerate(models):
         alone = () if model.scene.model.of_kind.own_loops else (place,)
@@ -24,7 +24,7 @@ def side_by_side(models: Sequence[Any]) -> list[list[int]]:
 
 
 class VariantModels:
-    """Models by number: that of a mesh is added to the seed."""
+    """Models by number; the number is added to the seed."""
 
     def __init__(self, scene: Scene, device: str = "cpu") -> None:
         self.scene, self.device = scene, device
@@ -51,10 +51,7 @@ class VariantModels:
         return self.model(self.taken[place])
 
     def take(self, count: int, fits: Callable[[list[Any], Any], bool] = lambda _models, _model: True) -> list[int]:
-        """Numbers of the next meshes, `count` of them or as many as `fits` beside those before.
-
-        Raises what the last one raises where no mesh fits.
-        """
+        """Numbers of the next meshes: up to `count`, where `fits` allows. Raises what the last one raises where no mesh fits."""
         taken: list[int] = []
         end = self.next + TRIES * max(count, self.scene.variants.count)
         while len(taken) < count and self.next < end:

@@ -3,8 +3,7 @@
 A contact pushes with the force F at the point p of a segment, but the model puts it on the four nodes around, with the weights
 w_0 .. w_3, and by couples on the sections of the segments before, at and behind p, where parts c of the curve rotate with them
 (kernels/wire_curve.py). Both have the same resultant and moment, so beyond the four nodes the wire feels the same. Between them
-the moment M of a force at p follows from that of the model. With the force n of a segment on its first node j, summed over
-contacts,
+the moment M of a force at p follows from the model's. With the force n of a segment on its first node j, summed over contacts,
 
     M_j     += (w_0 (x_(j-1) - x_j) + c_before) x F        M_(j+1) -= (w_3 (x_(j+2) - x_(j+1)) + c_behind) x F
     n_(j-1) += w_0 F       n_j += (w_0 + w_1) F       n_(j+1) -= w_3 F
@@ -97,7 +96,7 @@ def bending_moments(r: Any) -> Moments:
 
 
 def clamped_ends(rods: Rods) -> tuple[np.ndarray, np.ndarray]:
-    """Rigid segments at the beginning and at the end of wires, between the two nodes that a clamp holds."""
+    """Rigid segments at both ends of wires, between the two nodes of a clamp."""
     rigid = np.flatnonzero((rods.slope_length == 0.0) & (rods.following >= 0))
     begins = rods.previous[rigid] < 0
     return rigid[begins], rigid[~begins & (rods.following[rods.following[rigid]] < 0)]
@@ -186,13 +185,13 @@ class Yielding:
         """(node, 2) [rad] back turn: centre of the yield surface."""
         return self._kept / (1.0 - self._kept) * self.plastic if self.yields else np.zeros_like(self.plastic)
 
-    def _trial(self) -> np.ndarray:
+    def _elastic_predictor(self) -> np.ndarray:
         turn = fetch(self.state.curvature) - fetch(self.arrays.natural_curvature)[self.rods.row] - self.plastic
         return np.where(self._inside[:, None], turn, 0.0)
 
     def _beyond(self) -> tuple[np.ndarray, np.ndarray]:
-        """(node, 2) excess of the trial turns over the yield surface, and [node] their distance from the back turns."""
-        beyond = self._trial() - self.back
+        """Excess of the elastic turns over the yield surface (node, 2); distance from the back turns [node]."""
+        beyond = self._elastic_predictor() - self.back
         size = np.linalg.norm(beyond, axis=1)
         over = np.maximum(size - self.rods.of_nodes("yield_curvature") * self.length, 0.0) * self.yields
         return beyond * np.divide(over, size, out=np.zeros_like(size), where=size > 0.0)[:, None], size
@@ -200,7 +199,7 @@ class Yielding:
     @property
     def elastic(self) -> np.ndarray:
         """(node, 2) [rad] elastic turn; the moment is EI over the length times it."""
-        return self._trial() - (1.0 - self._kept) * self._beyond()[0] if self.yields else self._trial()
+        return self._elastic_predictor() - (1.0 - self._kept) * self._beyond()[0] if self.yields else self._elastic_predictor()
 
     @property
     def hardened_energy(self) -> np.ndarray:
@@ -208,14 +207,14 @@ class Yielding:
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else np.zeros(len(self.dissipated))
 
     def plastic_potential(self) -> np.ndarray:
-        """[world] [J] incremental potential of bending and twist, whose gradient are the moments, beyond the elastic energy."""
+        """Incremental potential of bending and twist [world] [J], beyond the elastic energy. Its gradient are the moments."""
         if not self.yields:
             return np.zeros(len(self.dissipated))
         over, size = self._beyond()
         passed = np.linalg.norm(over, axis=1)
         limit = size - passed
         bent = 0.5 * limit**2 + limit * passed + 0.5 * self._kept * passed**2
-        bent += np.sum(self.back * (self._trial() - self.back), axis=1)
+        bent += np.sum(self.back * (self._elastic_predictor() - self.back), axis=1)
         return self._energy(bent - 0.5 * np.sum(self.elastic**2, axis=1))
 
     @property

@@ -1,4 +1,4 @@
-"""Clamps of a spatial mesh: those that follow the load step by step, and those of an edge that is pulled or hangs on cords.
+"""Clamps of a spatial mesh: moved with the load, pulled, or on cords.
 
 Stations of an edge stand along the outline (mesh/rim.py). A clamp takes the displacement q interpolated between the two stations
 around it: from rest position c it moves to F c + q. Pulled stations are given. A free station hangs on the cord and carries the
@@ -29,7 +29,7 @@ MAX_MOVE = 2.0  # node spacings, largest displacement of a station in one step
 
 
 class MovingClamps:
-    """Clamps that follow the load step by step, two held nodes each; some slide along the warp, as those of two hooked wires.
+    """Clamps that follow the load step by step, two held nodes each. Some slide along the warp, as for two hooked wires.
 
     Sets itself as the stepper's clamps.
     """
@@ -88,7 +88,7 @@ class MovingClamps:
 
 
 class Edge:
-    """Stations of a gripped mesh in space, pulled or on cords, by the formulas of this module."""
+    """Stations of a gripped spatial mesh, pulled or on cords, by the formulas above."""
 
     KEPT = ("station_displacement", "start", "target", "residual", "_step_factor")
 
@@ -117,7 +117,7 @@ class Edge:
         return np.asarray(self._interpolation @ station_displacement)
 
     def grip_forces(self, force: np.ndarray) -> np.ndarray:
-        """(clamp, 2) [N] of the clamps on the wires, from the forces (node, 3) of the wires on their nodes."""
+        """Forces (clamp, 2) [N] of clamps on wires, from forces (node, 3) of wires on nodes."""
         return -force[self.model.wires.held_node, :2].reshape(-1, 2, 2).sum(axis=1)
 
     def move_given(self, share: float) -> np.ndarray:

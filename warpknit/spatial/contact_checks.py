@@ -1,4 +1,4 @@
-"""Sums over the contacts between wires at a convergence check, and bounds on their stiffness (kernels/contact_checks.py)."""
+"""Sums over contacts at a convergence check, and bounds on their stiffness (kernels/contact_checks.py)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ContactChecks:
             "thickest": wp.float64(float(rods.of_wires("thickness").max())),
         }
         stepper.steering.set(weight_square=curve.weight_square, lever=curve.lever)
-        # by list of pairs, two of which may take turns
+        # by list of pairs: two alternate
         self._recorded: dict[tuple[int, int], SharedLaunches] = {}
         blocks, device = len(stepper.arrays.block_first), stepper.device
         self._segment_stress, self._contact_stress = (wp.zeros(blocks, dtype=wp.vec4d, device=device) for _ in range(2))
@@ -60,7 +60,7 @@ class ContactChecks:
         self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
 
     def _launch(self, kernel: wp.Kernel, by: str, items: range, *sources: object, **named: Any) -> None:
-        """Launch a kernel whose threads share some items, from `by` on, on the lists in use."""
+        """Launch a kernel whose threads share items from `by` on, on the present lists."""
         every = (self._stepper.arrays, self._stepper.state, self._wires, self._touch, self._pairs, *sources)
         self._launches.run(kernel.key, kernel, by, items, *every, **named)
 
@@ -73,7 +73,7 @@ class ContactChecks:
         self._launch(kernel, "first_node", self._stepper.strip.nodes, *sources, **named)
 
     def sums(self, rows: np.ndarray | None = None) -> ContactSums:
-        """Sums over the contacts with a force in the state last evaluated, of all worlds or of `rows`."""
+        """Sums over contacts with a force in the last evaluated state; all worlds or `rows`."""
         sums = self._stepper.sums
         rows = self._stepper.rows if rows is None else rows
 
@@ -96,7 +96,7 @@ class ContactChecks:
         return np.asarray(segments + contacts).reshape(-1, 2, 2)
 
     def bound_stiffness(self, rows: np.ndarray) -> None:
-        """Write bounds on the stiffness of contacts, up to the gap of the last evaluation, into `sweep` of the state."""
+        """Write bounds on the stiffness of contacts into `sweep` of the state. Up to the gap of the last evaluation."""
         steering = self._stepper.steering
         steering.set(rows, sticking=STICK_SHARE * steering.contact_stiffness[rows] if self._has_friction else 0.0)
         self.of_nodes(k.bound_contact_stiffness, **self._of_wires)

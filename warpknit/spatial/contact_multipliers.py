@@ -1,4 +1,4 @@
-"""Augmented Lagrangian multipliers of contact between wires, and the penalty that follows the contact force.
+"""Augmented Lagrangian multipliers of contact between wires, and the force-dependent penalty.
 
 A contact pushes with N = k (overlap + offset); at each convergence check the offsets at its nodes take up a share of its overlap,
 until it carries its force without overlap. The penalty may then be soft: it follows the force, k = FORCE_PENALTY N/d, and is at
@@ -75,7 +75,7 @@ class ContactMultipliers:
         return error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, allowed)
 
     def renew(self, contacts: ContactSums, rate: np.ndarray, rows: np.ndarray, *, loading: np.ndarray) -> None:
-        """Move the offsets by `rate` [row] times the overlaps, and the penalties with the forces, of this state."""
+        """Move offsets by `rate` [row] times the overlaps, and penalties with the forces."""
         steering = self._contact.stepper.steering
         self.mean_force[rows] = np.where(contacts.mean_push > 0.0, contacts.mean_push, self.mean_force[rows])
         is_fast = loading | (steering.speed_max[rows] > SLOW * self._thickness)
@@ -84,7 +84,7 @@ class ContactMultipliers:
         self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
 
     def stiffen(self, rows: np.ndarray | None = None) -> None:
-        """Raise the penalties of worlds for a load to come, and forget where overlaps have stalled."""
+        """Raise the penalties of worlds for the next load, and reset stalled overlaps."""
         stepper, arrays = self._contact.stepper, self._arrays
         rows = stepper.rows if rows is None else rows
         for array, value in ((arrays.penalty_raised, 1.0), (arrays.overlap_best, np.inf), (arrays.overlap_checks, 0)):

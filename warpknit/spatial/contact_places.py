@@ -1,4 +1,4 @@
-"""Places of contacts and sites on the wires in space, and the contact of two hooked wires."""
+"""Places of contacts and sites on spatial wires; contact of two hooked wires."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AT_A_TIME = 2**14  # pairs of segments whose distances are computed at a time
 
 
 def site_places(r: Any) -> np.ndarray:
-    """(site, 3) [m] contact point of the two wires of each site, that of the largest force if there are several.
+    """Contact point (site, 3) [m] of both wires of each site; the one with the largest force.
 
     Without contact, the midpoint between the nearest points of both wires. In the tile in which the first wire is drawn.
     """
@@ -60,7 +60,7 @@ def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
 
 
 def _between(r: Any, sites: np.ndarray, line: np.ndarray, other: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """(site, 3) [m] midpoints between the nearest points of two lines (site, nodes, 3), without the shift of the first one."""
+    """Midpoints (site, 3) [m] between nearest points of two lines (site, nodes, 3), without the first shift."""
     shift = r.sites.shift[sites].copy()
     shift[:, :2] = shift[:, :2] @ r.gradient.T
     other = other + shift[:, None]
@@ -77,7 +77,7 @@ def _between(r: Any, sites: np.ndarray, line: np.ndarray, other: np.ndarray, dra
 
 
 class _Range(NamedTuple):
-    """[site] first and last node of one wire of sites within their reach, counted along the wire, and how many, two at least."""
+    """First and last node [site] of one wire within reach, counted along it; number of nodes, two at least."""
 
     first: np.ndarray
     last: np.ndarray
@@ -98,7 +98,7 @@ def _range(r: Any, sites: np.ndarray, side: int) -> _Range:
 
 
 def _along(r: Any, sites: np.ndarray, side: int, first: np.ndarray, last: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """(site, size, 3) [m] nodes of one wire of sites from the first to the last one, and the periodic shift [m] of each."""
+    """Nodes (site, size, 3) [m] of one wire of sites from first to last; periodic shift [m] of each."""
     rods = r.model.rods
     wire = r.model.wires.site_wire[sites, side]
     count = rods.wire_count[wire][:, None]
@@ -133,8 +133,8 @@ def contact_places(r: Any) -> ContactPlaces:
 def hook_contact(r: Any) -> HookContact:
     """The contact of a hook; without contact, its places are at the middle of the lens at rest.
 
-    The wires wind round each other and touch in two or three places, whose forces have opposite components out of the plane. The
-    contact force is their sum; its place along a wire is their mean, weighted by the in-plane component along that sum.
+    Hooked wires touch in two or three places, whose forces have opposite out-of-plane components. The contact force is their sum;
+    its place along a wire is their mean, weighted by the in-plane component along that sum.
     """
     model, t = r.model, r.touching
     hook, rods = model.scene.hook, model.rods

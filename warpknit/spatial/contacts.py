@@ -28,7 +28,7 @@ class Contacts:
 
     @staticmethod
     def joined(parts: Sequence[Contacts]) -> Contacts:
-        """Those of all parts, one after another."""
+        """Contacts of all parts in sequence."""
         if len(parts) == 1:
             return parts[0]
         return Contacts(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Contacts)))

@@ -25,14 +25,14 @@ from .rods import Rods
 from .strip import RodStrip
 from .wire_contact import WireContact
 
-ROUND_OFF = 1e5  # times that of EA: smallest dead load whose equilibrium is found within the tolerance
+ROUND_OFF = 1e5  # of EA: smallest dead load with an equilibrium within the tolerance
 DISTURBANCE, SEED = 0.03, 1  # of the thickness times the residual tolerance: standard deviation of the displacements
 DAMPING = 0.02  # over a step, of the motion that follows
 LEAST_CHECKS, MOST_CHECKS = 8, 80  # convergence checks of that motion
 GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance has grown
 CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
 MOST_LISTED = 20  # places in a message
-LEAST_DIFFERENCE = 0.005  # of a stiffness that differs from that of the scene: three digits
+LEAST_DIFFERENCE = 0.005  # of the scene's stiffness: a change in three digits
 
 
 class Residual:
@@ -49,7 +49,7 @@ class Residual:
         return ratio if self.multipliers is None else np.maximum(ratio, self.multipliers.error_ratio(contacts))
 
     def _least_force(self, of_knit: float, rows: np.ndarray) -> np.ndarray:
-        """[row] [N] least force that residuals are compared with: that of the knit, or a smaller dead load."""
+        """Least reference force of residuals [row] [N]: the knit's, or a smaller dead load."""
         load, model = self.relaxation.stepper.steering.dead_load[rows], self.model
         round_off = float(np.finfo(wp.dtype_to_numpy(model.precision.real)).eps)
         smallest = ROUND_OFF * round_off * float(model.rods.of_wires("axial_stiffness").max())
@@ -71,12 +71,12 @@ class Residual:
 
 
 class Stability:
-    """Whether an equilibrium is stable: a disturbance must not grow. The test of one level after the other, of every world.
+    """Tests the stability of equilibria, level by level, in every world: a disturbance must not grow.
 
-    A mesh that is alike on both sides may follow a path of equilibria beyond the load at which it would buckle: forces balance,
-    but any disturbance grows. Damping that suits the stable motion hides it, as such a disturbance grows slowly then. Once the
-    mesh has converged, its nodes are moved at random, and it moves on with little damping: a stable mesh swings about its
-    equilibrium and loses energy, an unstable one gains kinetic energy until it has left. Then it is relaxed again.
+    A symmetric mesh may follow a path of equilibria beyond its buckling load: forces balance, but any disturbance grows. Damping
+    of the stable motion hides it, because the growth is then slow. So the nodes of a converged mesh are moved at random and
+    released with little damping: a stable mesh swings about its equilibrium and loses energy, an unstable one gains kinetic
+    energy until it has left. Then it is relaxed again.
     """
 
     KEPT = ("_checks", "_energy", "_least", "_is_over", "has_left")
@@ -128,9 +128,9 @@ class Stability:
             self.relaxation.stepper.steering.set(running, damping=DAMPING)
 
     def note(self, world: int = 0) -> str:
-        """That a mesh has left an equilibrium, for the user."""
+        """Message on an unstable equilibrium."""
         strains = strain_text(self.relaxation.stepper.steering.gradient[world])
-        return f"at strains of {strains} an equilibrium was not stable: the mesh left it for another"
+        return f"the equilibrium at strains of {strains} was unstable: the mesh snapped through to another"
 
     def _disturb(self, rows: np.ndarray) -> None:
         stepper = self.relaxation.stepper
@@ -147,7 +147,7 @@ class Stability:
 
 
 def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip) -> None:
-    """Intersecting centre lines do not tell which wire lies above the other. Raises `ModelError` on all ranks, with all places.
+    """Refuse centre lines that intersect: neither wire lies above. Raises `ModelError` on all ranks.
 
     near: contacts of the strip as knitted, of any gap below zero at least.
     """
@@ -167,14 +167,11 @@ def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip
         return
     texts = [_intersection_text(*place[:3]) for place in sorted(places, key=lambda one: (one[0], one[1]))]
     more = f"; and in {len(texts) - MOST_LISTED} more places" if len(texts) > MOST_LISTED else ""
-    raise ModelError(
-        f"{'; '.join(texts[:MOST_LISTED])}{more}; so neither lies above the other: move one of them there, by however little,"
-        " or cut it"
-    )
+    raise ModelError(f"{'; '.join(texts[:MOST_LISTED])}{more}; move one of them up or down there, or cut it")
 
 
 def _intersection_text(wires: list[int], arcs: list[float], place: np.ndarray) -> str:
-    """Which wires intersect, or where along a single one."""
+    """Intersecting wires, or places along a single one, in words."""
     near = f"near {place_text(*place[:2])}"
     if wires[0] != wires[1]:
         return f"the centre lines of wires {wires[0] + 1} and {wires[1] + 1} intersect {near}"
@@ -199,7 +196,7 @@ def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> No
     if most > CLAMPED * rods.section.thickness:
         raise ModelError(
             f"{wires_text(first + 1, second + 1)} overlap by {engineering(most, 'm')} where both are clamped, near"
-            f" {place_text(x, y)}, and cannot part there; move their ends apart, or set a smaller wire.diameter"
+            f" {place_text(x, y)}; move their ends apart, or set a smaller wire.diameter"
         )
 
 
@@ -209,7 +206,7 @@ def wires_text(first: int, second: int) -> str:
 
 
 def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.ndarray) -> str:
-    """Wires and place of the deepest overlap, and the stiffness there if it is not that of the scene.
+    """Deepest overlap in words: wires, place, and a changed stiffness there.
 
     penalty [node] [N/m] of contacts, stretch [node] [N] softened axial stiffness: those now.
     """

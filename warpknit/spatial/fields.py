@@ -1,9 +1,9 @@
-"""Fields of a spatial mesh that are transferred between meshes of one knit (warpknit/mechanics/), at the nodes of its panel.
+"""Fields of a spatial mesh for transfer between meshes (warpknit/mechanics/), at nodes of its panel.
 
 | field | meaning | unit |
 |---|---|---|
 | x, y, z | displacement of a node from the affine map of its rest position | m |
-| turn | rotation of a section about its segment, beyond the one that tilts its rest tangent t0 into t | rad |
+| turn | rotation of a section about its segment, beyond the tilt of its rest tangent t0 into t | rad |
 | tension, strain | of a segment, and of its chord | N, - |
 | push | offset of the contacts at a node times their penalty | N |
 
@@ -124,7 +124,7 @@ class Fields:
         return np.concatenate(strip.ranks.everyone(values[begin : begin + int(panel.wire_count[wires].sum())]))
 
     def read_stiffness(self) -> dict[str, np.ndarray]:
-        """STIFFNESSES [panel node] of the current state, of the mesh of all ranks, on each of them."""
+        """STIFFNESSES [panel node] of the current state of the global mesh, on each rank."""
         state = self.stepper.state
         values = {
             "stretch": fetch(state.stretch_stiffness),
@@ -157,7 +157,7 @@ class Fields:
         self._begin_anew()
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """What `add` changes, to put back."""
+        """Values changed by `add`, to restore."""
         return {name: fetch(getattr(self.stepper.state, name)).copy() for name in CHANGED}
 
     def put_back(self, snapshot: dict[str, np.ndarray]) -> None:

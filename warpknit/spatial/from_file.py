@@ -21,7 +21,7 @@ from .placed_wires import SpatialWires
 from .rods import Rods, Section, rods_of
 from .sites import NOWHERE, Sites
 
-MIN_NODES = 5  # of an open wire, of which the clamps hold four
+MIN_NODES = 5  # of an open wire; its clamps hold four
 # fields of a panel that wires from a file leave empty
 EMPTY_INDEX_FIELDS = (
     "block_first", "block_count", "block_table", "block_wire", "body_clasp", "pair_seed", "pair_table", "pair_low", "pair_high",
@@ -31,11 +31,11 @@ EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 
 
 def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
-    """The wires as a panel with a body for each place where they may touch, their clamps, and the rods.
+    """The wires as a panel with bodies at possible contacts, their clamps, and rods.
 
     Places are hooks and other crossings (wires/hooks.py), and where else wires come near each other.
 
-    Natural lengths, curvature and twist are those of the file where it has them. sections [wire]: of each wire. loop_length [m]:
+    Natural lengths, curvature and twist come from the file where it has them. sections [wire]: of each wire. loop_length [m]:
     approximate length of wire in a loop. Raises `ModelError`.
     """
     count = np.array([len(points) for points in wires.points], dtype=np.int32)
@@ -43,8 +43,8 @@ def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float
     is_open = np.array([kind == "open" for kind in wires.kinds])
     if (count[is_open] < MIN_NODES).any():
         number = int(np.flatnonzero(is_open & (count < MIN_NODES))[0])
-        wrong = f"wire {number + 1} has {count[number]} nodes, fewer than {MIN_NODES}, of which its clamps hold four"
-        raise ModelError(f"wires.node_spacing: {wrong}; write a smaller one")
+        wrong = f"wire {number + 1} has {count[number]} nodes, fewer than {MIN_NODES} (its clamps hold four)"
+        raise ModelError(f"wires.node_spacing: {wrong}; write a smaller spacing")
     if wires.period is None and not is_open.any():
         raise ModelError("wires.file: all wires are closed rings; add an open wire, or write wires.period")
     places, slack = find_places(wires, loop_length), SLIDE_ALLOWANCE * loop_length
@@ -65,7 +65,7 @@ def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float
 
 
 def _with_natural_shape(rods: Rods, wires: Wires) -> Rods:
-    """The rods with the natural curvature and twist of the file, if it has them: components along the directors at rest."""
+    """Rods with natural curvature and twist of a file, if any. Components along the directors at rest."""
     if wires.natural_turns is None and wires.twist_strains is None:
         return rods
     rods = replace(rods, node_stiffness=node_stiffness(rods))
@@ -80,7 +80,7 @@ def _with_natural_shape(rods: Rods, wires: Wires) -> Rods:
 
 
 def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, count: np.ndarray) -> SpatialWires:
-    """Clamps of open wires, in the middle of their end segments, and sites of the places.
+    """Clamps of open wires, in the middle of end segments, and sites of places.
 
     first, count: of the nodes of open wires; slack [m]: reach of a site beyond both ends of its place.
     """
@@ -103,7 +103,7 @@ def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, 
 
 
 def _with_close_places(wires: Wires, placed: SpatialWires, rods: Rods, slack: float) -> SpatialWires:
-    """Sites also where wires come near each other and no site reaches, as where they run side by side."""
+    """Sites also where wires are near each other and no site reaches."""
     near = close_places(wires, 2.0 * rods.wire_radius)
     if near is None or not len(near.wire):
         return placed

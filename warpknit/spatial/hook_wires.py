@@ -1,4 +1,4 @@
-"""Two hooked wires in space: the arcs of a hook (mesh/hook_mesh.py), each turned out of the plane to pass over and under.
+"""Two hooked spatial wires: arcs of a hook (mesh/hook_mesh.py), turned to pass over and under.
 
 In the planar model both arcs lie in one plane and cross twice. Here each arc is tilted about the horizontal axis through the
 middle of the hook, the two in opposite directions: at the lower crossing the left wire lies `hook.crossing_distance` above the
@@ -17,7 +17,7 @@ from ..scene import Hook
 from .placed_wires import SpatialWires, WireForms, line_along
 from .rest_curve import CentreLine
 
-BETWEEN = 0.5  # segments from the planar nodes, one of which is at the clamp, to those here, with the clamp midway between two
+BETWEEN = 0.5  # segments from the planar nodes, one at the clamp, to the nodes here, with the clamp midway between two
 
 
 def tilt(hook: Hook) -> float:
@@ -28,7 +28,7 @@ def tilt(hook: Hook) -> float:
 
 
 class TiltedArc:
-    """The centre line of a wire by its arc length s [m] from the lower clamp."""
+    """Centre line of a wire by its arc length s [m] from the lower clamp."""
 
     def __init__(self, hook: Hook, wire: int, angle: float) -> None:
         """angle [rad]: tilt of the upper end out of the plane."""

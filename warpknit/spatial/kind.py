@@ -1,6 +1,6 @@
 """The spatial model by the names that every kind of model has (solve/model.py).
 
-Its parts, its description for `warpknit plan`, and the settings of its trial runs (mechanics/trial.py).
+Its parts, its description for `warpknit plan`, and the settings of its probe runs (mechanics/probe_settings.py).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.text import engineering, rounded, short_percent
 from ..knit.cloth import Cloth
-from ..mechanics.trial import SOFTENING, Setting, Varied, combined, edge_of
+from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
 from ..scene.presets import PRESETS
 from ..wires.centre_lines import Wires
@@ -36,8 +36,11 @@ __all__ = [
 
 NODES = (20, 24, 28, 36)  # a loop
 FINE = {"periodic": 64, "gripped": 56, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire
-TOLERANCE = 1e-3  # of fine runs and references, about fifty times slower than in the plane
-REFERENCE = ((2_000, 96), (float("inf"), 64))  # nodes a loop of the reference of a trade, up to so many nodes of the scene
+TOLERANCE = 1e-3  # of fine runs and references, about fifty times slower than planar ones
+REFERENCE = (
+    (2_000, 96),
+    (float("inf"), 64),
+)  # nodes a loop of the reference of a trade, up to these numbers of nodes of the scene
 HOOK_REFERENCE = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
 
 VARIED_NODES = (16, 20, 24, 28, 32, 36, 40, 48)  # of a trade, a loop or a hooked wire
@@ -72,16 +75,16 @@ def accuracy(scene: Scene) -> str:
 
 
 def physics(model: SpatialModel, bodies: int) -> Iterator[str]:
-    """Physics that a mesh of so many places of hooking switches on and why, one sentence each."""
+    """Physics of a mesh with `bodies` hooks, one sentence each."""
     scene, wire = model.scene, model.scene.wire
     yield f"stretching: wires carry tension, EA = {engineering(wire.axial_stiffness, 'N')}"
-    yield f"bending: wires resist a change of curvature in space, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
+    yield f"bending: wires resist a change of curvature, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
     yield f"twist: wires resist being twisted, GJ = {engineering(1e6 * wire.twist_stiffness, 'N mm2')}"
     hooks = "two wires hook once, over and under each other"
-    places = hooks if scene.hook is not None else f"shares of active contacts are of {bodies:,} places"
+    places = hooks if scene.hook is not None else f"shares of active contacts refer to {bodies:,} places"
     yield f"contact: round wires touch each other anywhere; {places}"
-    corrected = "; multipliers take that out again" if scene.solver.drive == "relax" else ""
-    yield f"softening: wires stretch more easily in the dynamics{corrected}, solver.axial_softening"
+    corrected = "; multipliers correct its error" if scene.solver.drive == "relax" else ""
+    yield f"softening: axial stiffness is reduced in the dynamics{corrected}, solver.axial_softening"
 
 
 def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
@@ -96,11 +99,11 @@ def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
 
 
 def limitations(_scene: Scene, _cloth: Cloth) -> tuple[str, ...]:
-    """Where the model is inaccurate: nowhere."""
+    """Limits of the model: none."""
     return ()
 
 
-# --- settings of trial runs
+# --- settings of probe runs
 
 
 def settings(scene: Scene, percent: float) -> list[Setting]:
@@ -115,7 +118,7 @@ def fine(scene: Scene) -> Setting:
 
 
 def reference(scene: Scene, nodes: int) -> tuple[int, float]:
-    """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade."""
+    """Nodes a loop (or segments of a hooked wire) and tolerance of a trade's reference."""
     finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
     return finest, TOLERANCE
 

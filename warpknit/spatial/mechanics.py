@@ -52,7 +52,7 @@ class SpatialMechanics:
     path_ratios = (1.0, 1.0)  # tight knits snap on the way
 
     def __init__(self, group: Any, model: SpatialModel, world: int) -> None:
-        """group: the `SpatialWorlds` (worlds.py) of which this is one."""
+        """group: the `SpatialWorlds` (worlds.py) of this world."""
         self.group, self.model, self.world, self.rows = group, model, world, np.array([world])
         scene = model.scene
         self.notes: list[str] = []
@@ -144,7 +144,7 @@ class SpatialMechanics:
         rods = self.model.rods
         if rods.natural_curvature is not None or rods.natural_twist is not None:
             return math.ceil(1.0 / RELEASE)
-        if self.model.cloth is None:  # wires from a file, whose shape may be that of a drawing, and hooks
+        if self.model.cloth is None:  # wires from a file may be a drawing; and hooks
             return 1
         return max(1, math.ceil((1.0 - self.model.scene.wire.set_fraction) / RELEASE - 1e-9))
 
@@ -160,7 +160,7 @@ class SpatialMechanics:
             self._release = None
 
     def _apply_release(self) -> None:
-        """Release as much curvature as belongs to the steps up to the next convergence check, over those of the load.
+        """Release the curvature due up to the next convergence check.
 
         Released at once, wires would move farther until then than the masses allow for contacts.
         """
@@ -276,8 +276,9 @@ class SpatialMechanics:
         return bool(self.stability.has_left[self.world])
 
     def move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> float:
-        """Move given stations while the load is applied, free ones once the mesh itself is close to convergence; returns the
-        larger of the residual ratios of mesh and edge."""
+        """Move held stations while the load is applied, free ones near convergence. Returns the larger residual ratio of mesh and
+        edge.
+        """
         control = self.state.steering.read()
         move = np.zeros(1)
         if loading or (control.ramp_steps > 0.0 and not edge.is_at_target):
@@ -350,7 +351,7 @@ class SpatialMechanics:
 
     @cached_property
     def fields(self) -> Fields:
-        """What is transferred between meshes of one knit."""
+        """Fields for transfer between meshes of one knit."""
         assert self.multipliers is not None
         return Fields(self.model, self.relaxation, self.contact, self.multipliers)
 

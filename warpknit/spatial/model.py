@@ -1,4 +1,4 @@
-"""The spatial model: the wires of a panel (mesh/panel.py) as rods in space."""
+"""The spatial model: wires of a panel (mesh/panel.py) as rods."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class SpatialModel:
 
     @property
     def limited_by(self) -> str:
-        """What limits the time step."""
+        """Limit of the time step, in words."""
         return "unit step" if self.ramp is None else self.ramp.rates.limited_by
 
     @property
@@ -112,12 +112,12 @@ class SpatialModel:
 
     @property
     def bodies(self) -> np.ndarray:
-        """[site] index in the global model; those of a strip are known there only."""
+        """Index in the global model [site]; known there only, also for a strip."""
         return np.arange(self.panel.body_count)
 
     @property
     def node_count(self) -> int:
-        """Nodes of the rods, which differ from those of the panel between clamps."""
+        """Number of nodes of the rods, unlike the panel's between clamps."""
         return self.rods.node_count
 
     @property
@@ -126,7 +126,7 @@ class SpatialModel:
         return "wrinkle over many repeats"
 
     def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-        """Where results are outside the validity of the model: nowhere."""
+        """Warnings on the validity of the model: none."""
         yield from ()
 
     @property
@@ -181,17 +181,14 @@ def wire_section(wire: Wire) -> Section:
 
 
 def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -> SpatialModel:
-    """The spatial model of a scene, of this rank's strip where several `ranks` share it.
-
-    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`.
-    """
+    """Spatial model of a scene, or this rank's strip of it. Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`."""
     start_warp()
     model = _whole_model(scene, device)
     return model if ranks is None or ranks.count == 1 else _strip_of(model, ranks)
 
 
 def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
-    """The model of this rank's strip. Its places where wires hook each other are those of the mesh, and known there only."""
+    """Model of this rank's strip. The places where wires hook each other are the global mesh's, and known there only."""
     refuse(model.scene, "run", ranks=ranks.count)
     reach = search_cells(model.rods, model.curve).radius + BORDER * model.scene.knit.wale_spacing
     strip = cut_rods(model.panel, model.rods, ranks, reach)
@@ -319,7 +316,7 @@ def _ramp_numerics(model: SpatialModel) -> RampNumerics:
 
 
 def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[Rods, RestCurve]:
-    """Rods of the wires of a panel at rest and the curve between their nodes: computed for each form, then copied."""
+    """Rods of the wires of a panel at rest and the curve between nodes. Computed for each form, then copied."""
     forms = wires.forms
     assert forms is not None
     period = np.array([0.0, panel.size[1], 0.0]) if panel.boundary == "periodic" else None
@@ -330,7 +327,7 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[
 
 
 def segment_thermal_strain(model: SpatialModel, temperature: float, gradient: np.ndarray) -> np.ndarray:
-    """[node] thermal strain of the segment behind each node, relative to the middle of the panel.
+    """Thermal strain of the segment behind each node [node]; 0 in the panel's middle.
 
     temperature [K] at the middle of the panel; its gradient (2,) [K/m] along weft and warp at rest.
     """

@@ -1,7 +1,7 @@
-"""Stiffness of the nodes of rods against bending and twist, where the wire turns sharply.
+"""Stiffness of the nodes of rods against bending and twist at sharp turns.
 
-A node stands for the wire around it, with tangents t(s). A moment vector M in space bends and twists that wire by the relative
-rotation of both segments
+A node stands for the wire around it, with tangents t(s). A moment vector M bends and twists that wire by the relative rotation of
+both segments
 
     phi = C M        C = integral of w (t t/GJ + (1 - t t)/EI) ds        w: hat function of the node
 

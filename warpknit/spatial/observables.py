@@ -47,7 +47,7 @@ class SpatialObservables(Boundary):
     position: np.ndarray  # (node, 3) [m]
     director: np.ndarray  # (node, 3) across the segment
     tension: np.ndarray  # [N] of the segments; 0 of rigid ones between held nodes
-    rigid_pull: float  # [J] of rigid segments: tension times rest length, in the plane
+    rigid_pull: float  # [J] of rigid segments: tension times in-plane rest length
     segment_tangent: np.ndarray  # (node, 3)
     chord: np.ndarray  # [m] length of the segments; what heat lengthens is their arcs
     half_in_clamp: np.ndarray  # [m] length of the wire inside clamps that stretches with the segments
@@ -61,7 +61,7 @@ class SpatialObservables(Boundary):
     hardened_energy: float  # [J] stored by hardening
     contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
     contact_energy: float  # [J] of the penalty
-    thermal_strain: np.ndarray  # [node] excess of the length factor of the segments over that of the middle, relative
+    thermal_strain: np.ndarray  # [node] relative excess of the length factor of segments over the middle's
     touching: Contacts  # contacts with a force
     near: Contacts  # contacts closer than NEAR
 
@@ -163,7 +163,7 @@ class SpatialObservables(Boundary):
 
     @property
     def elsewhere_position(self) -> np.ndarray:
-        """(contact, 3) [m] places of active contacts without a site, in the tile in which the first wire is drawn."""
+        """Places (contact, 3) [m] of active contacts without a site, in the first wire's tile."""
         return touched_places(self, self._elsewhere) @ self._turn.T
 
     @property
@@ -257,7 +257,7 @@ class SpatialObservables(Boundary):
 
     @cached_property
     def body_position(self) -> np.ndarray:
-        """(site, 3) [m] contact points of the sites, or the midpoint of the nearest points of their wires."""
+        """Contact points (site, 3) [m] of sites, or midpoints between their wires."""
         place = site_places(self) @ self._turn.T
         if self.hook_contact is not None:
             place[0, :2] = self.hook_contact.body + self.corner[:2]
@@ -291,7 +291,7 @@ class SpatialObservables(Boundary):
 
     @property
     def displacement(self) -> np.ndarray:
-        """(node, 2) [m] from the affine prediction, in the plane."""
+        """In-plane displacement (node, 2) [m] from the affine prediction."""
         return self.node_position[:, :2] - self.model.rods.position[:, :2] @ self.stretch.T
 
     @property
@@ -337,7 +337,7 @@ def find_panel_map(r: Any) -> PanelMap:
 
 
 def _moved(r: Any) -> np.ndarray:
-    """(site, 2) [m] displacement of the wires at each site from the affine prediction, the mean of both wires."""
+    """Displacement (site, 2) [m] from the affine prediction, the mean of both wires."""
     rods, wires = r.model.rods, r.model.wires
     last = rods.wire_count[wires.site_wire] - 1
     seed = np.clip(wires.site_seed, 0, last)
@@ -406,7 +406,7 @@ def read(
 
 
 def _contact_energy(rods: Rods, offset: np.ndarray, t: Contacts) -> float:
-    """[J] sum over contacts of k g^2/2 with the overlap g, whose force is N = k (g + o); `offset` [node] [m] gives o.
+    """Sum over contacts of k g^2/2 [J]. g: overlap with the force N = k (g + o); `offset` [node] [m] gives o.
 
     Multipliers take overlaps and gaps to zero, and leave none of it.
     """

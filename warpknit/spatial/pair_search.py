@@ -1,4 +1,4 @@
-"""Search for the pairs of segments that may touch until the next search, by a spatial hash of the segments.
+"""Search for pairs of segments that may touch before the next search. By a spatial hash of the segments.
 
 A search places the segments in the hash, counts the pairs of each, and fills a list with them, in the order of their first
 segments. What the count has found is kept, up to KEPT pairs of a segment, so that the list is filled without another search.
@@ -29,7 +29,7 @@ NODE_ARRAYS = ("start", "count")
 
 
 class PairList:
-    """Device arrays of at most `capacity` segment pairs that may touch until the next search; `number` identifies the list."""
+    """Device arrays of at most `capacity` segment pairs that may touch; `number` identifies the list."""
 
     def __init__(self, capacity: int, nodes: int, device: str, number: int, *, with_slip: bool) -> None:
         def make(dtype: type, count: int = capacity) -> wp.array:
@@ -42,7 +42,7 @@ class PairList:
         self.shift = make(wp.vec3d)
         self.arc_separation, self.wake_travel = make(wp.float64), make(wp.float64)
         self.renewal_travel, self.found, self.is_near = make(wp.float64), make(wp.int32), make(wp.int32)
-        # launches, once they are recorded: of every thread those of `find_segment_pairs` and `mark_near_pairs`; those of the
+        # recorded launches: of every thread of `find_segment_pairs` and `mark_near_pairs`; of the
         # lists of near pairs, the last one by the capacity of that list
         self.find: list[wp.Launch] = []
         self.mark: list[Callable[[], None]] = []
@@ -50,7 +50,7 @@ class PairList:
         self._sorted = make(wp.int32, nodes), make(wp.int32, 2 * capacity), make(wp.int32, 2 * capacity)
         self.list_near: tuple[int, Callable[[], None]] | None = None
         self.by_second = make(wp.int32)  # the pairs in the order of their second segments
-        self.second_start = make(wp.int32, nodes)  # where those of each segment begin
+        self.second_start = make(wp.int32, nodes)  # where the pairs of each segment begin
         self.near_before, self.near_by_second = make(wp.int32), make(wp.int32)  # see kernels/wire_near.py
         self.place = make(wp.vec2d, PLACES * capacity)
         # elastic slip of friction: two contacts a pair, double-buffered by the parity of the step
@@ -66,7 +66,7 @@ class PairList:
         self._recorded[name]()
 
     def order(self, total: int) -> None:
-        """Order the pairs by their second segments, after the list has been filled with so many."""
+        """Order the `total` pairs by their second segments."""
         count, number, key = self._sorted
         store(count, 0)
         named = self.named("second") | {"pair_count": self.total, "count": count, "pair_number": number}
@@ -78,7 +78,7 @@ class PairList:
         wp.utils.array_scan(count, self.second_start, inclusive=False)
 
     def take_near(self, total: int) -> int:
-        """Number the near pairs among so many, and return how many they are."""
+        """Number the near pairs among `total`; return their count."""
         if total == 0:
             return 0
         self.replayed("near", lambda: bind(mark_by_second, self.capacity, self, pair_count=self.total, **self.named("is_near")))
@@ -91,7 +91,7 @@ class PairList:
         return {f"pair_{name}": getattr(self, name) for name in names}
 
     def state_dict(self, pairs: tuple[int, int], nodes: slice) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint, with the elastic slips: those of some pairs, which belong to these nodes."""
+        """Arrays for a checkpoint with the elastic slips of `pairs`, which belong to `nodes`."""
         begin, end = pairs
         kept = {f"pairs_{name}": fetch(getattr(self, name))[begin:end].copy() for name in PAIR_ARRAYS}
         for name in ("first", "second"):
@@ -151,17 +151,17 @@ class PairSearch:
         ).record(device)  # fmt: skip
 
     def place(self, rows: np.ndarray) -> None:
-        """Place the segments in the hash where they are now, to search the worlds `rows`; a collective call."""
+        """Place the segments in the hash, to search the worlds `rows`; a collective call."""
         stepper = self.stepper
         smallest = np.linalg.svd(stepper.steering.gradient, compute_uv=False).min(axis=1)
-        rest_scale = 1.0 / np.minimum(smallest, 1.0)  # bound on distances at rest over those in space
+        rest_scale = 1.0 / np.minimum(smallest, 1.0)  # bound on distances at rest over present distances
         longer = np.maximum(stepper.steering.length_factor, 1.0)
         store(self._rest_scale, rest_scale)
         store(self._largest_distance, longer * 2.0 * float(stepper.rods.wire_radius.max()) + self._margin)
         searched = np.zeros(stepper.worlds, dtype=np.int32)
         searched[rows] = 1
         store(self.searched, searched)
-        stepper.watch_border(self._radius * float(rest_scale.max()))
+        stepper.check_border(self._radius * float(rest_scale.max()))
         self._longest_reach.zero_()
         self._place_segments.launch()
         store(self._longest_reach, stepper.strip.ranks.largest(fetch(self._longest_reach)))

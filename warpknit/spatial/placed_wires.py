@@ -1,15 +1,15 @@
-"""Nodes of the wires of a panel (mesh/panel.py) in space, closed or clamped at both ends.
+"""Nodes of the spatial wires of a panel (mesh/panel.py), closed or clamped.
 
 The knit describes threads by their arc length in plan view. Where a thread climbs steeply between the layers of a mesh it turns
-sharply, within a thickness or less, and is long in space but short in plan. Half of the nodes follow the length and half the
-turns: with a thread of length S that turns by T, and k the mean curvature over three thicknesses, the spacing is in proportion to
+sharply, within a thickness or less, and is long but short in plan view. Half of the nodes follow the length and half the turns:
+with a thread of length S that turns by T, and k the mean curvature over three thicknesses, the spacing is in proportion to
 
     1/(1/S + k/T)
 
 and changes by at most GRADING along the thread, so that neighbouring segments have similar lengths.
 
-A closed wire has as many nodes as the panel, at these places. On a clamped wire each clamp sits in the middle of
-the first or last segment, half as long as its neighbours, and holds its two nodes and its section.
+A closed wire has the panel's number of nodes, at these places. On a clamped wire each clamp sits in the middle of the first or
+last segment, half as long as its neighbours, and holds its two nodes and its section.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class SpatialWires:
     Places along a wire are in nodes from its first one; arrays of sites are (site, 2), for their two wires.
     """
 
-    tile: np.ndarray  # (3,) [m] periods in space; 0: none
+    tile: np.ndarray  # (3,) [m] spatial periods; 0: none
     held_node: np.ndarray  # [held] nodes, counted over all wires
     held_lever: np.ndarray  # (held, 2) [m] at rest, from the clamp that holds the node
     held_section: np.ndarray  # [held segment] first nodes of segments whose sections are held
@@ -78,7 +78,7 @@ class _FormNodes:
 
 
 class SpacedThread:
-    """A thread by its arc length s in space [m], with the places of its nodes; both go on beyond a period."""
+    """A thread by its spatial arc length s [m], with its nodes. Both continue beyond a period."""
 
     def __init__(self, curve: ThreadCurve, nodes: int, thickness: float, *, evenly: bool = False) -> None:
         """nodes: of a period; evenly: at equal arc lengths, as the true masses of a ramp want it."""
@@ -94,7 +94,7 @@ class SpacedThread:
             self._count = self._counted(step / size[:, None], size, thickness)
 
     def _counted(self, tangent: np.ndarray, size: np.ndarray, thickness: float) -> np.ndarray:
-        """Nodes up to each sample, from the directions (m, 3) and lengths [m] of the steps between them."""
+        """Number of nodes up to each sample, from directions (m, 3) and lengths [m] of the steps."""
         before = np.roll(tangent, 1, axis=0)
         angle = np.arctan2(np.linalg.norm(np.cross(before, tangent), axis=1), np.sum(before * tangent, axis=1))
         turn = np.concatenate([[0.0], np.cumsum(angle)])
@@ -153,7 +153,7 @@ class SpacedThread:
 
 
 def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, evenly: bool = False) -> SpatialWires:
-    """Place the wires of a panel in space; thickness [m] of the wire; evenly: with nodes at equal distances."""
+    """Place the spatial wires of a panel. thickness [m] of the wire; evenly: with nodes at equal distances."""
     threads = [
         SpacedThread(ThreadCurve(thread, cloth.size[1]), int(nodes), thickness, evenly=evenly)
         for thread, nodes in zip(cloth.threads, table.nodes, strict=True)
@@ -228,7 +228,7 @@ def _forms(cloth: Cloth, panel: Panel, *, closed: bool) -> tuple[np.ndarray, np.
 def line_along(
     curve: Callable[[np.ndarray], np.ndarray], slope: np.ndarray, arcs: np.ndarray, step: np.ndarray | float
 ) -> CentreLine:
-    """The centre line at nodes at arc lengths `arcs` [m], and on the segments of lengths `step` [m] behind them.
+    """Centre line at nodes at arc lengths `arcs` [m], and on segments of lengths `step` [m].
 
     curve: points (m, 3) [m] at arc lengths [m]; slope (node, 3) of any length, along it at the nodes.
     """
@@ -244,7 +244,7 @@ def _closed_nodes(thread: SpacedThread, first: int, count: int) -> _FormNodes:
 
 
 def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> _FormNodes:
-    """Nodes of a wire with its clamps at plan arc lengths `begin` and begin + `length` [m] of its thread."""
+    """Nodes of a wire with clamps at plan arc lengths `begin` and begin + `length` [m]."""
     ends = thread.at_plan(np.array([begin, begin + length]))
     low, high = thread.number(ends)
     segments = max(MIN_SEGMENTS, round(float(high - low)))

@@ -1,4 +1,4 @@
-"""Rest-shape correction that makes the curve between the nodes the true centre line at rest (kernels/wire_curve.py).
+"""Rest-shape correction: the curve between nodes is the true centre line (kernels/wire_curve.py).
 
 Slopes at the nodes are corrected to point along the centre line. The remaining error between two nodes is fitted normal to the
 curve by s^2 (1 - s)^2 (B0 + s B1 + s^2 B2 + s^3 B3). Open wires keep straight ends.
@@ -26,7 +26,7 @@ FIT_PLACES = 0.5 * (leggauss(12)[0] + 1.0)  # places 0 .. 1 on a segment where t
 
 @dataclass(frozen=True)
 class CentreLine:
-    """The true centre line of the wires at rest, at the nodes and between them."""
+    """True centre line of the wires at rest, at and between nodes."""
 
     slope: np.ndarray  # (node, 3) derivative by a parameter along the line
     between: np.ndarray  # (node, place, 3) [m] at FIT_PLACES of the segment behind a node, relative to that node
@@ -34,12 +34,12 @@ class CentreLine:
 
     @staticmethod
     def joined(lines: Sequence[CentreLine]) -> CentreLine:
-        """Those of several wires, one after the other."""
+        """Centre lines of several wires in sequence."""
         return CentreLine(*(np.concatenate([getattr(one, name) for one in lines]) for name in ("slope", "between", "step")))
 
 
 def along_centre_line(rods: Rods, line: CentreLine) -> Rods:
-    """Rods whose natural arcs and stiffnesses are those of the centre line."""
+    """Rods with natural arcs and stiffnesses of the centre line."""
     pieces = np.diff(line.between, axis=1, prepend=0.0, append=rods.rest_edge[:, None])
     rods = replace(rods, natural_arc=np.linalg.norm(pieces, axis=2).sum(axis=1))
     return replace(rods, node_stiffness=node_stiffness(rods, pieces, np.concatenate([[0.0], FIT_PLACES, [1.0]])))
@@ -47,9 +47,9 @@ def along_centre_line(rods: Rods, line: CentreLine) -> Rods:
 
 @dataclass(frozen=True)
 class RestCurve:
-    """Arrays [row], those of segments too: wires of one shape share their rows."""
+    """Arrays [row], also for segments: wires of one shape share their rows."""
 
-    row: np.ndarray  # [node] int32, row of a node and of the segment behind it: that of the rods
+    row: np.ndarray  # [node] int32, row of a node and of the segment behind it: the rods' row
     slope: np.ndarray  # (row, 2) correction of the direction at a node, along the directors of the sections there
     slope_weight: np.ndarray  # (row, 4) weights of the edges in the slopes at both ends of a segment
     length: np.ndarray  # [m] of the segments, by which slopes are multiplied
@@ -113,7 +113,7 @@ def spatial_curve(
 
 
 def rest_place(rods: Rods, curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(contact, 3) [m] rest position of a place on the segment behind a node, by the weights of kernels/wire_curve.py."""
+    """Rest position (contact, 3) [m] of a place behind a node, by kernels/wire_curve.py."""
     edge = rods.rest_edge
     after = rods.following[node]
     here = edge[node]
@@ -129,7 +129,7 @@ def rest_place(rods: Rods, curve: RestCurve, node: np.ndarray, place: np.ndarray
 def section_offsets(
     rods: Rods, curve: RestCurve, tangent: np.ndarray, director: np.ndarray, node: np.ndarray, place: np.ndarray
 ) -> np.ndarray:
-    """(contact, 3, 3) [m] parts of the curve that rotate with the previous, own and next section, as rows.
+    """Parts of the curve (contact, 3, 3) [m] that rotate with sections. Rows: previous, own, next.
 
     At places 0 .. 1 on the segments behind nodes.
 
@@ -165,7 +165,7 @@ def fit_rest_curve(rods: Rods, line: CentreLine) -> RestCurve:
     frame = (1.0 - share[:, :, None]) * section[before] + share[:, :, None] * section
     direction = np.where(is_inside[:, None], ratio * edge[before] + share * edge, edge) / length[:, None]
     slope, rise = _slopes(frame, direction, line.slope, is_inside)
-    # speeds at both ends of a segment are those of the line
+    # speeds at both ends of a segment are the line's
     speed = np.linalg.norm(line.slope, axis=1) / np.linalg.norm(direction + rise, axis=1)
     faster = np.stack([line.step * speed, line.step * speed[after]], axis=1) / length[:, None]
     faster = np.where(np.stack([is_inside, is_inside[after]], axis=1), faster, 1.0)
@@ -228,7 +228,7 @@ def slope_weights(rods: Rods) -> np.ndarray:
 
 
 def _slopes(frame: np.ndarray, mean: np.ndarray, wanted: np.ndarray, is_inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corrections of directions (node, 3) that make them parallel to `wanted`: in the frames, (node, 2), and in space (node, 3).
+    """Corrections that make directions (node, 3) parallel to `wanted`: in the frames, (node, 2), and as vectors (node, 3).
 
     frame (node, 3, 2): directors at the nodes. No correction at the ends of wires.
     """

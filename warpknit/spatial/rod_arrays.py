@@ -179,7 +179,7 @@ class RodState:
             store(getattr(self, name), value)
 
     def world(self, number: int, count: int) -> RodState:
-        """The part of one of so many worlds, in the same memory."""
+        """Part of one of `count` worlds, in the same memory."""
         if count == 1:
             return self
 
@@ -276,7 +276,7 @@ def _shape_as_knitted(arrays: RodArrays, rods: Rods, device: str, precision: Pre
 
 
 def set_natural_shape(arrays: RodArrays, rods: Rods, released: float = 1.0, rows: slice = slice(None)) -> None:
-    """Set natural curvature and twist of some rows; released: share of the way from the knitted ones to those of the rods."""
+    """Set natural curvature and twist of some rows; released: share from the knitted to the rods' values."""
     own = rods.of_rows
     for array, knitted, natural in (
         (arrays.natural_curvature, arrays.knitted[0], own.natural_curvature),
@@ -302,7 +302,7 @@ def _node_blocks(blocks: tuple[np.ndarray, ...], device: str) -> np.ndarray:
 
 
 def _borders(rods: Rods) -> tuple[np.ndarray, int]:
-    """[wire] the row of its first node in the borders of the masses, and the number of rows."""
+    """Row of a wire's first node in the masses' borders [wire], and number of rows."""
     rows = np.where(rods.wire_closed, rods.wire_count, OPEN_BORDER)
     begin = np.cumsum(rows) - rows
     return begin - np.where(rods.wire_closed, 0, rods.wire_count - OPEN_BORDER), int(rows.sum())
@@ -370,7 +370,7 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: i
 
 
 class StepForces(NamedTuple):
-    """Where forces and torques of a step are stored, and the sweep of its motion."""
+    """Storage of forces and torques of a step, and the sweep of its motion."""
 
     stored_from: int  # node that the arrays begin with
     force: wp.array  # vec3d [N]
@@ -408,7 +408,7 @@ def force_launch(
 
 
 def _block_threads(arrays: RodArrays, state: RodState, blocks: range | None) -> tuple[int, int, int]:
-    """First of some blocks, their threads, and those of a block: one, or more on a GPU (kernels/rod_blocks.py)."""
+    """First of some blocks, their threads, and threads of a block: one, or more on a GPU (kernels/rod_blocks.py)."""
     blocks = range(len(arrays.block_first)) if blocks is None else blocks
     a_block = lanes(ROD_LANES, state.control.device)
     return blocks.start, len(blocks) * a_block, a_block
@@ -436,7 +436,7 @@ def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None
 
 @cache
 def declare_overloads(precision: Precision) -> None:
-    """Declare the overloads of KERNELS for the arrays of rods in this precision, all before the first launch.
+    """Declare overloads of KERNELS for arrays of rods, before the first launch.
 
     A module is compiled with the overloads that are known when it is loaded, and anew for each one that comes later.
     """

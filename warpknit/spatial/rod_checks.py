@@ -22,7 +22,7 @@ from .rods import Rods
 
 @dataclass(frozen=True)
 class CheckArrays:
-    """What the checks of rods need beside their rest data and their state; [node] unless noted."""
+    """Arrays of the checks of rods, beside rest data and state; [node] unless noted."""
 
     KEPT = ("thermal_strain", "last_place", "last_force", "last_angle", "last_torque")
 
@@ -41,7 +41,7 @@ class CheckArrays:
 
 
 def check_arrays(rods: Rods, sliding: np.ndarray, bow_at_rest: np.ndarray, blocks: int, device: str) -> CheckArrays:
-    """Arrays for so many blocks of nodes; sliding: nodes of clamps that move; bow_at_rest [node]."""
+    """Arrays for `blocks` blocks of nodes; sliding: nodes of clamps that move; bow_at_rest [node]."""
     nodes = rods.node_count
     is_sliding = np.zeros(nodes, dtype=np.int32)
     is_sliding[sliding] = 1
@@ -92,7 +92,7 @@ class RodChecks:
     KEPT = ("arrays",)
 
     def __init__(self, stepper: RodStepper, sliding: np.ndarray, *, keeps_arc_length: bool, bow_at_rest: np.ndarray) -> None:
-        """sliding: nodes of clamps that move; keeps_arc_length: whether strains are those of arcs; bow_at_rest [node]."""
+        """sliding: nodes of clamps that move; keeps_arc_length: whether strains are measured along arcs; bow_at_rest [node]."""
         self.stepper, rods, device = stepper, stepper.rods, stepper.device
         self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
         mesh = stepper.strip.whole

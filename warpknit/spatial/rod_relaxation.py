@@ -6,7 +6,7 @@ The dynamics may soften the axial stiffness; an augmented Lagrangian multiplier,
 
     T = offset + K (|e|/L - 1)        offset -> offset + rate K (strain of the arc - T/EA)
 
-The strain T/EA is that of the arc of a segment, not of its chord (kernels/rod_forces.py), over its natural length at the local
+The strain T/EA belongs to the arc of a segment, not to its chord (kernels/rod_forces.py), over its natural length at the local
 temperature (`set_thermal_strain`).
 
 The fictitious masses are banded along the wire. A diagonal mass that bounds the bending stiffness EI/h^3 of the shortest waves
@@ -64,13 +64,13 @@ SOFT_PATIENCE, SOFT_FACTOR, SOFT_SHARE = 24, 4.0, 0.99
 APPROACH = 2.4  # of two wires, over the largest displacement
 # thicknesses: largest displacement a step of wires that may touch, and the least limit; up to FASTER times the speed
 CONTACT_SPEED, LEAST_SPEED, FASTER = 0.1, 0.001, 1.5
-# a wire is taut where its mean excess strain is above TAUT_ERROR AXIAL_ERROR and does not fall to a share within so many checks
+# a wire is taut if its mean excess strain stays above TAUT_ERROR AXIAL_ERROR for this number of checks
 TAUT_ERROR, TAUT_PROGRESS = 20.0, (0.5, 8)
 # the same where axial strain is what keeps the mesh from convergence
 LEADING_ERROR, LEADING_PROGRESS = 5.0, (0.5, 3)
 TAUT_FACTOR = 4.0  # by which a taut wire is made stiffer: its mean excess strain has stalled
-VIBRATION = 3.0  # speed of the whole motion over that of the mean one, from which on it counts
-# largest speed by diagonal masses that counts, over that by banded ones: that of smooth motion grows with the nodes a loop, from
+VIBRATION = 3.0  # speed of the whole motion over the mean motion, above which it counts
+# largest speed that counts by diagonal masses over banded ones: smooth motion's grows with the nodes a loop, from
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
 LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
@@ -81,8 +81,9 @@ class BandedMasses:
     """Fictitious masses of rods for the state they are in, by the bound above."""
 
     def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool, spacing_of: Rods | None = None) -> None:
-        """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes; spacing_of: the rods
-        whose mean spacing of nodes counts, default: those of the checks."""
+        """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes; spacing_of: rods
+        whose mean spacing of nodes counts, default: the checks' rods.
+        """
         self._checks, rods = checks, checks.stepper.strip.whole
         spaced = spacing_of or rods
         wave = 2.0 * math.pi / wave_length
@@ -99,7 +100,7 @@ class BandedMasses:
         }
 
     def find(self) -> None:
-        """Set the masses of the dynamics for the state last evaluated and the bounds on its contacts."""
+        """Set fictitious masses for the state last evaluated and its contact bounds."""
         stepper = self._checks.stepper
         threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
         self._checks.launches.run(
@@ -110,7 +111,7 @@ class BandedMasses:
 
 
 class Stalled:
-    """Which softened constraints have stalled: their error stays above its tolerance and makes no progress.
+    """Softened constraints that have stalled: their error stays above its tolerance.
 
     Errors are (world, constraint), over the convergence checks.
     """
@@ -118,7 +119,7 @@ class Stalled:
     KEPT = ("best", "checks")
 
     def __init__(self, worlds: int, count: int, tolerance: float, progress: float, patience: int) -> None:
-        """An error makes progress if it falls to the share `progress` of itself within `patience` checks."""
+        """Progress: an error falls to the share `progress` of itself within `patience` checks."""
         self._tolerance, self._progress, self._patience = tolerance, progress, patience
         self.best = np.full((worlds, count), np.inf)  # error at the last progress
         self.checks = np.zeros((worlds, count), dtype=int)  # without progress since
@@ -160,10 +161,11 @@ class RodRelaxation:
         knows_smooth: bool = False,
         wire_stiffness: np.ndarray | None = None,
     ) -> None:
-        """softening: true axial stiffness over that of the dynamics; wave_length [m] of the slowest wave, default: the longest
-        wire; spacing_of: the rods whose spacing of nodes counts, default: those of the stepper; curve: on which wires touch,
-        default Catmull-Rom; clamps: moving ones, of the same stepper; multipliers: whether they correct the softening; vibration,
-        knows_smooth: see `kinetic_energy`; wire_stiffness [wire] [N]: least axial stiffness of the dynamics."""
+        """softening: true axial stiffness over the dynamic one; wave_length [m] of the slowest wave, default: the longest wire;
+        spacing_of: rods whose spacing of nodes counts, default: the stepper's; curve: on which wires touch, default Catmull-Rom;
+        clamps: moving ones, of the same stepper; multipliers: whether they correct the softening; vibration, knows_smooth: see
+        `kinetic_energy`; wire_stiffness [wire] [N]: least axial stiffness of the dynamics.
+        """
         self.stepper = stepper
         self.clamps = clamps
         self.softening = softening
@@ -215,7 +217,7 @@ class RodRelaxation:
         self.renew_masses()
 
     def stored_stiffness(self, rods: Rods) -> np.ndarray:
-        """[node] [N] axial stiffness that stretch is stored with, of the rods of a strip or of the mesh."""
+        """Axial stiffness of stored stretch [node] [N], of a strip's or the mesh's rods."""
         return rods.of_nodes("axial_stiffness") / self._stored_softening
 
     def set_thermal_strain(self, thermal_strain: np.ndarray, world: int = 0) -> None:
@@ -229,7 +231,7 @@ class RodRelaxation:
         return fetch(self.checks.arrays.thermal_strain)
 
     def renew_masses(self, rows: np.ndarray | None = None, *, loading: bool | np.ndarray = False) -> None:
-        """Evaluate the state of all worlds, or of `rows`, and renew the fictitious masses for it; kinetic energy does not grow.
+        """Evaluate the state and renew its fictitious masses, without more kinetic energy. Of all worlds, or of `rows`.
 
         The speed is limited so that only contacts that the masses allow for can touch until the next convergence check. While
         loading [row], wires may move at any speed.
@@ -263,7 +265,7 @@ class RodRelaxation:
                 store(self.clamps.velocity, np.repeat(slower, each) * fetch(self.clamps.velocity))
 
     def _twice_energy(self, rows: np.ndarray) -> np.ndarray:
-        """[row] [J] twice the kinetic energy of nodes and sections, with that of sliding clamps."""
+        """Twice the kinetic energy of nodes and sections [row] [J], with sliding clamps."""
         state = self.stepper.state
         if self.clamps is None or not len(self.clamps.sliding):
             return self.checks.twice_energy(state.velocity, state.spin, "energy", rows)
@@ -313,7 +315,7 @@ class RodRelaxation:
         return np.where(self.has_segment, tension, 0.0)
 
     def unbalanced_forces(self) -> np.ndarray:
-        """(free node, 3) [N] unbalanced forces in the state last evaluated, then those of sliding clamps."""
+        """Unbalanced forces (free node, 3) [N] in the last evaluated state, then those on sliding clamps."""
         free = fetch(self.stepper.state.force)[self.free]
         return free if self.clamps is None else np.concatenate([free, self.clamps.force])
 
@@ -322,10 +324,10 @@ class RodRelaxation:
         return fetch(self.stepper.state.torque)[self.free_sections]
 
     def sums(self, rows: np.ndarray | None = None, *, of_mean: bool) -> StateSums:
-        """Sums of the state last evaluated, of all worlds or of `rows`, sliding clamps included.
+        """Sums of the last evaluated state with sliding clamps; all worlds or `rows`.
 
         of_mean: with the mean unbalanced forces of the last CHECK_STEPS steps. A contact may appear with a force: in equilibrium
-        it then comes and goes, and balances in the mean. The forces of sliding clamps are those of now.
+        it then comes and goes, and balances in the mean. Forces of sliding clamps are present values.
         """
         rows = self.stepper.rows if rows is None else rows
         sums, yielding = self.checks.sums(rows, of_mean=of_mean), self.stepper.yielding
@@ -352,7 +354,7 @@ class RodRelaxation:
         return float(self.sums(of_mean=False).excess_max.max())
 
     def renew_damping(self, rows: np.ndarray | None = None, *, boundary: tuple[np.ndarray, np.ndarray] | None = None) -> None:
-        """Renew the damping by the motion since the last check, in the state last evaluated: Rayleigh's quotient.
+        """Renew the damping by the motion since the last check: Rayleigh's quotient in the last evaluated state.
 
         boundary: [row] [J] motion of the strains times the change of their forces, and twice the kinetic energy of that motion.
         """
@@ -387,8 +389,8 @@ class RodRelaxation:
         """[row] [J] of the mean motion since the last check; of all motion after the state was moved from outside.
 
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
-        diagonal masses, which overestimate smooth motion (SMOOTH). knows_smooth: motion whose energy by the banded masses is that
-        of the mean motion is no vibration: a loose mesh drifts for long with hardly any force.
+        diagonal masses, which overestimate smooth motion (SMOOTH). knows_smooth: motion with equal energies by banded masses and
+        mean motion is no vibration: a loose mesh drifts for long with hardly any force.
         """
         whole, mean = 0.5 * self.stepper.steering.kinetic_twice[rows], self._mean_energy[rows]
         vibrates = ~(whole / self.vibration**2 <= mean)
@@ -409,14 +411,14 @@ class RodRelaxation:
         """
         return np.minimum(self._rate[rows], RATE_TO_DAMPING * CHECK_STEPS * self.stepper.steering.damping[rows])
 
-    def watch_progress(self, ratio: np.ndarray, excess: np.ndarray, rows: np.ndarray) -> None:
-        """Lower the rate of the multipliers where the residual ratio [row] makes no progress, raise it where it does.
+    def monitor_progress(self, ratio: np.ndarray, excess: np.ndarray, rows: np.ndarray) -> None:
+        """Lower the multipliers' rate where the residual ratio [row] stalls; else raise it.
 
         excess: the part of the ratio that errors of axial strains have.
 
-        Multipliers converge where the softened stiffness exceeds the negative stiffness with which a mesh snaps (Nocedal and
-        Wright 2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no
-        progress at the least rate, all wires are made stiffer.
+        Multipliers converge where the softened stiffness exceeds the negative stiffness of a snap-through (Nocedal and Wright
+        2006, Numerical Optimization, 17.3: the penalty of an augmented Lagrangian). Where the axial strain makes no progress at
+        the least rate, all wires are made stiffer.
         """
         self._excess_leads[rows] = excess >= SOFT_SHARE * ratio
         self._has_risen[rows] |= ratio > self._ratio[rows]
@@ -443,10 +445,7 @@ class RodRelaxation:
     def renew_multipliers(
         self, sums: StateSums | None = None, rows: np.ndarray | None = None, *, loading: bool | np.ndarray = False
     ) -> None:
-        """Move the tension offsets by the error of the softening, in the state last evaluated; stiffen taut wires.
-
-        sums: of that state, where they are known.
-        """
+        """Move tension offsets by the error of the softening; stiffen taut wires. sums: of that state, where they are known."""
         rows = self.stepper.rows if rows is None else rows
         has = self._has_multipliers[rows]
         if not has.any():
@@ -490,6 +489,6 @@ class RodRelaxation:
         self._has_last[self.stepper.rows if rows is None else rows] = False
 
     def begin_anew(self, rows: np.ndarray | None = None) -> None:
-        """The same, with the full rate of the multipliers, whose errors have grown by the move."""
+        """The same with the multipliers' full rate, after a move that raised their errors."""
         self._reset_rate(self.stepper.rows if rows is None else rows)
         self.reset_damping_estimate(rows)

@@ -1,4 +1,4 @@
-"""One time step of rods: the table of contents of the physics in space.
+"""One time step of rods: table of contents of the spatial physics.
 
     update_frames   edges, tangents and directors of the displaced nodes
     contact         forces between wires, where there is a contact
@@ -60,7 +60,7 @@ GROUP_NODES = 4096  # of a group, or one longer wire: their forces take 64 B a n
 
 
 class WireGroup(NamedTuple):
-    """Consecutive wires, with their blocks and nodes, whose forces stay in the cache of a thread until they move the nodes."""
+    """Consecutive wires with their blocks and nodes. Their forces stay in a thread's cache until they move the nodes."""
 
     wires: range
     blocks: range
@@ -68,10 +68,7 @@ class WireGroup(NamedTuple):
 
 
 def wire_groups(rods: Rods, wires: range, block_wire: np.ndarray, parts: int, *, on_cpu: bool) -> list[list[WireGroup]]:
-    """The groups of each thread: some of the wires, about as many nodes for each thread; a single group on a GPU.
-
-    block_wire: wire of each block.
-    """
+    """Groups of wires of each thread, with similar numbers of nodes; a single group on a GPU. block_wire: wire of each block."""
     largest = GROUP_NODES if on_cpu else rods.node_count
     first_node = np.append(rods.wire_first, rods.node_count)
     first_block = np.searchsorted(block_wire, np.arange(len(first_node)))
@@ -92,7 +89,7 @@ def wire_groups(rods: Rods, wires: range, block_wire: np.ndarray, parts: int, *,
 
 
 def shared_forces(groups: list[WireGroup], state: RodState) -> list[StepForces]:
-    """The same memory for the forces of all groups of a thread, one after the other."""
+    """The same memory for the forces of all groups of a thread."""
     nodes = max((len(group.nodes) for group in groups), default=0)
     force, torque, sweep = (wp.empty(nodes, dtype=of.dtype, device=of.device) for of in (state.force, state.torque, state.sweep))
     return [StepForces(group.nodes.start, force, torque, sweep) for group in groups]
@@ -112,7 +109,7 @@ class RodStepper:
     ) -> None:
         """state: of the rods, in this precision; default: at rest. strip: which of them are stepped here; default: all.
 
-        worlds: of which the rods are (`rods.joined`). Each thread steps some, a few at a time; a single one is shared.
+        worlds: of the rods (`rods.joined`). Each thread steps some, a few at a time; a single one is shared.
         """
         self.rods = rods
         self.strip = strip or RodStrip.alone(rods)
@@ -155,14 +152,14 @@ class RodStepper:
         self._frames = frames_launch(self.arrays, self.state).record(device)
 
     def share_of(self, items: range, part: int) -> range:
-        """The share of a part in items of all worlds, as many in each: some of them, or those of some worlds."""
+        """Share of a part in items of all worlds: some items, or all items of some worlds."""
         if self.worlds == 1:
             return self.team.share_of(items, part)
         own, each = self.team.share_of(range(self.worlds), part, self.parts), len(items) // self.worlds
         return items[own.start * each : own.stop * each]
 
     def add_up_stress(self, step_stress: Any) -> None:
-        """Have steps add up their nominal stress from now on (`StepStress`, driven_strain.py)."""
+        """Let steps sum their nominal stress (`StepStress`, driven_strain.py)."""
         self.step_stress = step_stress
         self._graphs.clear()
 
@@ -171,7 +168,7 @@ class RodStepper:
         self.team.each(calls)
 
     def _wait(self) -> list[Launch]:
-        """What threads that share a world launch to wait for each other."""
+        """Launches by which threads of a shared world wait for each other."""
         return self.team.barrier() if self.worlds == 1 else []
 
     def by_world(self, array: wp.array) -> np.ndarray:
@@ -180,7 +177,7 @@ class RodStepper:
         return host.reshape(self.worlds, -1, *host.shape[1:])
 
     def store_rows(self, array: wp.array, rows: np.ndarray, values: Any) -> None:
-        """Set the parts of an array that belong to worlds to values (row, ...), or that broadcast to it."""
+        """Set worlds' parts of an array to values that broadcast to (row, ...)."""
         host = self.by_world(array)
         host[rows] = values
         if self.device != "cpu":
@@ -209,7 +206,7 @@ class RodStepper:
         return array if self.worlds == 1 else array[world * each : (world + 1) * each]
 
     def _contact_launches(self, part: int, when: int = ALWAYS) -> tuple[list[Launch], TouchArrays]:
-        """The launches of one thread's part of frames and contact, in order, and what the contact finds."""
+        """Launches of one thread's frames and contacts, in order; its contact arrays."""
         arrays, state, wait = self.arrays, self.state, self._wait()
         touch, contact = self._no_contact, []
         if self.contact is not None:
@@ -236,10 +233,10 @@ class RodStepper:
         return [*launches, *self._wait()]
 
     def _motion_launches(self, part: int, *, is_first: bool, is_last: bool) -> list[Launch]:
-        """The launches of one thread's part of a step up to the motion of its nodes.
+        """Launches of one thread's part of a step up to the motion.
 
-        The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory, and steps before
-        the last leave the frames of the next one, while all this is in the cache; not where clamps move by forces.
+        The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory, and all steps but
+        the last compute the next frames, while all is in the cache; not where clamps move by forces.
         """
         state, groups = self.state, self._groups[part]
         in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
@@ -266,7 +263,7 @@ class RodStepper:
             count %= size
 
     def evaluate(self, gap: Any = None, *, accepting: bool = False, rows: np.ndarray | None = None) -> None:
-        """Compute positions, frames and forces of the current state of all worlds, or of `rows`, without a step.
+        """Compute positions, frames and forces of all worlds, or of `rows`, without a step.
 
         gap [m] or [row]: up to which closest points of wires are found; default: EVALUATED thicknesses; accepting: see
         `WireContact`.
@@ -280,9 +277,9 @@ class RodStepper:
             self.steering.set(own, status=kept)
 
     def sync(self) -> None:
-        """Have the copies of wires of other ranks take over the state of those wires; a collective call."""
+        """Update the copies of other ranks' wires; a collective call."""
 
-    def watch_border(self, reach: float) -> None:
+    def check_border(self, reach: float) -> None:
         """Check that no other wires are within `reach` [m at rest] of own ones; a collective call."""
 
     def update_frames(self, rows: np.ndarray | None = None) -> None:
@@ -299,11 +296,11 @@ class RodStepper:
         return self.team.threads
 
     def launches(self) -> list[Launch]:
-        """The launches of a step, those of its first thread."""
+        """Launches of a step, of its first thread."""
         return self._step_launches()
 
     def _replay(self, steps: int, times: int) -> None:
-        """Replay graphs of so many steps in all threads, while the state does not freeze; for none, the forces alone."""
+        """Replay graphs of `steps` steps in all threads, until the state freezes; 0: forces alone."""
         graphs = self._graphs_of(steps, partial(self._launches_of, steps))
         if self.worlds == 1:
             self.team.replay([[graph] * times for graph in graphs], self.state.control)
@@ -322,7 +319,7 @@ class RodStepper:
         return self._graphs[key]
 
     def _launches_of(self, steps: int, part: int) -> list[list[Launch]]:
-        """The launches of one thread's part, step by step; for none, those of the forces alone."""
+        """Launches of one thread's part, step by step; 0 steps: forces alone."""
         if steps <= 1:
             return [self._step_launches(part) if steps else self._evaluation_launches(part)]
         between = self._step_launches(part, is_first=False, is_last=False)

@@ -1,4 +1,4 @@
-"""Wires as discrete elastic rods: nodes in space, a round section on each segment, and its natural (stress-free) shape.
+"""Wires as discrete elastic rods: nodes, round sections on segments, natural (stress-free) shape.
 
 A closed wire continues at its first node, shifted by its period (zero for a ring). Segment i goes from node i to the next
 node of its wire. The last node of an open wire has no segment; its segment entries are unused.
@@ -23,7 +23,7 @@ BENT_SHARE = 1.0 / 3.0  # of the compliance of a wire in bending, which its neig
 
 @dataclass(frozen=True)
 class Section:
-    """Stiffness and mass of an isotropic round section, summed over the ends of a yarn."""
+    """Stiffness and mass of an isotropic round section, for all ends of a yarn."""
 
     axial_stiffness: float  # [N] EA
     bending_stiffness: float  # [N m2] EI
@@ -142,7 +142,7 @@ class Rods:
 
     @cached_property
     def bow_weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """[node] by which the squared turns at both ends of a segment count in its bow (kernels/rod_forces.py)."""
+        """Weights [node] of squared turns in the bow of a segment (kernels/rod_forces.py)."""
         node = np.maximum(self.node_length, 1e-300)
         return (self.slope_length / node) ** 2, (self.slope_length / node[self.following]) ** 2
 
@@ -172,7 +172,7 @@ class Rods:
 
     @cached_property
     def half_in_clamp(self) -> np.ndarray:
-        """[node] [m] natural length of the wire that stretches with a segment inside the clamps beside it.
+        """Natural length [node] [m] inside neighbouring clamps that stretches with a segment.
 
         A clamp ends in the middle of the segment that it holds: the half outside is part of the wire between the clamps.
         """

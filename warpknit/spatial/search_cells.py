@@ -29,7 +29,7 @@ class SearchCells:
 
 
 def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
-    """The search cells for wires that touch on `curve`, no narrower than the search radius."""
+    """Search cells for wires that touch on `curve`, no narrower than the search radius."""
     segments = rods.natural_length[rods.following >= 0]
     approach = max(APPROACH[0] * float(segments.max()), APPROACH[1] * rods.section.thickness)
     margin = approach + 2.0 * MAX_OFFSET * rods.section.thickness
@@ -42,7 +42,7 @@ def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
 
 
 def _free_cells(rods: Rods, size: float) -> np.ndarray:
-    """(3,) cells of `size` [m] that hold the mesh at rest, so that far parts of it share none; in all, about a node each."""
+    """Number of cells (3,) of `size` [m] that hold the mesh at rest without sharing; about a node each."""
     needed = np.maximum(FREE_CELLS, np.ceil(np.ptp(rods.position, axis=0) / size) + 2.0)
     share = min(1.0, np.sqrt(rods.node_count / np.prod(needed)))
     return np.maximum(FREE_CELLS, np.floor(share * needed))

@@ -1,7 +1,7 @@
 """Sites: the places where the knit hooks two wires into each other, and the contacts that belong to them.
 
 The planar model has one body at each site (a clasp of the knit, nested lenses merged) with a pair for each of the two wires; a
-pair may slide along its wire within a reach. In space a contact belongs to a site if it is between the wires of the site, in the
+pair may slide along its wire within a reach. A spatial contact belongs to a site if it is between the wires of the site, in the
 periodic images that hook there, and within the reach on both; if several sites qualify, to the nearest. Other contacts belong to
 no site.
 """
@@ -35,7 +35,7 @@ class Sites:
         self.shift = self._shift_at_seeds(rods)  # (site, 3) [m] at rest, of the second wire next to the first
 
     def _shift_at_seeds(self, rods: Rods) -> np.ndarray:
-        """The periodic shift that brings the two wires of each site together at their seeds."""
+        """Periodic shift that joins both wires of each site at their seeds."""
         place = []
         for wire, seed in zip(self._wire.T, self._seed.T, strict=True):
             node = rods.wire_first[wire] + np.clip(seed, 0, rods.wire_count[wire] - 1).astype(int)
@@ -79,7 +79,7 @@ class Sites:
         return np.asarray((wires[:, 0].astype(float) * len(self._first) + wires[:, 1]) * 4.0 * span + np.clip(place, -span, span))
 
     def _candidates(self, wires: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Contacts and sites of the same wires (contact, 2) whose places on the first wire are within reach of each other."""
+        """Contacts and sites of the same wires (contact, 2), within reach on the first wire."""
         order, key, span = self._by_place
         if not len(order):
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Bounds on the stable step of rods with diagonal masses, masses that are stable at a time step, and those of a ramp.
+"""Bounds on the stable step of rods; masses for a time step, and of a ramp. Masses are diagonal.
 
 A straight uniform chain of segments h with node mass m and spin inertia I has the largest squared frequencies
 
@@ -30,7 +30,7 @@ from .rods import Rods
 
 SLOPE_FACTOR = 1.0 + 4.0 * SLOPE_SHARE + (4.0 * SLOPE_SHARE) ** 2  # 19/9: of the slopes of moments, for the shortest waves
 MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
-TWIST_SHARE = 0.25  # largest squared frequency of twist over that of translation: keeps the coupled one below the limit
+TWIST_SHARE = 0.25  # largest squared frequency of twist over translation: keeps the coupled one below the limit
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def masses_for_step(
     contact_stiffness: float = 0.0,
     curve: RestCurve | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest node masses [node] [kg] and spin inertias [node] [kg m2] that are stable at a time step [s] by `largest_rates`.
+    """Smallest stable node masses [node] [kg] and spin inertias [node] [kg m2]. At a time step [s], by `largest_rates`.
 
     Twist has TWIST_SHARE of the squared frequency of translation, and adds at most as much to the coupled one.
     """
@@ -160,9 +160,9 @@ def ramp_numerics(
 ) -> RampNumerics:
     """Numerics of a ramp for rods as knitted; contact_stiffness [N/m], loop_length [m] of wire.
 
-    Masses are those of the wire times `mass_scaling`, raised node by node until `target_time_step` is stable. The rotary inertia
-    of a wire is so small that twist would limit the step: it is raised until the squared frequency of twist is a quarter of the
-    largest one of translation. Torsional waves remain far faster than bending waves, and the load is slow compared with these.
+    Masses are the wire's times `mass_scaling`, raised node by node until `target_time_step` is stable. The rotary inertia of a
+    wire is so small that twist would limit the step: it is raised until the squared frequency of twist is a quarter of the
+    largest one of translation. Torsional waves remain far faster than bending waves, and the load is slow compared with both.
     """
     solver = scene.solver
     stiff: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Launches of a step that add up its nominal stress, for strains that tensions drive (mechanics/driven_strain.py)."""
+"""Launches that sum the nominal stress of a step, for tension-driven strains (mechanics/driven_strain.py)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .wire_contact import WireContact
 
 
 class StepStress:
-    """Launches of a step that add up its nominal stress. Sets itself as that of the stepper."""
+    """Launches that sum the nominal stress of a step. It registers itself with the stepper."""
 
     def __init__(self, stepper: RodStepper, contact: WireContact, held_node: np.ndarray, held_lever: np.ndarray) -> None:
         """held_node [held], of all worlds; held_lever (held, 2) [m] from their clamps."""

@@ -1,8 +1,8 @@
 """The part of a mesh of rods that a rank steps: its own wires, beside copies of the wires of others that they may touch.
 
-Wires run along the warp and stand in memory side by side, so a strip is a range of whole wires. The copies are not stepped here:
-their ranks tell what contact reads of them after every step (strip_step.py), so that each rank finds the contacts of its own
-wires itself, from the same numbers and in the same order as in the mesh on one rank.
+Wires run along the warp and stand in memory side by side, so a strip is a range of whole wires. Copies are not stepped here:
+after every step their ranks send what contact reads (strip_step.py). So each rank finds the contacts of its own wires from the
+same numbers and in the same order as in the mesh on one rank.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class BorderWires:
     """Wires that are here and on another rank; both list them in the same order."""
 
     rank: int
-    sent: np.ndarray  # own wires of which there are copies there
+    sent: np.ndarray  # own wires with copies there
     received: np.ndarray  # copies of wires of that rank
 
 
 @dataclass(frozen=True)
 class RodStrip:
-    """The wires of a rank among the rods that it holds; numbers are those of these rods unless noted."""
+    """Wires of a rank among its rods; numbers refer to these rods unless noted."""
 
     ranks: Ranks
     whole: Rods  # of all ranks
@@ -69,7 +69,7 @@ class RodStrip:
         return np.concatenate(parts) if parts else values.copy()
 
     def gathered_contacts(self, contacts: Contacts) -> Contacts:
-        """Those of all ranks on the first one; on the others those of the strip."""
+        """Contacts of all ranks on the first one; elsewhere the strip's."""
         if self.is_alone:
             return contacts
         number = self.nodes_of_mesh
@@ -81,7 +81,7 @@ class RodStrip:
 
 
 def cut_rods(panel: Panel, rods: Rods, ranks: Ranks, reach: float) -> RodStrip:
-    """The strip of this rank, whose border has all wires of others that come within `reach` [m] of its own along the weft.
+    """Strip of this rank; its border has other wires within `reach` [m] along the weft.
 
     Raises `ModelError` where there are fewer wires than ranks.
     """
@@ -108,13 +108,13 @@ def weft_range(rods: Rods, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def within(low: np.ndarray, high: np.ndarray, begin: float, end: float, period: float) -> np.ndarray:
-    """[wire] whether a range from `low` to `high` [m], or a periodic image of it, overlaps that from `begin` to `end`."""
+    """Whether a range from `low` to `high` [m], or an image, overlaps `begin` to `end` [wire]."""
     images = (-period, 0.0, period) if period > 0.0 else (0.0,)
     return np.logical_or.reduce([(low + shift <= end) & (high + shift >= begin) for shift in images])
 
 
 def _with_border(begin: int, end: int, low: np.ndarray, high: np.ndarray, reach: float, period: float) -> np.ndarray:
-    """Wires of the mesh that a rank holds, whose own ones are those from `begin` to `end`."""
+    """Wires of the mesh held by a rank; its own are `begin` to `end`."""
     is_near = within(low, high, low[begin:end].min() - reach, high[begin:end].max() + reach, period)
     is_near[begin:end] = True
     return np.flatnonzero(is_near)

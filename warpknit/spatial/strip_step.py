@@ -1,9 +1,9 @@
-"""Steps of a strip of rods: the ranks tell each other of their borders between the parts of a step.
+"""Steps of a strip of rods; ranks exchange borders between the parts of a step.
 
     frames, contact, forces and motion of the own wires, clamps -> border and sums to the other ranks -> control
 
-Copies of the wires of others take over all that contact reads, and every rank adds the rows of sums of all wires in the same
-order, so states are those of a run on one rank, bit by bit. Sums of convergence checks are exact (wire_sums.py).
+Copies of other ranks' wires receive all that contact reads, and every rank adds the rows of sums of all wires in the same order,
+so states equal a run on one rank, bit by bit. Sums of convergence checks are exact (wire_sums.py).
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from .strip import RodStrip, weft_range, within
 
 
 class Border:
-    """Buffers for what the ranks tell each other of their wires, neighbour after neighbour."""
+    """Buffers for the exchange with neighbours, one after the other."""
 
     def __init__(self, strip: RodStrip, rods: Rods, arrays: RodArrays, state: RodState) -> None:
         self._device: str = str(state.control.device)
-        self._by_block = is_in_place(self._device)  # on a GPU travel is that of the fastest node
+        self._by_block = is_in_place(self._device)  # on a GPU travel is the fastest node's
         self._block_wire = fetch(arrays.block_wire)
         self._rods = rods
         sent, collect = self._part([one.sent for one in strip.neighbours])
@@ -44,7 +44,7 @@ class Border:
         self.distribute = self._launches(distribute, state, collects=0, values=self._received.array)
 
     def _part(self, wires: list[np.ndarray]) -> tuple[list[int], dict[str, np.ndarray]]:
-        """Where the values for each neighbour begin and end, and the nodes and blocks of all with their places."""
+        """Begins of each neighbour's values; nodes and blocks of all, with their places."""
         begins, nodes, blocks, node_place, block_place = [0], [], [], [], []
         for own in wires:
             node = self._rods.nodes_of(own)
@@ -87,7 +87,7 @@ class StripRodStepper(RodStepper):
         self._border = Border(self.strip, rods, self.arrays, self.state)
         if len({is_in_place(place) for place in ranks.everyone(str(device))}) > 1:
             raise ModelError("--device: some ranks run on CPUs and others on GPUs; use --device cpu, or a GPU for each rank")
-        # rows of sums, for the wires of all ranks in their order; as many of each rank come over, the last ones of some empty
+        # rows of sums, for the wires of all ranks in order; equally many a rank, the last ones of some empty
         own = slice(self.strip.wires.start, self.strip.wires.stop)
         wires = ranks.everyone(len(self.strip.wires))
         columns = int(PARTIAL_COUNT)
@@ -150,8 +150,8 @@ class StripRodStepper(RodStepper):
         self.sync()
         self._control()
 
-    def watch_border(self, reach: float) -> None:
-        """Raises `ModelError` where wires that are not here have come within `reach` [m at rest] of own ones along the weft."""
+    def check_border(self, reach: float) -> None:
+        """Check that unknown wires stay farther than `reach` [m at rest] along the weft. Raises `ModelError`."""
         rods, strip, state = self.rods, self.strip, self.state
         place = np.linalg.solve(state.gradient, fetch(state.position)[:, :2].T)[0]
         own = slice(strip.wires.start, strip.wires.stop)

@@ -15,7 +15,7 @@ from .rods import Rods
 
 @dataclass(frozen=True)
 class TouchArrays:
-    """Pairs of segments that may touch, their forces, and where those of a segment stand (kernels/wire_contact_forces.py).
+    """Pairs of segments that may touch, with forces and places (kernels/wire_contact_forces.py).
 
     A pair is a first segment's by its own number, and a second segment's by `touch_of_second`.
     """
@@ -26,7 +26,7 @@ class TouchArrays:
     touch_awake_count: wp.array  # [1]
     touch_left: wp.array  # [touch] int, of these those to search: all, on a GPU those that do not go on from the step before
     touch_left_count: wp.array  # [1]
-    touch_found: wp.array  # [touch] int, those whose forces are left to find: all, on a GPU those of them that touch
+    touch_found: wp.array  # [touch] int, contacts that need forces: all; on a GPU only those that touch
     touch_found_count: wp.array  # [1]
     touch_first_start: wp.array  # [node + 1] int
     touch_second_start: wp.array  # [node + 1]

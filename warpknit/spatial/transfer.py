@@ -39,7 +39,7 @@ class Prolongation:
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
 
     def carry(self, response: Response) -> bool:
-        """Bring the large mesh to the state of the small one, and raise its stiffnesses to those of the small one.
+        """Bring the large mesh to the small one's state, and raise its stiffnesses.
 
         `response`: of the cloth at the load. False where wires would overlap: the large mesh keeps its own state.
         """
@@ -101,7 +101,7 @@ class MembraneGrid:
         return self._force.read(stepper.strip.ranks)
 
     def gather_across(self) -> np.ndarray:
-        """[grid node] [N] the same out of the plane of the mesh, as the last `gather` found them."""
+        """The same out of the plane [grid node] [N], from the last `gather`."""
         return self._across_force.read(self.fields.stepper.strip.ranks)[:, 0]
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
@@ -116,7 +116,7 @@ class MembraneGrid:
         self.fields.move(changes)
 
     def spread_across(self, displacement: np.ndarray) -> None:
-        """Move the mesh out of its plane with the grid [grid node] [m], and stop it in that direction; the clamps stay."""
+        """Move the mesh out of plane with the grid [grid node] [m], and stop it; clamps stay."""
         stepper, rods = self.fields.stepper, self.model.rods
         lift, *slope = self._surface(displacement)
         along_x, along_y = self._on_mesh(*slope)
@@ -141,7 +141,7 @@ class MembraneGrid:
         return answer
 
     def _surface(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """[node] values [grid node] at the rest places of the nodes, and their slopes along x and y [1/m], by a cubic spline."""
+        """Values and slopes along x and y [1/m] of a cubic spline at rest places [node]. values [grid node]."""
         nodes, device, counts = self.model.node_count, self.model.device, [len(axis) for axis in self._axes]
         if not values.any():  # so for a single cell, whose edge is held
             return np.zeros(nodes), np.zeros(nodes), np.zeros(nodes)

@@ -27,7 +27,7 @@ class WireArrays:
 
     @classmethod
     def of(cls, rods: Rods, curve: RestCurve, device: str) -> WireArrays:
-        """Those of rods that touch on a curve."""
+        """Arrays of rods that touch on a curve."""
         return cls(
             node_arc=shared(rods.arc, wp.float64, device),
             node_radius=shared(rods.wire_radius[rods.wire_of], wp.float64, device),

@@ -42,8 +42,8 @@ from .wire_arrays import WireArrays
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 CACHE_LINE = 8  # numbers
-PAIRS_A_THREAD = 8  # of a list, of which a GPU finds those that do not sleep
-LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each: about as many as run at once
+PAIRS_A_THREAD = 8  # of a list that a GPU filters for pairs not asleep
+LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
 # what of a pair goes over where its world is not searched
 CARRIED = (
     "start", "first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found", "is_near", "place"
@@ -51,7 +51,7 @@ CARRIED = (
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
-# capacity of a list over the pairs found; below so many pairs, where launches that are recorded anew take longer, the larger one
+# capacity of a list over the pairs found; the larger one for few pairs, where re-recording takes longer
 CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
 
@@ -78,7 +78,7 @@ class WireContact:
         curve: RestCurve | None = None,
         cells: SearchCells | None = None,
     ) -> None:
-        """stiffness [N/m]: penalty, and that of friction; curve: default Catmull-Rom; cells: default: those of the rods."""
+        """stiffness [N/m]: penalty, also of friction; curve: default Catmull-Rom; cells: default: the rods'."""
         self.stepper = stepper
         self.friction = float(np.max(friction))
         rods, device, worlds = stepper.rods, stepper.device, stepper.worlds
@@ -116,8 +116,9 @@ class WireContact:
         return int(fetch(self._list.total)[0])
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
-        """Launches that find a part of the contact forces, first of the pairs that go on from the step before; on a GPU by lists
-        of the pairs that do not sleep, of those to search and of those whose forces are left to find."""
+        """Launches that find a part of the contact forces, first of continuing pairs. On a GPU by lists of pairs: not asleep, to
+        search, without forces.
+        """
         pairs, touch = self._list, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
         named = pairs.named("first", "second", "shift", "found", "place") | self._share(part, parts)
@@ -146,14 +147,14 @@ class WireContact:
         ]
 
     def stress_launch(self, blocks: range, **named: Any) -> Launch:
-        """Launch that adds up the nominal stress of the contacts of blocks of nodes in a step."""
+        """Launch that sums the nominal stress of contacts of blocks of nodes."""
         pairs, friction = self._list, int(self.friction > 0.0)
         sources = (self._wires, self.stepper.arrays, self.stepper.state, self.touch)
         own = pairs.named("first", "second", "shift", "found", "place")
         return bind(count_contact_stress, len(blocks), *sources, first_block=blocks.start, has_friction=friction, **own, **named)
 
     def _share(self, part: int, parts: int) -> dict[str, int]:
-        """What a thread does: a part of the pairs of a single world, or all of those of its worlds."""
+        """Work of a thread: a part of a single world's pairs, or all of its worlds'."""
         nodes = range(self.stepper.rods.node_count)
         if self.stepper.worlds > 1:
             nodes, part, parts = self.stepper.share_of(nodes, part), 0, 1
@@ -170,7 +171,7 @@ class WireContact:
         )
 
     def search(self, rows: np.ndarray | None = None) -> None:
-        """Search all pairs of all worlds, or of `rows`, and start a new travel budget. Raises `OutOfResources`."""
+        """Search all pairs of all worlds or `rows`; start a new travel budget. Raises `OutOfResources`."""
         with self.stepper.only(rows) as own:
             self._search_pairs(own)
             self.list_near_pairs(rows=own)
@@ -215,8 +216,8 @@ class WireContact:
     def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
         """List the pairs that may touch within a travel [m] or [row] from the present positions; default: the last one given.
 
-        The travel is at most NEXT_TRAVEL thicknesses. It leaves out the look-ahead of the steps, less than a quarter of a step's
-        motion, and the rotation of the rest shape with its sections: what they bring together touches a step later.
+        The travel is at most NEXT_TRAVEL thicknesses. It excludes the look-ahead of the steps, less than a quarter of a step's
+        motion, and the rotation of the rest shape with its sections: pairs that these bring together touch a step later.
         """
         stepper = self.stepper
         stepper.sync()
@@ -230,7 +231,7 @@ class WireContact:
             stepper.steering.set(own, travel_limit=limit, status=Steering.RUNNING)
 
     def _mark_near(self, gap: Any, own: np.ndarray) -> None:
-        """Mark the pairs that are within a gap [m] at the present positions, without what pushes them apart."""
+        """Mark the pairs within a gap [m] at present positions, without offsets."""
         stepper, state, pairs = self.stepper, self.stepper.state, self._list
         stepper.steering.set(own, near_gap=gap)
         if not pairs.mark:
@@ -244,7 +245,7 @@ class WireContact:
         stepper.in_parts(pairs.mark)
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
-        """Have the steps look at those of all pairs that are marked as near, or at these pairs."""
+        """Use marked near pairs, or `which` pairs, in the next steps."""
         pairs, total, device = self._list, self.pair_count, self.stepper.device
         self.collect_slip_work()
         if which is not None:
@@ -327,7 +328,7 @@ class WireContact:
         return int(start[nodes.start]), int(start[nodes.stop]) if nodes.stop < len(start) else self.pair_count
 
     def bound_stiffness(self, rows: np.ndarray) -> None:
-        """Write bounds on the stiffness of the contacts that touch or may do so, up to the gap of the last evaluation."""
+        """Write bounds on the stiffness of near contacts, up to the last gap."""
         self.checks.bound_stiffness(rows)
 
     @property
@@ -337,7 +338,7 @@ class WireContact:
         return self._checks
 
     def _capacity(self, total: int, size: int) -> int:
-        """Capacity of a list of so many pairs of `size` bytes."""
+        """Capacity of a list of `total` pairs of `size` bytes."""
         capacity = round((SMALL_MARGIN if total < SMALL_LIST else CAPACITY_MARGIN) * total)
         needed, available = size * capacity, available_memory(self.stepper.device)
         if needed > available:
@@ -350,8 +351,8 @@ class WireContact:
     def advance_history(self, world: int = 0) -> None:
         """Accept the equilibrium of a world: scale elastic slip back at the Coulomb limit, and begin the next increment.
 
-        Friction dissipates the work of its forces, as they are now, on the slip beyond that limit. The evaluation counts as a
-        step, as the slips pass from one half of their arrays to the other.
+        Friction dissipates the work of its present forces on the slip beyond that limit. The evaluation counts as a step, because
+        the slips pass from one half of their arrays to the other.
         """
         if self.friction == 0.0:
             return
@@ -368,11 +369,11 @@ class WireContact:
 
     @property
     def _in_real_time(self) -> bool:
-        """Whether slips are those of a ramp, with friction."""
+        """Whether slips are real-time slips: a ramp with friction."""
         return bool(self.friction > 0.0 and self.stepper.steering.drive[0] > 0.0)
 
     def collect_slip_work(self) -> None:
-        """Add to `dissipated` what friction has dissipated in real time, in a single world, since the last time."""
+        """Add the friction work since the last call to `dissipated`; real time, single world."""
         if self._in_real_time:
             self.dissipated[0] += fetch(self.touch.touch_slip_work).sum()
             store(self.touch.touch_slip_work, 0.0)
@@ -393,7 +394,7 @@ class WireContact:
         return fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
 
     def find_contacts(self, distance: float, world: int = 0) -> Contacts:
-        """All contacts of a world, in the state last evaluated, with a gap below `distance` [m], up to 2 MAX_OFFSET thicknesses.
+        """Contacts of a world with a gap below `distance` [m], in the last evaluated state. Up to 2 MAX_OFFSET thicknesses.
 
         Some pairs at a time, so that a large mesh needs no more memory than for its steps.
         """

@@ -1,4 +1,4 @@
-"""Sums over a mesh of rods from rows of blocks of nodes, wire by wire: the same however threads and ranks share the wires."""
+"""Sums over a mesh of rods from rows of blocks. Wire by wire: independent of threads and ranks."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from .strip import RodStrip
 
 
 class WireSums:
-    """Adds up rows [block, ...] of the own blocks of a strip over all ranks, world by world: collective calls."""
+    """Sums rows [block, ...] of own blocks over all ranks, world by world: collective calls."""
 
     def __init__(self, strip: RodStrip, rods: Rods, block_wire: np.ndarray, blocks: range, worlds: int = 1) -> None:
-        """block_wire: wire of each block of nodes; blocks: those of the own wires."""
+        """block_wire: wire of each block of nodes; blocks: of the own wires."""
         self._ranks, self._wires, self._worlds = strip.ranks, strip.wires, worlds
         self._own, self._own_wires = slice(blocks.start, blocks.stop), slice(strip.wires.start, strip.wires.stop)
         self._begin = np.searchsorted(block_wire[self._own], np.arange(strip.wires.start, strip.wires.stop))
@@ -46,7 +46,7 @@ class WireSums:
 
 
 def twofold_sum(values: np.ndarray) -> np.ndarray:
-    """(world, n) sums of values (world, wire, n), as if computed in twofold precision and rounded: those of `Ranks.exact_sum`.
+    """Sums (world, n) of values (world, wire, n), as rounded from twofold precision. Equal to `Ranks.exact_sum`.
 
     Knuth's exact error of a sum; Ogita, Rump and Oishi 2005, SIAM J. Sci. Comput. 26, 1955.
     """

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..compute.steering import Steering
-from ..mechanics.numerics import SLOWEST_WAVE, renewed_pace
+from ..mechanics.numerics import SLOWEST_WAVE, renewed_throttle
 from ..mechanics.protocols import Check
 from ..mechanics.worlds import Worlds
 from .clamps import MovingClamps
@@ -27,7 +27,7 @@ from .wire_contact import WireContact
 
 
 class SpatialWorlds(Worlds):
-    """Meshes of one topology, each with its own load, and its own loops and friction where asked."""
+    """Meshes of one topology, with own loads, and own loops and friction if needed."""
 
     KEPT = ("deepest",)
 
@@ -116,8 +116,8 @@ class SpatialWorlds(Worlds):
         lags = np.array([member.is_loading_gently(bool(one)) for member, one in zip(members, loading, strict=True)])
         if lags.any():
             late = rows[lags]
-            pace = renewed_pace(1.0 - stepper.steering.ramp_lag[late], self.deepest[late])
-            stepper.steering.set(late, ramp_lag=1.0 - pace)
+            throttle = renewed_throttle(1.0 - stepper.steering.ramp_lag[late], self.deepest[late])
+            stepper.steering.set(late, ramp_lag=1.0 - throttle)
         for member, one in zip(members, loading.tolist(), strict=True):
             member.go_on_releasing(loading=one)
         self.strains.renew_masses(rows)
@@ -130,8 +130,8 @@ class SpatialWorlds(Worlds):
         measured = ~loading | np.array([member.edge is not None for member in members])
         ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
         missing = self.strains.ratio(rows)
-        watched = ~loading & ~stability.is_running[rows]
-        relaxation.watch_progress(ratio[watched], state.excess_ratio[watched], rows[watched])
+        counted = ~loading & ~stability.is_running[rows]
+        relaxation.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
         relaxation.renew_multipliers(state, rows, loading=loading)
         if self.multipliers is not None:
             self.multipliers.renew(contacts, relaxation.multiplier_rate(rows), rows, loading=loading)

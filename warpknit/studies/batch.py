@@ -1,7 +1,7 @@
 """Equilibria of meshes under many loads, side by side.
 
-Each load is applied level by level from the mesh as knitted, as in a relaxation of one mesh. Loads are independent, so results
-do not depend on the batch. Meshes that have converged under their full load, or failed, are no longer stepped.
+Each load is applied level by level from the mesh as knitted, as in a relaxation of one mesh. Loads are independent, so results do
+not depend on the batch. Meshes that have converged under their full load, or failed, are not stepped.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ class Batch:
         stages: Sequence[Stage],
         levels: Sequence[int] | None = None,
         *,
-        watch: Callable[[Batch], None] | None = None,
+        monitor: Callable[[Batch], None] | None = None,
     ) -> None:
         """models: of each mesh, or a single one; stages: the load of each, by strain or tension; `levels` of each, default
         `output.frames`.
 
-        `watch` is called at every convergence check, and may raise to stop.
+        `monitor` is called at every convergence check, and may raise to stop.
         """
         self._stages = tuple(stages)
         models = models if isinstance(models, Sequence) else [models] * len(self._stages)
         self._count = list(levels or [models[0].scene.output.levels] * len(self._stages))
         self._worlds = SideBySide(models, self._last_record)
-        self._watch = watch or (lambda _batch: None)
+        self._monitor = monitor or (lambda _batch: None)
 
     @property
     def steps(self) -> int:
@@ -66,7 +66,7 @@ class Batch:
 
     def run(self) -> Iterator[Outcome]:
         """Find the equilibrium of every mesh under its load."""
-        for row, found in self._worlds.run(lambda: self._watch(self)):
+        for row, found in self._worlds.run(lambda: self._monitor(self)):
             steps = self._worlds.members[row].progress.steps
             if isinstance(found, Diverged):
                 yield Outcome(row, steps, None, found)
@@ -87,5 +87,5 @@ def mesh_of(scene: Scene) -> Any:
 
 
 def side_by_side(loads: int, nodes: int) -> int:
-    """How many of so many loads of a mesh are solved at once."""
+    """Number of loads, among `loads`, that are solved at once."""
     return min(loads, max(1, MOST_NODES // nodes))

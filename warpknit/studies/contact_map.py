@@ -34,7 +34,7 @@ Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
 
 
 def levels_of_pairs(pairs: Sequence[Pair], levels: int) -> list[int]:
-    """[pair] load levels of pairs of strains in a map, so many to the largest strain: increments of one size for all."""
+    """Load levels of pairs of strains in a map [pair]: equal increments, `levels` to the largest strain."""
     largest = max((abs(strain) for pair in pairs for strain in pair), default=0.0) or 1.0
     return [max(1, math.ceil(max(map(abs, pair)) / largest * levels - 1e-9)) for pair in pairs]
 
@@ -129,7 +129,7 @@ def mean_map(maps: Sequence[Sequence[MapRow]]) -> list[MapRow]:
 
 def _mean(rows: Sequence[MapRow]) -> MapRow:
     steady = [row for row in rows if row.stop_reason == STEADY]
-    reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} meshes steady" if steady else "diverged"
+    reason = STEADY if len(steady) == len(rows) else f"{len(steady)} of {len(rows)} meshes converged" if steady else "diverged"
 
     def over(name: str, how: Callable[[list[float]], Any]) -> float | None:
         values = [row.get(name) for row in steady]
@@ -227,7 +227,7 @@ def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> Iterator[Re
 
 @dataclass(frozen=True)
 class TensionRange:
-    """How far the tension may drift from the optimum, cell by cell: tensions [N/m] in weft and warp of the last good cells."""
+    """Valid range of tension about the optimum, cell by cell. Weft and warp tensions [N/m] of the last good cells."""
 
     along: str  # weft | warp | both: the load that drifts
     low: Pair
@@ -309,11 +309,11 @@ def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool 
 
 
 def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Jump] = ()) -> Optimum | None:
-    """The optimum among converged cells with tension in both directions and no stress above `yield_stress` [Pa], or None.
+    """Optimum among converged cells under tension, with stress up to `yield_stress` [Pa]; or None.
 
-    jumps: those of `find_jumps`, where a range over which the tension may drift ends.
-    A mesh of equal loops has few different shares of active contacts, so many cells tie. Ties are resolved by the number of
-    equally good neighbours (robustness against strain errors), then by the smallest stress.
+    jumps: of `find_jumps`, which end the range of valid tension. A mesh of equal loops has few different shares of active
+    contacts, and cells tie often. Ties are resolved by the number of equally good neighbours (robustness against strain errors),
+    then by the smallest stress.
     """
     if not rows:
         return None

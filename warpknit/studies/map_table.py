@@ -27,7 +27,7 @@ class MapSummary:
     warnings: Sequence[ResultWarning]
     path: str  # of each load, in words
     loads: str  # strains | tensions
-    cells: Values  # wanted, done, steady
+    cells: Values  # wanted, done, converged
     variants: int
     model: Values
     solver: Values

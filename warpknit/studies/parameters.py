@@ -1,4 +1,4 @@
-"""Numerical parameters of a scene, the values of each, and the points of a study."""
+"""Numerical parameters of a scene with their values, and the points of a study."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from ..mechanics.probe_settings import Varied, setting_of
 from ..mechanics.protocols import Model
-from ..mechanics.trial import Varied, setting_of
 from ..scene.presets import PRESETS
 
 Overrides = tuple[tuple[str, object], ...]
@@ -19,7 +19,7 @@ PERIODS = (1.0, 3.0, 10.0, 30.0)  # slowest periods over which a ramp loads
 DAMPINGS = (0.1, 0.3, 3.0)  # times the slowest angular frequency
 SCALINGS = (100.0, 1e4)  # of all masses
 STEPS = (3.0, 10.0)  # times the step that the real masses allow, reached by raising the masses of the nodes that limit it
-BODY_MASSES = (0.1, 2.0)  # over that of half a loop of wire
+BODY_MASSES = (0.1, 2.0)  # over half a loop of wire
 RAMP_SOFTENINGS = (1.0, 100.0)
 
 
@@ -28,7 +28,7 @@ class Point:
     """One choice of settings: overrides of the scene, and the group of the point."""
 
     group: str  # reference | preset | alone | together
-    parameter: str  # the one that is varied; the preset; empty where several are
+    parameter: str  # the varied one; the preset; empty where several are
     overrides: Overrides
     preset: str | None = None
 
@@ -87,7 +87,7 @@ def _relaxation_parameters(base: Model, varied: Varied) -> Iterator[tuple[str, s
 def ramp_points(base: Model, varied: Varied, period: float, time_step: float) -> Iterator[Point]:
     """A ramp in real time, then one of its parameters varied at a time.
 
-    `period` [s] is that of the slowest mode, `time_step` [s] the stable one at the ramp's masses.
+    `period` [s]: of the slowest mode; `time_step` [s]: the stable one at the ramp's masses.
     """
     rate, preset = 2.0 * math.pi / period, base.scene.solver.preset
     drive = ("solver.drive", "ramp")

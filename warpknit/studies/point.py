@@ -60,9 +60,9 @@ def run_point(
     *,
     device: str = "cpu",
     max_node_steps: float = math.inf,
-    watch: Callable[[Progress], None],
+    monitor: Callable[[Progress], None],
 ) -> PointOutcome:
-    """Run the scene that `load` returns; `watch` may raise to stop it.
+    """Run the scene that `load` returns; `monitor` may raise to stop it.
 
     A refused scene, a diverged run and one that exceeds `max_node_steps` are outcomes, not errors.
     """
@@ -75,11 +75,11 @@ def run_point(
     settings = settings_of(simulation.model)
 
     def check_cost(progress: Progress) -> None:
-        watch(progress)
+        monitor(progress)
         if node_steps(simulation) > max_node_steps:
             raise CostLimitExceeded
 
-    simulation.watch = check_cost
+    simulation.monitor = check_cost
     wall, cpu = time.perf_counter(), time.process_time()
     record: Record | None = None
     reason, message = "steady", ""
@@ -189,7 +189,7 @@ class Errors:
 
 
 def errors_of(results: Results, reference: Results, scales: Scales) -> Errors:
-    """Errors of results against those of the reference."""
+    """Errors of results relative to the reference."""
     by_tension = np.array(scales.by_tension)
 
     def larger(of: Callable[[Results], tuple[float, float]], counts: np.ndarray, least: float) -> float:

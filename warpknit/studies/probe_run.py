@@ -15,7 +15,7 @@ from functools import cached_property
 
 from ..errors import Diverged
 from ..measure.table import Record
-from ..mechanics.trial import Setting, edge_of
+from ..mechanics.probe_settings import Setting, edge_of
 from ..mesh.layout import of_repeats
 from ..results.finding import ResultWarning
 from ..runner.summary import Estimate
@@ -81,7 +81,7 @@ class ProbeRun:
         return errors_of(one, self.fine, self.scales)
 
     def _run(self, setting: Setting) -> PointOutcome:
-        outcome = run_point(lambda: with_setting(self.small, setting), watch=lambda _progress: None)
+        outcome = run_point(lambda: with_setting(self.small, setting), monitor=lambda _progress: None)
         self.node_steps += outcome.node_steps
         return outcome
 
@@ -90,7 +90,7 @@ class ProbeRun:
         return scene.knit.repeats[0] * scene.knit.repeats[1]
 
     def _scaled(self, errors: Errors) -> Errors:
-        """Errors of a gripped mesh from those of a smaller one: the share of the grips in a mean scales with 1/size."""
+        """Errors of a gripped mesh from a smaller one's. The grips' share in a mean scales with 1/size."""
         if self.edge != "gripped":
             return errors
         share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
@@ -131,7 +131,7 @@ def _small(scene: Scene) -> Scene:
 
 
 def settings_for_error(scene: Scene, percent: float) -> Setting:
-    """The cheapest settings within an error of `percent`, by probe runs on a small mesh. Raises `Diverged`."""
+    """Cheapest settings within an error of `percent`, by probe runs. Raises `Diverged`."""
     probe = ProbeRun(scene)
     setting, errors = choose_setting(probe, percent)
     what = "segments a wire" if edge_of(scene) == "hook" else "nodes a loop"
@@ -144,7 +144,7 @@ def settings_for_error(scene: Scene, percent: float) -> Setting:
 
 
 def estimate_of(record: Record, scene: Scene, setting: Setting, percent: float) -> Estimate:
-    """Estimated error of a run at a setting, chosen for an error of at most `percent`, from its last record."""
+    """Estimated error of a run from its last record; `percent`: the requested one."""
     results = results_of(record.observables)
     try:
         errors = ProbeRun(scene).errors_of_run(results, setting)

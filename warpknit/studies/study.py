@@ -20,7 +20,7 @@ from ..base.text import rounded
 from ..compute.device import find_device
 from ..errors import Diverged, InputError
 from ..mechanics.numerics import slowest_rate
-from ..mechanics.trial import Varied
+from ..mechanics.probe_settings import Varied
 from ..mesh.layout import mesh_nodes
 from ..results.row import Values, write_json
 from ..runner.interrupts import Interrupted, Interrupts
@@ -95,7 +95,7 @@ class _Study:
         with self._interrupts.handled():
             try:
                 for warning in self.base.warnings([]):
-                    _log.warning("warning: %s", warning)
+                    _log.warning("warning %s: %s", warning.code, warning)
                 points = self._points()
                 _log.info("%d points to run", len(points) - len(self.rows))
                 for number, point in enumerate(points, start=1):
@@ -131,7 +131,7 @@ class _Study:
         return True
 
     def _load(self, point: Point) -> Scene:
-        """The scene of a point, in the kind of model of the scene or of the reference."""
+        """Scene of a point, in the model of the scene or of the reference."""
         last = self.of_reference if point.group == "reference" else ()
         return self.load_with((*self.of_kind, *point.overrides, *last), point.preset)
 
@@ -142,7 +142,7 @@ class _Study:
         return math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
 
     def _least_work(self, point: Point) -> float:
-        """Node-steps that a ramp takes at least, from its loading time and its first step; 0 of others."""
+        """Least node-steps of a ramp, from loading time and first step; 0 of others."""
         scene = self._load(point)
         if scene.solver.drive != "ramp":
             return 0.0
@@ -177,7 +177,7 @@ class _Study:
                 lambda: self._load(point),
                 device=self.device,
                 max_node_steps=limit,
-                watch=lambda progress: self._interrupts.check(),
+                monitor=lambda progress: self._interrupts.check(),
             )
         if is_reference and outcome.results is None:
             raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {outcome.message}")
@@ -285,7 +285,7 @@ def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> 
 
 
 def pareto(points: Sequence[tuple[float, float]], least: float = 0.0) -> list[int]:
-    """Indices of the non-dominated (cost, error) points, by increasing cost, up to the first whose error is below `least`."""
+    """Indices of non-dominated (cost, error) points, by increasing cost. They end at the first error below `least`."""
     order = sorted(range(len(points)), key=lambda k: points[k])
     front: list[int] = []
     for k in order:

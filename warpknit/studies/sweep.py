@@ -31,7 +31,7 @@ from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
-from ..runner.variants import first_meshes, wanted, watched
+from ..runner.variants import first_meshes, mesh_values, wanted
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.variant_models import VariantModels
@@ -92,9 +92,9 @@ def run_map(
     command: str = "map",
     keep_states: bool = False,
 ) -> CommandResult[MapSummary]:
-    """Run the sweep of `scene` into the directory `out`, for a command that messages name.
+    """Run the sweep of `scene` into the directory `out`; command: for messages.
 
-    keep_states: write the equilibria too, as those of a run; a mesh after the other, its pairs line by line.
+    keep_states: write the equilibria too, as in a run; mesh by mesh, its pairs line by line.
 
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
@@ -126,7 +126,7 @@ def _refuse_beyond_memory(mesh: Any) -> None:
 
 
 def _side_by_side(loads: int, mesh: Any) -> int:
-    """How many of so many loads of a mesh are solved at once, within the memory."""
+    """Number of loads of a mesh solved at once, within the memory."""
     fit = int(available_memory() // required_memory(mesh.scene, mesh.node_count))
     return max(1, min(fit, side_by_side(loads, mesh.node_count)))
 
@@ -192,7 +192,7 @@ class _Mapper:
     def _missing(self) -> list[tuple[int, Pair]]:
         """Meshes and pairs that are to be solved: half of the variants at every pair, and then all where these are not enough.
 
-        Those of a pair, which take about as many steps, stand side by side: a thread steps some of them at once.
+        Meshes of one pair, which take similar numbers of steps, stand side by side: a thread steps some of them at once.
         """
         variants, first = self.scene.variants, first_meshes(self.scene.variants)
         missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if not self._has(mesh, pair)]
@@ -206,7 +206,7 @@ class _Mapper:
         by_tension = [self.sweep.by_tension] * 2
 
         def is_enough(rows: list[MapRow]) -> bool:
-            error = watched(by_tension, rows, least).standard_error if rows else math.inf
+            error = mesh_values(by_tension, rows, least).standard_error if rows else math.inf
             return wanted(variants.count, variants.standard_error, first, error) == first
 
         more = [pair for pair, rows in found.items() if not is_enough(rows)]
@@ -219,7 +219,7 @@ class _Mapper:
         return self.first if self.variants is None else self.variants.of_place(mesh)
 
     def _solve(self, missing: list[tuple[int, Pair]]) -> None:
-        """Solve some pairs of some meshes, of one mesh after the other where worlds share their loops."""
+        """Solve pairs of meshes; one mesh after the other where worlds share loops."""
         meshes = max(mesh for mesh, _pair in missing) + 1
         self.maps += [{} for _ in range(len(self.maps), meshes)]
         several = f", {meshes} meshes" if meshes > 1 else ""
@@ -236,11 +236,11 @@ class _Mapper:
             finished += len(own)
 
     def _solve_together(self, own: list[tuple[int, Pair]], levels: list[int], finished: float, share: float) -> None:
-        """Solve pairs of meshes side by side, a `share` of those of this stage."""
+        """Solve pairs of meshes side by side, a `share` of this stage's."""
         stages = [self.sweep.stage(self.scene.stages[0], pair) for _mesh, pair in own]
         steps_before, by_tension = self.steps, self.sweep.by_tension
 
-        def watch(batch: Batch) -> None:
+        def monitor(batch: Batch) -> None:
             self._interrupts.check()
             self.steps = steps_before + batch.steps
             rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
@@ -249,7 +249,7 @@ class _Mapper:
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        for outcome in Batch([self._model(mesh) for mesh, _pair in own], stages, levels, watch=watch).run():
+        for outcome in Batch([self._model(mesh) for mesh, _pair in own], stages, levels, monitor=monitor).run():
             message = "" if outcome.error is None else str(outcome.error)
             mesh, pair = own[outcome.index]
             if self.keep_states and outcome.observables is not None:

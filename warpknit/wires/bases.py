@@ -47,7 +47,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class CurveFile:
-    """What a reader found. Lengths are in the file's unit."""
+    """Curve found by a reader. Lengths are in the file's unit."""
 
     curves: tuple[Curve, ...]
     metres: float | None = None  # in a unit of the file, where it says so
@@ -132,12 +132,10 @@ def polyline(
 ) -> Curve:
     """The curve through points (point, 3): straight from one to the next, or a cubic spline over the chords.
 
-    closed: it goes on from the last point to the first; so does a curve whose last point repeats the first.
-    closing (3,): what it is on by when it repeats, `shift` repeats along x and y: a periodic curve.
-    rest (edge,): lengths free of stress of its edges.
-    The spline has continuous curvature and meets the points; at free ends its third derivative is continuous at the second
-    point (not-a-knot), so that it converges with the fourth power of their distance up to its ends.
-    Raises `BadFile` where points coincide so that no curve is left.
+    closed: it continues from the last point to the first; so does a curve whose last point repeats the first. closing (3,): its
+    shift a period, `shift` repeats along x and y: a periodic curve. rest (edge,): stress-free lengths of its edges. The spline
+    has continuous curvature; at free ends its third derivative is continuous at the second point (not-a-knot), for fourth-order
+    convergence up to the ends. Raises `BadFile` where points coincide so that no curve is left.
     """
     goes_on = closed or closing is not None
     if not goes_on and len(points) > 2 and _near(points[0], points[-1], float(np.ptp(points, axis=0).max())):

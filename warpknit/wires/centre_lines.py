@@ -1,4 +1,4 @@
-"""Centre lines of wires in space, as nodes."""
+"""Centre lines of spatial wires, as nodes."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from warpknit.results.finding import ResultWarning
 class Wires:
     """Wires at rest. z is across the mesh, x along weft, y along warp.
 
-    An open wire ends at its first and last node. A closed one goes on from the last node to the first. A periodic one goes on
-    from the last node to the first of the repeat that `shifts` says: its first node moved by shifts * period.
+    An open wire ends at its first and last node. A closed one continues from the last node to the first. A periodic one continues
+    to the first node of another repeat: its own moved by shifts * period.
     """
 
     points: tuple[np.ndarray, ...]  # of each wire (node, 3) [m]
@@ -44,7 +44,7 @@ class Wires:
         return np.array([len(points) - (kind == "open") for points, kind in zip(self.points, self.kinds, strict=True)], dtype=int)
 
     def closing(self, wire: int) -> np.ndarray:
-        """(3,) [m] from the first node of a wire to where it goes on behind its last one; 0 for a closed wire."""
+        """Vector (3,) [m] from the first node of a wire to its continuation; 0 for a closed wire."""
         shift = np.zeros(3)
         if self.period is not None:
             shift[:2] = self.shifts[wire] * self.period
@@ -65,10 +65,10 @@ class Wires:
 
 
 def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:
-    """The wires of so many repeats along x and y, which from then on are one repeat.
+    """The wires of `repeats` along x and y as one new repeat.
 
-    A periodic wire that goes on by (i, j) repeats passes through n = lcm(a/gcd(a, i), b/gcd(b, j)) of the a x b there are before
-    it is back where it began; so it becomes a b/n wires of n pieces, each going on by (n i/a, n j/b) of the larger repeats.
+    A periodic wire with the shift (i, j) passes through n = lcm(a/gcd(a, i), b/gcd(b, j)) of the a x b repeats before it closes.
+    So it becomes a b/n wires of n pieces, each with the shift (n i/a, n j/b) of the larger repeats.
     """
     if wires.period is None or repeats == (1, 1):
         return wires

@@ -10,7 +10,7 @@ def even_directors(tangent: np.ndarray, first: np.ndarray, count: np.ndarray, cl
 
     first, count, closed [wire]: segments of each wire, and whether it goes on at its first one.
 
-    Any unit vectors across the tangents are references. Parallel transport along the wire turns them against each other, so the
+    Any unit vectors across the tangents are references. Parallel transport along the wire turns them against each other; the
     directors are the references turned back by the sum of these angles, as a product of complex numbers.
     """
     side = np.zeros_like(tangent)

@@ -153,7 +153,7 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
             columns, width = _plain_columns(row, number)
         if len(row) != width:
             hint = "; a comma parts columns: write decimal points" if delimiter == "," and len(row) > width else ""
-            raise BadFile(f"{len(row)} columns in line {number}, {width} before{hint}")
+            raise BadFile(f"{len(row)} columns in line {number}, {width} in the lines before{hint}")
         wire = row[columns["wire"]] if "wire" in columns else ""
         if name is None or wire != name:
             wires.append([])
@@ -175,7 +175,7 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
 
 
 def _headings(row: list[str]) -> tuple[dict[str, int], float | None]:
-    """The place of each column and the metres of the unit in brackets, or nothing where the row is no headings."""
+    """Place of each column and metres of the unit in brackets; nothing without headings."""
     found = [_HEADING.fullmatch(cell) for cell in row]
     if not any(found):
         return {}, None
@@ -257,7 +257,7 @@ def read_bcc(path: Path, interpolation: str) -> CurveFile:
 def curves_in(
     path: Path | WireArrays, interpolation: str, closed: bool, unit: float | None, time: float | None
 ) -> tuple[CurveFile, float]:
-    """What stands in a file, and the metres in its unit. Raises `WireFileError`."""
+    """Curves in a file or arrays, and metres in their unit. Raises `WireFileError`."""
     checked_bytes(path)
     suffix = path.suffix.lower()
     try:
@@ -272,7 +272,7 @@ def curves_in(
 
 
 def stated_radius(path: Path, *, time: float | None = None) -> tuple[np.ndarray | None, str]:
-    """(wire,) [m] radius of the wires in a file of WITH_WIDTHS, and why widths in it are none. Raises `WireFileError`."""
+    """Radius (wire,) [m] in a file of WITH_WIDTHS, and why widths are unusable. Raises `WireFileError`."""
     found, metres = curves_in(path, "spline", False, None, time)
     return None if found.radius is None else found.radius * metres, found.no_radius
 
@@ -290,7 +290,7 @@ def _reader(path: Path | WireArrays, suffix: str, interpolation: str, closed: bo
 
 
 def expected_in(suffix: str) -> str:
-    """What a file with this suffix is, in words."""
+    """Kind of file with this suffix, in words."""
     names = dict.fromkeys(USD, "a USD stage with BasisCurves") | {
         ".bcc": "a BCC file of curves",
         ".pyp": "a periodic yarn pattern",

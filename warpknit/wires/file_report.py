@@ -1,4 +1,4 @@
-"""What a file of wires holds, in words and as an object: what `warpknit plan` says of a scene with [wires]."""
+"""Contents of a file of wires, for `warpknit plan` and as an object."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from warpknit.wires.read import drawn_wires, rest_wires, thickness_of
 
 @dataclass(frozen=True)
 class WireReport:
-    """The wires of a scene at rest, and how they overlap as they come from its file."""
+    """Wires of a scene at rest, and their overlaps in the file."""
 
     file: str
     wires: Wires

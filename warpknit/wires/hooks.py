@@ -1,12 +1,12 @@
-"""Where wires hook each other, as the clasps of a knit are found (knit/clasps.py): by their crossings in plan view.
+"""Hooks of wires, from crossings in plan view as for clasps (knit/clasps.py).
 
-Two crossings of the same two wires, next to each other along both, bound a lens. The wires hook in it where the sign alternates:
-one lies over the other at one corner and under it at the other. Wires that repeat go on: what hooks a copy of itself, or of
-another, hooks it once a repeat. Nested lenses count one by one, as those of a knit with `model.merge_lenses = false`.
+Two neighbouring crossings of the same two wires bound a lens. The wires hook in it where the sign alternates: one lies over the
+other at one corner and under it at the other. Periodic wires continue: what hooks a copy of itself, or of another, hooks it once
+a repeat. Nested lenses count one by one, as in a knit with `model.merge_lenses = false`.
 
 A knit has contact at its clasps. Wires from a file need not be knitted: in a weave every crossing carries a force. So each
-crossing that bounds no hook is a place of its own. Wires that cross farther apart than a layer of the mesh is thick are in
-different layers, which strains in the plane do not bring together.
+crossing that bounds no hook is a place of its own. Wires that cross farther apart than the thickness of a layer are in different
+layers, which in-plane strains do not bring together.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Hooks:
 
 @dataclass(frozen=True)
 class PlanCrossings:
-    """[crossing], each once, and of a wire that crosses itself or a copy of it once from either side."""
+    """Crossings [crossing], each once; of a wire with itself or a copy once from either side."""
 
     number: np.ndarray  # what is the same from both sides has one number
     wire: np.ndarray  # (crossing, 2)
@@ -96,7 +96,7 @@ def _middles(wires: Wires, lenses: list[_Lens]) -> np.ndarray:
 
 
 def _places(wires: Wires, wire: int, arc: np.ndarray) -> np.ndarray:
-    """(place, 2) [m] in plan view, at arc lengths [m] of a wire, beyond its ends where it goes on."""
+    """Places (place, 2) [m] in plan view, at arc lengths [m] of a wire, also beyond its ends."""
     begin, end = wires.ends(wire)
     rounds = np.zeros(arc.shape) if wires.kinds[wire] == "open" else np.floor(arc / wires.lengths[wire])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(end - begin, axis=1))])
@@ -185,7 +185,7 @@ def _lenses(wires: Wires, c: PlanCrossings, longest: float) -> list[_Lens]:
 
 
 class _Images:
-    """The crossings of two wires, and those that come by again further along the first one."""
+    """Crossings of two wires, and their images further along the first one."""
 
     def __init__(self, wires: Wires, c: PlanCrossings, member: np.ndarray, longest: float) -> None:
         """member: numbers of all crossings of the two wires."""
@@ -202,9 +202,7 @@ class _Images:
         self._repeat = (c.repeat[number] + rounds[:, None] * wires.shifts[first])[order]
 
     def beside(self, p: int) -> tuple[np.ndarray, np.ndarray]:
-        """Crossings of the very two wires that cross at p, near it on the first: their numbers, and their arcs (k, 2) [m]
-        counted
-        from where those of p are."""
+        """Crossings of the same two wires near p on the first: numbers, and arcs (k, 2) [m] from p."""
         c = self.crossings
         here = slice(*np.searchsorted(self._first, [c.arc[p, 0] - self.longest, c.arc[p, 0] + self.longest]).tolist())
         away = self._repeat[here] - c.repeat[p]

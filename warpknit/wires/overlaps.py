@@ -1,7 +1,7 @@
-"""Where wires overlap as they come from their file: the distances of their segments, through the borders of the repeat too.
+"""Overlaps of wires, from distances of segments, across repeats too.
 
-Two places of one wire that are D apart are neighbours, and left out, where the wire between them is no longer than half a turn
-of that width, pi D/2, or of the thickness: a bend without a fold can be that tight.
+Two places of one wire that are D apart are neighbours, and left out, if the wire between them is at most half a turn of that
+width, pi D/2, or of the thickness: a bend without a fold can be that tight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SAME_PLACE = 2  # segments: overlaps no farther apart on both wires are one
 
 @dataclass(frozen=True)
 class Overlaps:
-    """What is found among segments that are no neighbours."""
+    """Overlaps among segments that are no neighbours."""
 
     thickness: float  # [m] distance of centre lines at which the closest wires touch
     closest: float | None  # [m] distance of the closest centre lines; None: farther than REACH thicknesses everywhere
@@ -93,7 +93,7 @@ class NearPairs:
 
 
 def find_overlaps(wires: Wires, thickness: float | np.ndarray) -> Overlaps:
-    """The overlaps of wires of `thickness` [m], one or (wire,). The closest wires are so by the distance over that of a touch."""
+    """Overlaps of wires of `thickness` [m], one or (wire,). The closest wires are closest by distance over contact distance."""
     segments, thickest = segments_of(wires), float(np.max(thickness))
     closest, touching, count = None, [], 0
     for near in near_pairs(segments, wires, thickness):
@@ -119,7 +119,7 @@ def find_overlaps(wires: Wires, thickness: float | np.ndarray) -> Overlaps:
 
 @dataclass(frozen=True)
 class ClosePlaces:
-    """Where two wires come nearer than REACH thicknesses; [place]."""
+    """Places [place] where two wires come nearer than REACH thicknesses."""
 
     wire: np.ndarray  # (place, 2)
     segment: np.ndarray  # (place, 2) of the closest points, counted along either wire
@@ -197,9 +197,9 @@ def near_pairs(
 def _pairs(
     segments: Segments, wires: Wires, images: Images, tree: cKDTree, own: np.ndarray, radius: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (pair, 4) of the segments `own` of the first repeat with all that may be near: both segments, and the repeat that the
-    second lies in; and the wire between them (pair,) [m]. Each pair once: from the segment with the smaller number, or from the
-    repeat before."""
+    """Pairs (pair, 4) of the segments `own` of the first repeat with near ones: both segments, and the repeat of the second; and
+    the wire between them (pair,) [m]. Each pair once: from the segment with the smaller number, or from the previous repeat.
+    """
     near = cKDTree(images.middle[own]).sparse_distance_matrix(tree, radius, output_type="ndarray")
     a, second = images.owner[own[near["i"]]], near["j"]
     b, repeat = images.owner[second], images.offset[second]
@@ -212,7 +212,7 @@ def _pairs(
 def segment_distances(
     begin_a: np.ndarray, end_a: np.ndarray, begin_b: np.ndarray, end_b: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance (pair,) [m] of two segments each given by its ends (pair, 3) [m], and where on them, from 0 to 1, it is.
+    """Distance (pair,) [m] of two segments, and places on them, from 0 to 1. Segments are given by their ends (pair, 3) [m].
 
     C. Ericson, Real-Time Collision Detection, section 5.1.9.
     """
@@ -285,10 +285,10 @@ def _wire_between(segments: Segments, wires: Wires, a: np.ndarray, b: np.ndarray
 
 
 def _place_numbers(segments: Segments, wires: Wires, near: NearPairs) -> np.ndarray:
-    """(pair,) the place that each pair belongs to, from 0: pairs next to each other on both wires make one.
+    """Place number of each pair (pair,), from 0: neighbouring pairs on both wires make one.
 
-    A pair has several names, all given to it: the two segments of one wire either way round, and on a wire that goes on, those
-    near its beginning also as what comes behind its end.
+    A pair has several names, all given to it: its two segments either way round, and on a periodic wire the segments near its
+    beginning also as continuations of its end.
     """
     pairs = np.column_stack([near.segment, near.repeat])
     if not len(pairs):

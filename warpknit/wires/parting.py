@@ -1,4 +1,4 @@
-"""Wires that overlap as drawn, pushed apart into a shape that is free of stress: `wires.overlaps = "at rest"`.
+"""Drawn wires that overlap, pushed apart into a stress-free shape: `wires.overlaps = "at rest"`.
 
 The thickness grows from what fits, so that the deepest overlaps are undone first. Where two curves are nearer than that, either
 side moves by half of what is missing, along the line between both. Moves are spread along the wire as a beam on springs spreads a
@@ -27,7 +27,7 @@ STEPS = 400  # at most
 NEAR, FAR = 1.3, 0.1  # thicknesses: up to which pairs are listed, and which nodes move until they are listed anew
 LARGEST = 0.1  # of the thickness: most that a node moves at once
 ALONG = 2.0  # thicknesses along a wire, below which it does not touch itself (spatial/pair_search.py)
-SAMPLES = 3  # of a segment, of which the nearest are the first places
+SAMPLES = 3  # of a segment: the nearest are the first places
 DAMPED = 1.0  # share by which steps to the closest points are damped, as curvature is left out
 LONGEST = 0.25  # of a segment: longest step to the closest points
 AROUND = 16  # LENGTHs of a wire that goes on, beyond either end: moves decay by exp(-AROUND/sqrt(2))
@@ -36,7 +36,7 @@ STIFF = 1e6  # of the springs of nodes that clamps hold
 
 @dataclass
 class _Pairs:
-    """Segments near each other, counted over all wires, and where the closest points of their curves are."""
+    """Segments near each other, with the closest points of their curves."""
 
     segment: np.ndarray  # (pair, 2)
     shift: np.ndarray  # (pair, 3) [m] of the second
@@ -51,13 +51,13 @@ class _Pairs:
 
     @property
     def is_neighbour(self) -> np.ndarray:
-        """(pair,) whether the places are so near along one wire that it does not touch itself there."""
+        """Whether the places are neighbours along one wire (pair,), without contact."""
         inner = np.where(self.is_ahead[:, None], [1.0, 0.0], [0.0, 1.0])  # the ends that face each other along the wire
         return self.between + (np.abs(self.place - inner) * self.length).sum(axis=1) < ALONG * self.touch
 
 
 class _Nodes:
-    """The nodes of all wires one after another, and four for the curve of each segment."""
+    """Nodes of all wires in sequence, and four for the curve of each segment."""
 
     def __init__(self, wires: Wires, thickness: np.ndarray) -> None:
         """thickness (wire,) [m]."""
@@ -99,7 +99,7 @@ class _Nodes:
         return np.asarray(cho_solve_banded((self._beam, False), move[self._around])[self._own])
 
     def curve(self, points: np.ndarray, segment: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(pair, 3) [m] points of segments at places s, derivatives by s, and the weights (pair, 4) of their nodes."""
+        """Points (pair, 3) [m] of segments at places s, derivatives by s, weights (pair, 4) of nodes."""
         x = points[self.number[segment]] + self.shift[segment]
 
         def weights(one: float, h10: np.ndarray, h01: np.ndarray, h11: np.ndarray) -> np.ndarray:
@@ -198,8 +198,9 @@ def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None
 
 
 def _closest(nodes: _Nodes, points: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(pair, 3) unit vectors from the second to the first curve of pairs, (pair,) [m] their distance, and (pair, 2, 4) weights
-    of the nodes there; moves their places by a damped step of Gauss and Newton where that is nearer."""
+    """Unit vectors (pair, 3) from second to first curve, distances (pair,) [m], weights (pair, 2, 4) of nodes. Moves the places
+    by a damped step of Gauss and Newton where that is nearer.
+    """
     between, along, weights = _apart(nodes, points, pairs, pairs.place)
     (a, b), (_, c) = np.einsum("ipk,jpk->ijp", along, along)
     a, c = (1.0 + DAMPED) * a, (1.0 + DAMPED) * c
@@ -222,7 +223,7 @@ def _apart(nodes: _Nodes, points: np.ndarray, pairs: _Pairs, place: np.ndarray) 
 
 
 def _moves(nodes: _Nodes, pairs: _Pairs, missing: np.ndarray, normal: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
-    """(node, 3) [m] by which half of what is `missing` (pair,) [m] moves either side, the mean of the pairs at a node."""
+    """Moves (node, 3) [m] of both sides by half of `missing` (pair,) [m], a mean over pairs."""
     is_close = missing > 0.0
     number = nodes.number[pairs.segment[is_close]].ravel()
     weight = np.maximum(weights[is_close], 0.0)

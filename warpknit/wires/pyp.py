@@ -15,10 +15,10 @@ All but the first three are optional. Values of an edge stand in the line of the
 that its edges have against *RL along its curve, which is longer than they are. Each point has one edge in and one out, so the
 edges make rings; a ring that goes on by other than no repeats is a periodic wire.
 
-Curvature and twist are those of discrete elastic rods (Bergou and others 2010; kernels/rod_forces.py): the twist t of an edge
-turns its reference director into its material director d1, and d2 = tangent x d1. With the means of d1 and d2 before and behind
-a point, k1 = d2 . kb, k2 = - d1 . kb, |kb| = 2 tan(angle/2); the twist is t - t_before + *RefT. Reference directors that the
-file leaves out are those without twist, and *RefT that of the directors.
+Curvature and twist follow discrete elastic rods (Bergou and others 2010; kernels/rod_forces.py): the twist t of an edge turns its
+reference director into its material director d1, and d2 = tangent x d1. With the means of d1 and d2 before and behind a point, k1
+= d2 . kb, k2 = - d1 . kb, |kb| = 2 tan(angle/2); the twist is t - t_before + *RefT. Missing reference directors are the directors
+without twist; a missing *RefT is the twist of the directors.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def _curves(given: dict[str, np.ndarray], edges: np.ndarray, period: np.ndarray,
 
 
 def _with_natural_shape(curve: Curve, given: dict[str, np.ndarray]) -> Curve:
-    """The curve with natural turn and twist, from the blocks in the order of its points. Raises `BadFile`."""
+    """Curve with natural turn and twist, from blocks in the order of its points. Raises `BadFile`."""
     if "*RK" not in given and "*RT" not in given:
         return curve
     if len(curve.pieces) != len(given["*Q"]):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpknit.base.text import engineering, exact
+from warpknit.base.text import both, engineering, exact
 from warpknit.scene.messages import scene_error
 from warpknit.scene.wire_file import WireArrays, WireFileError
 from warpknit.wires.bases import BadFile, Curve, CurveFile
@@ -109,8 +109,8 @@ def segment_count(length: float, kind: str, spacing: float) -> int:
 
 
 def resample(curve: Curve, arc: ArcLength, count: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Nodes at equal arc length, `count` segments of them, and the lengths (segment,) free of stress of these straight segments:
-    so much shorter or longer than they are as the wire is along its curve.
+    """Nodes at equal arc length, `count` segments, and stress-free lengths (segment,) of the straight segments. Each is shorter
+    or longer than drawn by the same factor as the wire along its curve.
 
     The first node is where the curve begins; of an open curve the last is where it ends.
     """
@@ -128,7 +128,7 @@ def resample(curve: Curve, arc: ArcLength, count: int) -> tuple[np.ndarray, np.n
 
 
 def natural_turns(curve: Curve, arc: ArcLength, points: np.ndarray) -> np.ndarray | None:
-    """(node, 3) [rad] natural turns of a wire that goes on, as vectors on its section at rest; None: as at rest.
+    """Natural turns (node, 3) [rad] of a periodic wire, as vectors on its section at rest; None: as at rest.
 
     points (node, 3): its nodes. The turns of the file, over the length of their points, are interpolated along the wire and
     transported to the tangents of the nodes.
@@ -187,10 +187,10 @@ def read_wires(
 ) -> Wires:
     """The wires in the file at `path`, whose suffix says its format.
 
-    node_spacing [m]: nodes are put at equal arc length along each wire, as near to this apart as their number allows.
-    unit [m]: of files without one. interpolation: spline | linear, between the points of polylines. closed: join the ends of all
-    polylines (.csv, .npz). period [m] along x and y: of a mesh that repeats, whose open wires then go on from repeat to repeat.
-    time: time code of a USD stage. Raises `SceneError`, of one line, for whatever is wrong with the file.
+    node_spacing [m]: distance of nodes at equal arc length, about. unit [m]: of files without one. interpolation: spline |
+    linear, between the points of polylines. closed: join the ends of all polylines (.csv, .npz). period [m] along x and y: of a
+    periodic mesh, whose open wires continue from repeat to repeat. time: time code of a USD stage. Raises `SceneError`, of one
+    line, for every fault of the file.
     """
     path = Path(path)
     with _one_line(path, path):
@@ -225,14 +225,14 @@ def drawn_wires(scene: Scene) -> Wires:
 
 
 def thickness_of(scene: Scene, wires: Wires) -> np.ndarray:
-    """(wire,) [m] thickness of each wire of a scene: that of the file where its widths count."""
+    """Thickness of each wire of a scene (wire,) [m]; the file's where its widths count."""
     if scene.wires is not None and scene.wires.widths and wires.radius is not None:
         return 2.0 * wires.radius
     return np.full(len(wires.points), scene.wire.thickness)
 
 
 def _as_used(scene: Scene, wires: Wires) -> Wires:
-    """The wires with what the scene uses of their file, and notes on what it does not."""
+    """Wires with the used parts of their file, and notes on unused ones."""
     assert scene.wires is not None
     notes, fraction, file = list(wires.notes), scene.wire.set_fraction, scene.wires.path.name
     if wires.radius is not None and not scene.wires.widths:
@@ -249,7 +249,7 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
 
 @contextmanager
 def _one_line(scene: Path, path: Path | WireArrays) -> Iterator[None]:
-    """Raise faults of the file at `path` as a `SceneError`, with its name where the fault is its own."""
+    """Raise faults of the file at `path` as a `SceneError`; its own faults with its name."""
     try:
         yield
     except WireFileError as error:
@@ -279,7 +279,7 @@ def _read(
 
 
 def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
-    """The same with open curves whose ends are some repeats apart going on as periodic ones."""
+    """The same with open curves as periodic ones, where their ends are repeats apart."""
     if found.period is not None:
         raise WireFileError("is not allowed: the file has its own period", "leave it out", "period")
     curves: list[Curve] = []
@@ -290,10 +290,10 @@ def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
             repeats = np.round(apart[:2] / period)
             away = np.abs(apart - [*(repeats * period), 0.0]).max()
             if not repeats.any() or away > MEETS * period.min():
-                ends = ", ".join(f"{count:.3g}" for count in apart[:2] / period)
+                ends = both(*(f"{count:.3g}" for count in apart[:2] / period))
                 raise WireFileError(
                     f"the ends of wire {number} are {ends} periods apart",
-                    "write a period that fits a whole number of times between the ends of every open wire",
+                    "write the distance between the ends of every open wire, or a whole fraction of it",
                     "period",
                 )
             curve = replace(curve, kind="periodic", shift=(int(repeats[0]), int(repeats[1])))

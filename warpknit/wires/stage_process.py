@@ -1,4 +1,4 @@
-"""Reads the curves of a USD stage in a process of its own, and writes them to its standard output.
+"""Process that reads the curves of a USD stage; it writes them to standard output.
 
 A damaged .usdc can make the USD library take all memory, or never return. Here it has a limit of memory, and whoever started
 the process a limit of time; what the library says on the way does not reach the terminal.
@@ -25,13 +25,12 @@ MEMORY = 6 << 30  # bytes that it may take, and no more than half of the machine
 
 
 def stage_arrays(stage: Usd.Stage, time: float | None) -> dict[str, np.ndarray]:
-    """The curves of all BasisCurves that are drawn: not those hidden, nor guides, nor stand-ins (purpose proxy).
+    """Curves of all drawn BasisCurves: not hidden, guides or stand-ins (purpose proxy).
 
-    points (point, 3) in the unit and axes of the stage; counts (curve,) points of each; bases and wraps (curve,) names, the basis
-    of a straight one being "linear"; paths (curve,) of the prims; widths (curve, 2) the least and the largest along each, NaN
-    where there is none; up (an axis); metres (in a unit), NaN where the stage does not say; notes: what is not read; faults: why
-    widths are not.
-    time: a time code; None: where the points do not move, else the first that they have. Raises `BadFile`.
+    points (point, 3) in the unit and axes of the stage; counts (curve,) points of each; bases and wraps (curve,) names, "linear"
+    for straight ones; paths (curve,) of the prims; widths (curve, 2) least and largest along each, or NaN; up (an axis); metres
+    (in a unit), NaN where the stage does not say; notes: what is not read; faults: why widths are not. time: a time code; None:
+    of fixed points, else the first one. Raises `BadFile`.
     """
     points, counts, bases, wraps, paths, widths = [np.empty((0, 3))], [], [], [], [], [np.empty((0, 2))]
     faults: list[str] = []
@@ -82,7 +81,7 @@ def stage_arrays(stage: Usd.Stage, time: float | None) -> dict[str, np.ndarray]:
         raise BadFile(bad[0] if bad else none)
     found = (("prims that are not read", others), ("curves that are skipped", bad))
     notes = [f"{what}: {some_of(names)}" for what, names in found if names]
-    is_told = stage.HasAuthoredMetadata(UsdGeom.Tokens.metersPerUnit)
+    has_unit = stage.HasAuthoredMetadata(UsdGeom.Tokens.metersPerUnit)
     return {
         "points": np.concatenate(points),
         "counts": np.concatenate(counts),
@@ -91,7 +90,7 @@ def stage_arrays(stage: Usd.Stage, time: float | None) -> dict[str, np.ndarray]:
         "paths": np.array(paths, dtype=str),
         "widths": np.concatenate(widths),
         "up": np.array("XYZ".index(str(UsdGeom.GetStageUpAxis(stage)))),
-        "metres": np.array(UsdGeom.GetStageMetersPerUnit(stage) if is_told else np.nan),
+        "metres": np.array(UsdGeom.GetStageMetersPerUnit(stage) if has_unit else np.nan),
         "notes": np.array(notes, dtype=str),
         "faults": np.array(faults, dtype=str),
     }
@@ -163,7 +162,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _reason(error: Exception) -> str:
-    """Why the stage cannot be used: from this module, or from the USD library, whose errors have the shape of a report."""
+    """Reason why the stage cannot be used, of this module or the USD library. Its errors have the shape of a report."""
     if isinstance(error, BadFile):
         return str(error)
     if isinstance(error, MemoryError):

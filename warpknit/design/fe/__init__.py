@@ -1,4 +1,4 @@
-"""The material card in the input formats of FE codes, a function for each code; they are blocks to include in a model.
+"""Material cards as input of FE codes: blocks to include in a model.
 
 Each file states its units, the prestress, the stress and strain of its constants, and what it cannot carry (docs/fe_cards.md).
 """
@@ -53,8 +53,8 @@ STATEMENT = {
 def _nastran(fe: FeCard) -> str:
     """Nastran: MAT2 and MAT8 with a PSHELL without bending, in fields of 16 columns.
 
-    A card with a MAT8 that does not exist says so. Whether the differential stiffness of a solver has the stretches of an
-    element or only its turns decides which tangent returns that of the card, so there is a pair of each.
+    A card without a MAT8 says so. Solvers differ: a differential stiffness has either the stretches of an element or only its
+    rotations, and each needs its own tangent. So there is a pair of each.
     """
     card, notes, lines = fe.card, [], []
     rho, temperature = density(card.areal_mass), card.temperature
@@ -169,9 +169,8 @@ def _calculix(fe: FeCard) -> str:
 def _ansys(fe: FeCard) -> str:
     """ANSYS Mechanical APDL: MP constants with SHELL181 as a membrane.
 
-    Raises `NoConstants`. SHELL181 takes true stress and logarithmic strain, and updates its thickness. The Poisson's ratios
-    through the thickness are those of a constant volume, PRXZ = 1 - PRXY and PRYZ = 1 - PRXY EY/EX, so that the thickness
-    follows the area. EZ keeps the material stable.
+    Raises `NoConstants`. SHELL181 takes true stress and logarithmic strain, and updates its thickness. PRXZ = 1 - PRXY and PRYZ =
+    1 - PRXY EY/EX keep the volume constant, so that the thickness follows the area. EZ keeps the material stable.
     """
     o, (s1, s2) = orthotropic(fe.card, LOGARITHMIC), fe.prestress
     (ex, ey), (nu12, nu21), shear = o.modulus, o.poissons_ratio, o.shear_modulus
@@ -341,14 +340,14 @@ ONLY_CURVES = "radioss"  # has no card without curves
 
 
 def missing_cards(fe_cards: Mapping[str, str]) -> Iterator[str]:
-    """Why an FE code has no card, a sentence each. fe_cards: what `write_fe_cards` returned."""
+    """Sentences on FE codes without a card. fe_cards: result of `write_fe_cards`."""
     for code, result in fe_cards.items():
         if result not in FILES:
             yield f"no card for {code}: {result.removeprefix(NONE)}"
 
 
 def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
-    """Why the files have no curves; empty where they have. path: as for `write_fe_cards`."""
+    """Reason for files without curves; else empty. path: as for `write_fe_cards`."""
     try:
         yarn_curves(card, path)
     except NoConstants as error:
@@ -357,7 +356,7 @@ def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
 
 
 def limit_of_curves(card: MaterialCard, path: Sequence[Row], codes: Sequence[str], *, at_jump: bool) -> str | None:
-    """That the files for these codes have no curves, or where their curves end; None where they go on beyond the card.
+    """Warning that cards have no curves, or where their curves end; None beyond the card.
 
     path: as for `write_fe_cards`. at_jump: whether it ends at a jump.
     """
@@ -372,7 +371,7 @@ def limit_of_curves(card: MaterialCard, path: Sequence[Row], codes: Sequence[str
     end = max(at_card, mean_tension(path[-1]))
     if end > (1.0 + APART) * at_card and not at_jump:
         return None
-    reason = "the mesh jumps to another equilibrium beyond" if at_jump else "the relaxation did not converge beyond the card"
+    reason = "snap-through to another equilibrium beyond" if at_jump else "the relaxation did not converge beyond the card"
     tension = f"{engineering(end, 'N/m')}, mean of weft and warp"
     return f"the tension-strain curves (FABRIC) of {files} end at {tension}: {reason}"
 

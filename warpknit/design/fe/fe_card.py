@@ -1,17 +1,17 @@
-"""What all cards for FE codes have in common: content, heading, numbers.
+"""Common parts of cards for FE codes: content, heading, numbers.
 
 In laws of woven fabrics either direction has a tension of its own strain alone. A mesh is no such fabric: its tensions depend
 on both strains. The curves hold on one path, that from the mesh as knitted to the card. There they give both tensions, at the
 card its prestress.
 
-The tangent of the card is that of the stress and strain of an FE code. C of the card relates the second Piola-Kirchhoff stress
-to the Green-Lagrange strain. At the prestress s a code with another pair of measures needs another tangent to return the same
-forces. For the strain (U^2m - 1)/2m and its conjugate stress,
+The tangent of a card belongs to the stress and strain of its FE code. C of the card relates the second Piola-Kirchhoff stress to
+the Green-Lagrange strain. At the prestress s another pair of measures needs another tangent for the same forces. For the strain
+(U^2m - 1)/2m and its conjugate stress,
 
     C_m = C + (1 - m) diag(2 s1, 2 s2, (s1 + s2)/2)        m = 1 Green-Lagrange, 1/2 engineering, 0 logarithmic.
 
 m = 0 is also the rate form, true stress over rate of deformation, of a membrane that keeps its volume. If it keeps its thickness
-instead, the true stress does not follow the area, and the tangent is that of m = 0 less s (1 1 0), of which the symmetric part
+instead, the true stress does not follow the area. The tangent is then the one for m = 0 less s (1 1 0), and the symmetric part
 
     C_true = C_0 - (s (1 1 0) + (1 1 0) s)/2
 
@@ -39,7 +39,7 @@ MPA, TONNE_PER_MM3 = 1e6, 1e12  # [Pa], [kg/m3]
 
 @dataclass(frozen=True)
 class StressMeasure:
-    """Pair of stress and strain in which an FE code states its material law."""
+    """Stress and strain of the material law of an FE code."""
 
     exponent: float  # m of the strain
     keeps_thickness: bool
@@ -53,12 +53,12 @@ TRUE = StressMeasure(0.0, True, "true stress over logarithmic strain, in a membr
 
 
 class NoConstants(Exception):
-    """The card has no constants of the form that a code asks for; the message says why."""
+    """The card has no such constants; the message says why."""
 
 
 @dataclass(frozen=True)
 class Orthotropic:
-    """Engineering constants of a sheet of the nominal thickness, without coupling of shear and extension."""
+    """Engineering constants of a sheet of nominal thickness, without coupling of shear and extension."""
 
     modulus: tuple[float, float]  # [MPa] E1, E2
     poissons_ratio: tuple[float, float]  # nu12, nu21: contraction in 2 (1) over extension in 1 (2)
@@ -107,7 +107,7 @@ def orthotropic(card: MaterialCard, measure: StressMeasure) -> Orthotropic:
     )
 
 
-APART = 0.02  # of a tension: nearer states are that of the card, less exact
+APART = 0.02  # of a tension: nearer states repeat the card, less exactly
 FIRST = 0.05  # of the strain of the card: points nearer to the mesh as knitted, of one that contracted before, are left out
 MISFIT = 0.1  # of the tension of the card: largest difference of a curve from a state on the way to the card
 
@@ -126,19 +126,20 @@ class YarnCurve:
 
 
 def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, YarnCurve]:
-    """Curves along weft and warp. path: states on the way to the card, and beyond, up to the first jump to another equilibrium.
+    """Curves along weft and warp. path: states on the way to the card, and beyond, up to the first snap-through.
 
-    Raises `NoConstants` where a direction is not stretched or carries no tension, where the mesh resists no shear or jumps on the
-    way to the card, and where a tension is no rising function of the strain along it.
+    Raises `NoConstants` where a direction is not stretched or carries no tension, where the mesh resists no shear or snaps
+    through before the card, and where a tension does not rise with the strain along it.
     """
     if min(card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp) <= 0.0:
         strains, tensions = (card.strain_weft, card.strain_warp), (card.tension_weft, card.tension_warp)
-        values = f"strain {' / '.join(map(percent, strains))}, tension {' / '.join(alike(tensions, 'N/m'))}"
-        raise NoConstants(f"a direction of the mesh is not stretched or carries no tension ({values} in weft / warp)")
+        sides = zip(("weft", "warp"), map(percent, strains), alike(tensions, "N/m"), strict=True)
+        values = "; ".join(f"{side} strain {one}, tension {other}" for side, one, other in sides)
+        raise NoConstants(f"a direction of the mesh is not stretched or carries no tension ({values})")
     if card.stiffness[2, 2] <= 0.0:
         raise NoConstants("its shear stiffness is not positive")
     if card.jumps:
-        raise NoConstants("the mesh jumps to another equilibrium on the way to the card")
+        raise NoConstants("the mesh snaps through to another equilibrium on the way to the card")
     kept = (card.strain_weft, card.strain_warp, card.tension_weft, card.tension_warp)
     rows = [kept]
     for row in path:
@@ -151,7 +152,7 @@ def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, Yar
 
 
 def _rising(side: str, stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
-    """The curve by stretch, from the mesh as knitted and through the first of these points, without others that make it fall.
+    """Rising curve by stretch, from the mesh as knitted through the first point.
 
     Raises `NoConstants` where the others of less tension than the first are far off the curve.
     """
@@ -177,7 +178,7 @@ LINEAR, FABRIC = "MESH", "FABRIC"  # names of the two materials of a file
 
 @dataclass(frozen=True)
 class FeCard:
-    """The card with what a file for an FE code says of it."""
+    """The card, with notes for a file of an FE code."""
 
     mesh: str  # name
     state: str  # of the card, in words
@@ -217,7 +218,7 @@ def heading(fe: FeCard, code: str, mark: str, notes: Sequence[str]) -> list[str]
         "Units: mm, N, tonne, s, MPa, K. For m, N, kg, Pa: stresses and moduli x 1e6, densities x 1e12, thickness x 1e-3.",
         f"Membrane of nominal thickness {1e3 * THICKNESS:g} mm: 1 MPa is a tension of {1e3 * THICKNESS:g} N/mm."
         f" Mass {number(card.areal_mass)} kg/m2. Axis 1 is weft (x), 2 is warp (y).",
-        f"The geometry is that of the mesh under its tension. Prestress: {number(s1)} MPa in weft, {number(s2)} MPa in warp.",
+        f"The geometry is the mesh under its tension. Prestress: {number(s1)} MPa in weft, {number(s2)} MPa in warp.",
         "Check: an element under this prestress, stretched by a small strain e along weft with the warp held. The force per mm"
         f" of edge (its length before) grows by {number(along)} e N/mm along weft and {number(across)} e N/mm along warp.",
         f"Wire: {fe.made_of['wire']}. Knit: {fe.made_of['knit']}. Preset: {fe.made_of['preset']}.",
@@ -232,9 +233,9 @@ def fabric_note(fe: FeCard, measure: str, reference: str) -> str:
     if fe.curves is None:
         return f"{FABRIC}: none, {fe.no_curves}."
     return (
-        f"{FABRIC}: {measure} from the mesh as knitted, on one path, that of the card, up to the first jump to another"
-        f" equilibrium. It takes no initial stress: give the nodes as knitted by {reference}. Weft and warp are independent in it"
-        " and it has no expansion, so that its tangent is not that of the card."
+        f"{FABRIC}: {measure} from the mesh as knitted, on the load path of the card, up to the first snap-through. It has no"
+        f" initial stress: give the nodes as knitted by {reference}. Weft and warp are independent in it, and it has no"
+        " expansion: its tangent differs from the card."
     )
 
 

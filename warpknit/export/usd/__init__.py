@@ -1,4 +1,4 @@
-"""A run as a USD stage that Blender, usdview and Omniverse open, written frame by frame.
+"""A run as a USD stage for Blender, usdview and Omniverse.
 
     scene.usda                 the stage: units, time codes, camera, lights, materials, levels of detail, the list of frames
     wires.topology.usdc        what does not move: curve counts, widths, names; and the pose of the first frame
@@ -11,7 +11,7 @@
                                the weft, band jj along the warp
         Wires     BasisCurves, linear: the points are the nodes; a closed wire ends with its first node one period on.
                   primvars:warpknit:wireId (uniform), :stress (vertex) [Pa]; at k8 the largest around the point
-        Contacts  Points, one a contact body; widths are those of a marker that reaches both wires.
+        Contacts  Points, one a contact body; widths of a marker that reaches both wires.
                   primvars:warpknit:active (both pairs closed: 0 or 1), :activePairs (0, 1 or 2),
                   :normalForceA, :normalForceB, :normalForce (what passes from wire to wire: the smaller one) [N],
                   :wireA, :wireB

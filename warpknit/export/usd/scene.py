@@ -34,7 +34,7 @@ def set_units(stage: Usd.Stage) -> None:
 
 @contextmanager
 def _disk_errors(path: Path) -> Iterator[None]:
-    """USD tells of a full disk in its own way: as `OSError` with the path."""
+    """Raise USD's errors of a full disk as `OSError` with the path."""
     try:
         yield
     except Tf.ErrorException as error:
@@ -63,7 +63,7 @@ def frame_file(index: int) -> str:
 def new_scene(
     tiles: Sequence[Tile], kept_points: int, *, name: str, scene_hash: str, frames_per_second: float, shows_stress: bool
 ) -> Sdf.Layer:
-    """What is the same in scene.usda at every frame."""
+    """Static parts of scene.usda."""
     layer = Sdf.Layer.CreateAnonymous("scene.usda")
     stage = Usd.Stage.Open(layer)
     set_units(stage)
@@ -180,7 +180,7 @@ def _light_and_camera(stage: Usd.Stage) -> None:
 
 
 def place_camera(layer: Sdf.Layer, low: NDArray[Any], high: NDArray[Any]) -> None:
-    """Look down on the technical face, weft to the right, with all frames in view and a margin of a tenth."""
+    """Look down on the technical face, with all frames in view; weft to the right, a margin of a tenth."""
     centre, size = 0.5 * (low + high), high - low
     aperture, focal_length, aspect = 24.0, 50.0, 4.0 / 3.0
     distance = 1.1 * max(float(size[1]), float(size[0]) / aspect) * focal_length / aperture + float(size[2])

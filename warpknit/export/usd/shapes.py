@@ -114,13 +114,13 @@ def elsewhere_values(points: NDArray[Any], force: NDArray[Any], wires: NDArray[A
 def surface_values(
     points: NDArray[Any], stress: NDArray[Any], share: NDArray[Any], width: float, stress_max: float | None
 ) -> Values:
-    """`points` [vertex, 3] [mm] from the origin of the sheet, `stress` [Pa] and `share` [%] of each face."""
+    """Values of `points` [vertex, 3] [mm] from the sheet's origin, `stress` [Pa] and `share` [%] of faces."""
     values = wire_values(points, stress.astype(np.float32), width, stress_max)
     return values | {"primvars:warpknit:activeShare": Vt.FloatArray.FromNumpy(share.astype(np.float32))}
 
 
 def stress_colour(stress: NDArray[Any], stress_max: float) -> NDArray[np.float32]:
-    """[point, 3]  linear RGB of the size of a stress, from gold at zero to dark violet at `stress_max` and above."""
+    """Linear RGB [point, 3] of a stress, from gold at zero to dark violet at `stress_max`."""
     return np.asarray(_stress_table()[_colour_index(stress, stress_max)])
 
 

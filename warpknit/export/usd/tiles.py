@@ -1,4 +1,4 @@
-"""What the prims of the stage hold, as arrays: tiles of whole wires, every eighth point of them (k8), a sheet (surface).
+"""Arrays of the stage's prims: tiles of whole wires, every eighth point (k8), a sheet (surface).
 
 A mesh is cut into columns along the weft that hold about the same number of points each. Along the warp it is cut only
 where its wires are: bands no lower than the longest wire.
@@ -33,13 +33,13 @@ class Tile:
 
     name: str  # Tile_ii_jj: column ii along the weft, band jj along the warp
     wires: NDArray[np.int64]  # rising
-    runs: tuple[slice, ...]  # the points of its wires among those of all drawn curves
+    runs: tuple[slice, ...]  # the points of its wires, among all drawn curves
     point_counts: NDArray[np.int64]  # [wire of the tile] points of the drawn curve
     bodies: NDArray[np.int64]
     origin: NDArray[np.float64]  # [3] [mm] near the middle, so that float32 is fine enough for what lies around it
 
     def take(self, values: NDArray[Any], kind: Any = None) -> NDArray[Any]:
-        """The part of `values` [point of all drawn curves, ...] that belongs to the tile, as this type of number."""
+        """The tile's part of `values` [point of all drawn curves, ...], as this type of number."""
         taken = np.empty((int(self.point_counts.sum()), *values.shape[1:]), kind or values.dtype)
         for run, place in self._places():
             taken[place] = values[run]
@@ -53,7 +53,7 @@ class Tile:
         return points
 
     def _places(self) -> Iterator[tuple[slice, slice]]:
-        """Each run among all points, and among those of the tile."""
+        """Ranges of each run among all points, and among the tile's."""
         first = 0
         for run in self.runs:
             length = run.stop - run.start
@@ -77,7 +77,7 @@ def from_origin(position: NDArray[Any], origin: NDArray[Any], out: NDArray[np.fl
 
 
 def cut_tiles(layout: WireLayout, position: NDArray[Any], points_per_tile: int = POINTS_PER_TILE) -> tuple[Tile, ...]:
-    """Cut the mesh whose drawn curves lie at `position` [point, 3] [m] into tiles of about `points_per_tile` points."""
+    """Cut the mesh into tiles of about `points_per_tile` points; `position` [point, 3] [m]: of its drawn curves."""
     points = np.diff(layout.curve_start)
     (left, right), (bottom, top) = (_wire_bounds(layout, position[:, axis]) for axis in (0, 1))
     width, height = right.max() - left.min(), top.max() - bottom.min()
@@ -122,7 +122,7 @@ def _wire_bounds(layout: WireLayout, values: NDArray[Any]) -> tuple[NDArray[Any]
 
 
 def _shares(place: NDArray[Any], points: NDArray[Any], count: int) -> NDArray[np.int64]:
-    """[wire]  which of `count` shares of about as many points each wire belongs to, counted along `place`."""
+    """Share [wire] of each wire, among `count` with similar numbers of points along `place`."""
     order = np.argsort(place, kind="stable")
     share = np.empty(place.size, dtype=np.int64)
     before = np.cumsum(points[order]) - 0.5 * points[order]
@@ -133,7 +133,7 @@ def _shares(place: NDArray[Any], points: NDArray[Any], count: int) -> NDArray[np
 def _middle(
     left: NDArray[Any], right: NDArray[Any], bottom: NDArray[Any], top: NDArray[Any], position: NDArray[Any], wires: NDArray[Any]
 ) -> NDArray[np.float64]:
-    """[3] [mm]  of the bounds of these wires, rounded to um; the height is that of the whole mesh."""
+    """Middle [3] [mm] of the bounds of these wires, rounded to um; height of the whole mesh."""
     z = position[:, 2]
     bounds = ((left, right), (bottom, top))
     middle = [0.5 * (low[wires].min() + high[wires].max()) for low, high in bounds] + [0.5 * (z.min() + z.max())]
@@ -145,7 +145,7 @@ STRIDE = 8  # points that are kept lie no farther apart
 
 @dataclass(frozen=True, eq=False)
 class Thinning:
-    """Which points of some curves are kept."""
+    """Kept points of curves."""
 
     kept: NDArray[np.int32]  # [kept point] among the points of the curves
     first: NDArray[np.int32]  # [kept point] the first of the points that it stands for
@@ -153,7 +153,7 @@ class Thinning:
 
     @classmethod
     def of(cls, point_counts: NDArray[Any]) -> "Thinning":
-        """For curves that follow one another and have so many points each, three or more [curve]."""
+        """Thinning of consecutive curves with these numbers of points, three or more [curve]."""
         counts = np.maximum(3, 1 - (1 - point_counts) // STRIDE)
         start = np.cumsum(point_counts) - point_counts
         number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -163,7 +163,7 @@ class Thinning:
         return cls(kept.astype(np.int32), first.astype(np.int32), counts)
 
     def largest(self, values: NDArray[Any]) -> NDArray[Any]:
-        """[kept point]  the largest of `values` [point] among the points that each kept one stands for."""
+        """Largest of `values` [point] around each kept point [kept point]."""
         return np.maximum.reduceat(values, self.first)
 
 
@@ -172,7 +172,7 @@ BODIES_A_FACE = 12.0  # about, where the repeats of the knit are not known
 
 
 class Sheet:
-    """The sheet through some wire points and bodies, from where they lie at the first frame.
+    """Sheet through wire points and bodies at their first positions.
 
     `points` [point, 2], `bodies` [body, 2] and `size` [2] of the mesh at rest in one unit of length; `deformation` [2, 2] of
     that frame; `repeats` [2] of the knit, 0 where unknown. `face_vertices` [face, 4], counter-clockwise.

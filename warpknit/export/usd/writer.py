@@ -45,7 +45,7 @@ from warpknit.export.usd.shapes import (
 from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Sheet, Thinning, Tile, cut_tiles, from_origin, tile_of
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
-LAYOUT = "tiles, lod: full, k8, surface; contacts elsewhere"  # an earlier stage that says something else is not gone on with
+LAYOUT = "tiles, lod: full, k8, surface; contacts between stitches"  # stages of another layout are not continued
 MARKER_WIDTH = 2.5  # diameters: a sphere about a clasp that reaches the centres of wires 1.25 diameters away
 UNITS = {"length": "mm", "stress": "Pa", "force": "N", "temperature": "K", "strain": "1"}
 LOADS = {
@@ -58,14 +58,12 @@ LOADS = {
 
 
 class StageWriter:
-    """Write a stage into `directory`, one call of `add_frame` a frame, and `close` at the end.
+    """Writes a stage into `directory`: `add_frame` for each frame, `close` at the end.
 
-    `colour_stress_max` [Pa]: colour the wires, gold at zero stress to dark violet here; without it they are gold.
-    `full_every`: the first frame, every so-manieth after index 0, and the end of a stage hold every point; 0: no others.
-    `points_per_tile`: about how many points a tile holds.
-    `resume`: go on with the stage that is in the directory, if it is of the same scene; the frames from the first one
-    that is added again are written anew. `earlier_frames`: those that are there and whole.
-    `streaming`: while one frame goes to the disk the next is made; `flush` waits for the last, and errors come one later.
+    `colour_stress_max` [Pa]: colour the wires, gold at zero stress to dark violet here; without it they are gold. `full_every`:
+    interval of frames with all points, beside the first frame and ends of load steps; 0: no others. `points_per_tile`: about.
+    `resume`: continue the stage in the directory, if it is of the same scene. `earlier_frames`: its whole frames. `streaming`:
+    write one frame while the next is made; `flush` waits for the last, and errors come one frame later.
     """
 
     def __init__(
@@ -153,7 +151,7 @@ class StageWriter:
         return path
 
     def flush(self) -> None:
-        """Wait until the last frame is on the disk, and name it in the stage."""
+        """Wait until the last frame is on disk, and name it in the stage."""
         if self._pending is None:
             return
         pending, self._pending = self._pending, None
@@ -210,7 +208,7 @@ class StageWriter:
         write_layer(manifest, self.directory / MANIFEST)
 
     def _usable_frames(self) -> tuple[int, ...]:
-        """Frames of an earlier stage of the same scene, up to the first whose file is lost."""
+        """Frames of an earlier stage, up to the first lost file."""
         if any(self._earlier.get(name) != value for name, value in self._metadata.items() if name != "version"):
             return ()
         frames = list(self._earlier["frames"])
@@ -244,7 +242,7 @@ class StageWriter:
         self._thinnings = tuple(Thinning.of(tile.point_counts) for tile in tiles)
 
     def _set_surface(self, points: Mapping[Sdf.Path, Any], deformation: NDArray[Any]) -> None:
-        """Lay the sheet through the points [mm] of the first frame as they were written, tile by tile."""
+        """Lay the sheet through the points [mm] of the first frame, tile by tile."""
         bodies = np.zeros((self.layout.body_count, 2))
         for tile in self._tiles:
             if tile.bodies.size:
@@ -254,7 +252,7 @@ class StageWriter:
         self._origin = np.round(0.5 * (wires.min(axis=0) + wires.max(axis=0)), 3)
 
     def _remove_leftovers(self) -> None:
-        """Files of a run that was killed, and frames that the stage does not name."""
+        """Remove files of a killed run, and frames unknown to the stage."""
         for leftover in (*self.directory.glob(".*.partial.*"), *(self.directory / FRAMES).glob(".wires.*.partial.*")):
             if re.match(r"\.(scene|wires\.\w+)\.partial\.", leftover.name):
                 leftover.unlink()
@@ -266,7 +264,7 @@ class StageWriter:
     # --- layers ---
 
     def _samples(self, frame: Frame, is_full: bool) -> Iterator[tuple[Sdf.Path, Values]]:
-        """What moves, at one frame: (prim, attribute -> value), tile by tile and then the sheet."""
+        """Moving values of one frame: (prim, attribute -> value), tile by tile and then the sheet."""
         kept = {}
         for prim, values in self._tile_samples(frame, is_full):
             if prim.HasPrefix(f"/{K8}"):
@@ -300,7 +298,7 @@ class StageWriter:
                 yield self._seen(tile, _elsewhere(tile.name), values)
 
     def _sheet_values(self, frame: Frame, kept: Mapping[Sdf.Path, Values]) -> Values:
-        """What moves of the sheet, from the values of the kept points of the tiles."""
+        """Moving values of the sheet, from the kept points of the tiles."""
         assert self._surface is not None
         thinned = [(tile, kept[_prim(K8, tile.name)]) for tile in self._tiles]
         points = np.concatenate([np.asarray(values["points"]) + tile.origin for tile, values in thinned])
@@ -314,13 +312,13 @@ class StageWriter:
         )
 
     def _seen(self, tile: Tile, prim: Sdf.Path, values: Values) -> tuple[Sdf.Path, Values]:
-        """The same, after the bounds of the stage were made to hold it."""
+        """The same, with the bounds of the stage extended to it."""
         low, high = np.array(values["extent"]) + tile.origin
         self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
         return prim, values
 
     def _topology(self, pose: Mapping[Sdf.Path, Values]) -> Sdf.Layer:
-        """What does not move, and the pose where no clip is read."""
+        """Static values, and the pose without a clip."""
         layer = Sdf.Layer.CreateAnonymous("topology.usdc")
         stage = Usd.Stage.Open(layer)
         set_units(stage)
@@ -357,7 +355,7 @@ class StageWriter:
         return layer
 
     def _write_scene(self) -> None:
-        """Bring the frame list, the time codes and the camera up to date, and write scene.usda."""
+        """Update frame list, time codes and camera, and write scene.usda."""
         layer, frames = self._scene, self.frames
         assert layer is not None
         set_clips(layer, frames, sorted(self._full))
@@ -391,7 +389,7 @@ def _prim(part: str, tile: str | None = None) -> Sdf.Path:
 
 
 def _elsewhere(tile: str) -> Sdf.Path:
-    """Path of the contacts of a tile where no wires hook, beside those where they do."""
+    """Path of the contacts between stitches of a tile, beside those at hooks."""
     return Sdf.Path(f"/{CONTACTS}/{tile}/ContactsElsewhere")
 
 

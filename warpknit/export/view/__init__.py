@@ -1,4 +1,4 @@
-"""A run in the browser: wires and contacts of its records in space. Needs the extra `view`."""
+"""A run in the browser: wires and contacts of its records in 3D. Needs the extra `view`."""
 
 from __future__ import annotations
 

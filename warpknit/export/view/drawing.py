@@ -1,4 +1,4 @@
-"""What a record looks like in space: tubes of its wires, its contacts, and what a ray of sight meets.
+"""Drawing of a record in 3D: tubes of its wires, its contacts, and picking.
 
 Lengths in mm, stress in MPa, forces in uN.
 """
@@ -33,7 +33,7 @@ class Drawing:
     wire: Integers  # [point]
     index: Integers  # [point] in the drawn curves of the run
     start: Integers  # [piece + 1] points of piece p are start[p]:start[p + 1]
-    place: Floats  # (contact, 3) [mm] where wires hook, and active contacts elsewhere
+    place: Floats  # (contact, 3) [mm] hooks, and active contacts between stitches
     force: Floats  # [contact] [uN] between the two wires
     is_active: np.ndarray  # [contact] bool
     number: Integers  # [contact] of the body; elsewhere body_count + first wire * wire_count + second wire
@@ -71,7 +71,7 @@ class Drawing:
         return vertices, faces.reshape(-1, 3)
 
     def thinned(self) -> Drawing:
-        """At most about LINES straight pieces: every so many points of each wire, with its last one."""
+        """Every nth point and the last point of each wire: about LINES straight pieces."""
         every = -(-len(self.segment) // LINES)
         inside = np.arange(len(self.points)) - np.repeat(self.start[:-1], np.diff(self.start))
         keeps = inside % every == 0
@@ -150,13 +150,13 @@ def drawing_of(layout: WireLayout, frame: Frame) -> Drawing:
 
 
 def _copies(period: Floats, points: int) -> Integers:
-    """(2,) copies of a tile with so many points that are drawn in weft and warp."""
+    """Drawn copies (2,) of a tile with `points` points, in weft and warp."""
     copies = np.clip(np.round(COPIES * period.max() / period), COPIES, MOST_COPIES).astype(int)
     return copies if points * np.prod(copies) <= COPIED else np.ones(2, dtype=int)
 
 
 def _first(places: Floats, origin: Floats, direction: Floats, reach: float) -> tuple[int | None, float]:
-    """The place nearest to the eye among those within `reach` of a ray, and its distance along it."""
+    """Nearest place to the eye within `reach` of a ray, and its distance."""
     if not len(places):
         return None, np.inf
     direction = np.asarray(direction, dtype=float) / np.linalg.norm(direction)

@@ -35,13 +35,13 @@ from ..plots import scale_of
 from ..run_record import read_frame, read_run, state_files
 from .drawing import SPHERES, Drawing, drawing_of
 
-CONTACT_SIZE, CONTACT_SHARE = 2.6, 0.003  # radius over that of a wire, at least; over the distance from which all is seen
+CONTACT_SIZE, CONTACT_SHARE = 2.6, 0.003  # radius over the wire radius, at least; over the distance of the full view
 CONTACT_SPACE = 0.22  # radius over the mean spacing of contacts, at most
 OPEN = np.array([165, 165, 165], dtype=np.uint8)  # colour of an open contact
 WINDOW = 1.5  # repeats from the middle of the part that is drawn as tubes to its edge
 UPDATE_EVERY = 2.0  # [s] for new records of a run that goes on
 VIEW = np.array([0.0, -0.45, 0.9])  # direction from which a mesh is seen at first
-FULL, NARROW = 0.58, 0.8  # half the picture's height over that of the mesh; height over width of the part beside the controls
+FULL, NARROW = 0.58, 0.8  # half the picture's height over the mesh; height over width of the part beside the controls
 LEAST_FORCE = 1e-3  # [uN] end of the scale of forces, at least
 STRESS_SHARE = 99.5  # percent of the nodes whose stress is within the scale
 FIELD = np.radians(25.0)  # of view: small, to see lengths side by side at one scale
@@ -53,7 +53,7 @@ ASK = "Click a wire or a contact."
 
 
 class Viewer:
-    """The records of a run, finished or not, on a page in the browser. Raises `ExportError` where there are none."""
+    """Records of a run, finished or not, on a page in the browser. Raises `ExportError` without records."""
 
     def __init__(self, directory: Path, *, host: str = "localhost", port: int = 8080) -> None:
         """port: the first free one from here on is taken."""
@@ -63,7 +63,7 @@ class Viewer:
         self.yield_stress = self.run.yield_stress
         self.highest, self.largest_force = 1e-9, LEAST_FORCE  # [MPa] stress that few nodes exceed; [uN] force of a contact
         self.peak = 0.0  # [MPa] largest stress
-        self._ranged = 0  # records of which these are
+        self._ranged = 0  # number of records behind the scales
         self._widen()
         self.window: Floats | None = None  # (3,) [mm] middle of the part that is drawn as tubes; None: all is drawn
         self._chosen: tuple[bool, int, Floats] | None = None  # is it a contact, which one or point, and where [mm]
@@ -89,7 +89,7 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def stop(self) -> None:
@@ -104,7 +104,7 @@ class Viewer:
             self.update()
 
     def update(self) -> None:
-        """Take new records of the run, and show the last one where the last one is shown."""
+        """Read new records of the run; follow the last one if it is shown."""
         last = len(state_files(self.directory)) - 1
         if last >= self._ranged:
             was_last = self.record.value == self._ranged - 1
@@ -121,7 +121,7 @@ class Viewer:
             self._draw()
 
     def pick(self, origin: Floats, direction: Floats) -> None:
-        """Tell the numbers of what a ray of sight meets; where only lines are drawn, draw tubes about it."""
+        """Show the numbers of a clicked wire or contact; in a line drawing, draw tubes about it."""
         with self._lock:
             shown, eye = self.shown, np.asarray(origin, dtype=float) + self.middle
             there = shown if self._shows_contacts else replace(shown, place=shown.place[:0])
@@ -133,7 +133,7 @@ class Viewer:
                 self._chosen = False, int(shown.index[point]), shown.points[point]
             if self._chosen is not None and self.drawing.sides == 0 and self.window is None:
                 self._move_to(self._chosen[2])
-            self._tell()
+            self._show_numbers()
 
     def _follow(self) -> None:
         """Draw the record of the slider, unless an earlier call has."""
@@ -189,7 +189,7 @@ class Viewer:
         return float(FULL * max(across[1], NARROW * across[0]) / np.tan(0.5 * FIELD))
 
     def _move_to(self, window: Floats | None) -> None:
-        """Draw tubes about a place, or the whole mesh, and look at it."""
+        """Draw tubes about a place, or the whole mesh, and move the camera."""
         with self._lock:
             self.window = window
             self._draw()
@@ -224,10 +224,10 @@ class Viewer:
                 else:
                     self.server.scene.remove_by_name("/tubes")
                 self._draw_contacts(shown)
-                self._tell()
+                self._show_numbers()
 
-    def _tell(self) -> None:
-        """Numbers of the wire or contact that was clicked, in the record that is shown."""
+    def _show_numbers(self) -> None:
+        """Numbers of the clicked wire or contact, in the shown record."""
         name, text, shown, place = "", ASK, self.shown, np.zeros(3)
         if self._chosen is not None:
             is_contact, number, near = self._chosen
@@ -236,7 +236,7 @@ class Viewer:
                 here = int(same[np.argmin(np.linalg.norm(places[same] - near, axis=1))])
                 name = f"wire {shown.wire[here]}"
                 if is_contact:
-                    name = f"contact {number}" if number < self.layout.body_count else "contact elsewhere"
+                    name = f"contact {number}" if number < self.layout.body_count else "contact between stitches"
                 self._chosen, place = (is_contact, number, places[here]), places[here] - self.middle
                 numerals = self._contact_text(shown, here) if is_contact else self._wire_text(shown, here)
                 text = f"**{name}**{numerals}  \n{_place_text(place)}"
@@ -262,7 +262,7 @@ class Viewer:
             )  # fmt: skip
 
     def _stress_colours(self, shown: Drawing) -> np.ndarray:
-        """(point, 3) colours 0 .. 255 by stress; beyond the scale they are those of its end, or of yield."""
+        """Colours (point, 3) 0 .. 255 by stress; beyond the scale the end colour, or yield's."""
         colours, scale = stress_colours(np.array([self.highest]), self.yield_stress)
         yields = False if self.yield_stress is None else shown.stress > 1e-6 * self.yield_stress
         inside = np.where(yields, np.inf, np.minimum(shown.stress, float(scale.vmax or 0.0)))
@@ -278,7 +278,7 @@ class Viewer:
         active = self.frame.body_active
         contacts = f"{np.count_nonzero(active):,} of {len(active):,} contacts active\n" if len(active) else ""
         if elsewhere := self.frame.elsewhere_force.size:
-            contacts += f"{elsewhere:,} contacts elsewhere (cubes)\n"
+            contacts += f"{elsewhere:,} contacts between stitches (cubes)\n"
         state = state_title(self.frame, self._tension(), names_stage=True).replace("   ", "\n")
         return f"**{state}**\n{contacts}".replace("\n", "  \n")
 
@@ -307,7 +307,7 @@ class Viewer:
         return f"  \nstress {engineering(stress, 'Pa')}{share}"
 
     def _note(self) -> str:
-        """What is not drawn, and why."""
+        """Note on parts that are not drawn."""
         total, drawn = len(self.drawing.segment), len(self.shown.segment)
         if self.window is not None:
             return f"Tubes within {self._window_half:.3g} mm of the place that was clicked."
@@ -318,7 +318,7 @@ class Viewer:
         return f"{many}{contacts} Click a place to see its tubes and contacts."
 
     def _widen(self) -> None:
-        """Make the scales reach the stress and force of the records that are new."""
+        """Extend the scales to stress and force of new records."""
         for path in (paths := state_files(self.directory))[self._ranged :]:
             frame = read_frame(path, self.layout)
             self.highest = max(self.highest, 1e-6 * float(np.percentile(frame.node_stress, STRESS_SHARE)))
@@ -356,7 +356,7 @@ def _place_text(place: Floats) -> str:
 
 
 def _linear(colour: np.ndarray) -> np.ndarray:
-    """Colours 0 .. 255 of a screen as those of a glTF file, in which light adds up (IEC 61966-2-1)."""
+    """Screen colours 0 .. 255 as linear colours of a glTF file (IEC 61966-2-1)."""
     share = colour / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.asarray(np.round(255.0 * light), dtype=np.uint8)

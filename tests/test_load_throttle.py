@@ -1,11 +1,11 @@
-"""Loads and membrane corrections go slower while wires overlap deeply (numerics.renewed_pace)."""
+"""Loads and membrane corrections go slower while wires overlap deeply (numerics.renewed_throttle)."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from warpknit.mechanics.numerics import DEEP, LEAST_PACE, MAX_OVERLAP, SHALLOW, renewed_pace
+from warpknit.mechanics.numerics import DEEP, LEAST_THROTTLE, MAX_OVERLAP, SHALLOW, renewed_throttle
 from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import initial_state
@@ -17,11 +17,11 @@ from warpknit.solve.multilevel import PART_STEPS, MultilevelRelaxation
 from warpknit.solve.simulate import Simulation
 
 
-def test_pace_is_halved_by_deep_overlaps_and_recovers():
-    paces = [1.0]
+def test_throttle_is_halved_by_deep_overlaps_and_recovers():
+    throttles = [1.0]
     for overlap in (0.3, 0.3, 0.3, 0.3, 0.2, 0.1, 0.1, 0.1, 0.1):
-        paces.append(renewed_pace(paces[-1], overlap))
-    assert paces[1:] == [0.5, 0.25, 0.125, LEAST_PACE, 0.125, 0.25, 0.5, 1.0, 1.0]
+        throttles.append(renewed_throttle(throttles[-1], overlap))
+    assert throttles[1:] == [0.5, 0.25, 0.125, LEAST_THROTTLE, 0.125, 0.25, 0.5, 1.0, 1.0]
     assert SHALLOW < DEEP < MAX_OVERLAP
 
 

@@ -1,15 +1,18 @@
-"""Settings of probe runs of the planar model (trial.py)."""
+"""Settings of probe runs of the planar model (mechanics/probe_settings.py)."""
 
 from __future__ import annotations
 
-from ..mechanics.trial import SOFTENING, Setting, Varied, combined, edge_of
+from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
 
 NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop
 HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire
 FINE = {"periodic": 48, "gripped": 34, "hook": 128}  # nodes of the fine run, a loop or a wire
 TOLERANCE = 1e-4  # of fine runs and references
-REFERENCE = ((2_000, 96), (float("inf"), 54))  # nodes a loop of the reference of a trade, up to so many nodes of the scene
+REFERENCE = (
+    (2_000, 96),
+    (float("inf"), 54),
+)  # nodes a loop of the reference of a trade, up to these numbers of nodes of the scene
 HOOK_REFERENCE = 192  # segments a wire of the same, where two wires are hooked
 
 VARIED_NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)  # of a trade, a loop
@@ -21,7 +24,7 @@ COMBINED = ((8, 10, 12, 14, 16, 18, 20, 24, 30, 40), (700.0, 2000.0), (0.03, 0.0
 
 
 def settings(scene: Scene, percent: float) -> list[Setting]:
-    """Settings to try, the cheapest first, with a tolerance of at most a tenth of `percent`."""
+    """Settings to try, the cheapest first; tolerance at most a tenth of `percent`."""
     if scene.hook is not None:
         tolerance = min(1e-2, max(1e-4, percent / 1000.0))
         return [Setting(n, 64.0, tolerance, "double") for n in HOOK_NODES]
@@ -35,7 +38,7 @@ def fine(scene: Scene) -> Setting:
 
 
 def reference(scene: Scene, nodes: int) -> tuple[int, float]:
-    """Nodes a loop, or segments of a hooked wire, and tolerance of the reference of a trade."""
+    """Nodes a loop (or segments of a hooked wire) and tolerance of a trade's reference."""
     finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
     return finest, TOLERANCE
 

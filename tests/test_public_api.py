@@ -1,4 +1,4 @@
-"""The public door: `load_scene`, `build_model`, `initial_state`, `Simulation` give on every scene what `warpknit run` gives."""
+"""The public API: `load_scene`, `build_model`, `initial_state`, `Simulation` give on every scene what `warpknit run` gives."""
 
 import pydoc
 import re
@@ -72,7 +72,7 @@ def test_the_door_lists_its_names_and_imports_little() -> None:
 
 
 def test_the_function_run_is_no_module() -> None:
-    """Submodules that are imported later do not take the place of a name at the door."""
+    """Submodules that are imported later do not take the place of a public name."""
     for name in sorted(path.stem for path in Path(warpknit.__file__).parent.iterdir()):
         assert name in ("measure", "scene", "errors") or name not in dir(warpknit)
 

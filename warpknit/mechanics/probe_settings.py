@@ -1,4 +1,4 @@
-"""Numerical settings of probe runs and references, for the trade of speed against accuracy."""
+"""Numerical settings of probe runs and references of a trade."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def setting_of(scene: Scene) -> Setting:
 
 @dataclass(frozen=True)
 class Varied:
-    """Values that a trade gives to the numerical parameters of a kind of model."""
+    """Values of the numerical parameters that a trade varies."""
 
     nodes_per_loop: tuple[int, ...]
     axial_softening: tuple[float, ...]

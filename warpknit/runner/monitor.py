@@ -1,6 +1,6 @@
 """Callback of a run at every convergence check: handles Ctrl-C, writes checkpoints, shows progress.
 
-With several ranks every rank has its own watch, and all take the same decisions at the same check.
+With several ranks every rank has its own monitor, and all take the same decisions at the same check.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from .checkpoint import write_checkpoint
 from .interrupts import Interrupted, Interrupts
 
 DISPLAY_INTERVAL = 0.1  # [s]
-# [s] a checkpoint that takes longer, as that of a mesh of millions of nodes, is written less often: in a twentieth of the time
+# [s] a longer checkpoint, as of millions of nodes, is written less often: in a twentieth of the time
 LONG_CHECKPOINT, LONG_SHARE = 1.0, 0.05
 
 
 @dataclass(frozen=True)
 class LoopResult:
-    """Why the time loop stopped."""
+    """Ending of the time loop."""
 
     reason: str  # steady | interrupted | diverged
     exit_code: int = 0
     message: str = ""
 
 
-class Watch:
+class Monitor:
     """Runs a simulation in a directory; `wall_before` [s] is the time of earlier parts of the run."""
 
     def __init__(
@@ -60,7 +60,7 @@ class Watch:
 
     def _follow(self, simulation: Simulation) -> None:
         self.simulation = simulation
-        simulation.watch = self._check
+        simulation.monitor = self._check
 
     def run(self, keep: Callable[[Record], None], then: Callable[[], Simulation | None] = lambda: None) -> LoopResult:
         """Run to the end; `keep` receives every record. then: the simulation that follows one that has ended, or None."""
@@ -95,5 +95,5 @@ class Watch:
         begin = time.perf_counter()
         write_checkpoint(self.out, self.simulation, self._scene.hash, self.wall, self._recorded())
         self._saved = time.perf_counter()
-        if (took := self._saved - begin) > LONG_CHECKPOINT:
-            self._interval = max(self._scene.output.checkpoint_interval, took / LONG_SHARE)
+        if (elapsed := self._saved - begin) > LONG_CHECKPOINT:
+            self._interval = max(self._scene.output.checkpoint_interval, elapsed / LONG_SHARE)
