@@ -24,13 +24,15 @@ from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..runner.cautions import cut_cautions, release_cautions, scene_cautions, sweep_cautions
+from ..runner.sensitivity import MESHES as AGAIN
+from ..runner.sensitivity import changes_of, fewer_nodes
 from ..runner.strength import assumed_text
 from ..runner.variants import MOST, first_meshes
 from ..scene import Scene
 from ..scene.capabilities import without_effect
 from ..scene.options import DEFAULT, GIVEN
 from ..solve.model import kind_of
-from ..solve.sample_run import Measured, measure_run, sample_model
+from ..solve.sample_run import SAMPLE_NODES, Measured, measure_meshes, measure_run, sample_model
 from ..studies.contact_map import levels_of_pairs
 from ..wires.file_report import WireReport, wire_report
 
@@ -74,11 +76,19 @@ class Plan(Overview):
     @property
     def wall_s(self) -> float | None:
         """[s] of these steps of all meshes; None on a GPU."""
-        return self.run.seconds * self._meshes if self.device == "cpu" else None
+        return self.run.seconds * self._meshes_in_all if self.device == "cpu" else None
 
     @property
     def _meshes(self) -> int:
         return first_meshes(self.scene.variants)
+
+    @property
+    def _meshes_in_all(self) -> float:
+        """Meshes that take as many steps as those of the run and of its estimated error."""
+        meshes = self._meshes
+        if meshes == 1 or not self.scene.variants.sensitivity:
+            return meshes
+        return meshes + len(changes_of(self.scene)) * AGAIN * fewer_nodes(self.scene) / self.scene.model.nodes_per_loop
 
     def as_dict(self) -> dict[str, object]:
         """The object that `warpknit plan --json` prints."""
@@ -153,7 +163,7 @@ class Plan(Overview):
         )
 
     def _time(self, steps: int) -> str:
-        return duration(self.run.seconds * self._meshes * steps / max(1, self.steps))
+        return duration(self.run.seconds * self._meshes_in_all * steps / max(1, self.steps))
 
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
@@ -162,7 +172,7 @@ def make_plan(scene: Scene, device: str | None = None) -> Plan:
     Raises the errors of a run: `DeviceError`, `MemoryNeeded`, `ModelError`, `KnitError`, `SceneError`.
     """
     overview = overview_of(scene, device)
-    run = measure_run(overview.model, overview.nodes, scene)
+    run = _measured_run(scene, overview.model, overview.nodes)
     failed = run.small.failure
     failure = [ResultWarning("W59", f"A small mesh of this scene fails: {failed}.")] if failed else []
     warnings = (*overview.warnings, *failure)
@@ -174,9 +184,15 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
     if scene.sweep is None:
         return None
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
-    run = measure_run(sample_model(farthest)[0], overview.nodes, farthest)
+    run = _measured_run(farthest, sample_model(farthest)[0], overview.nodes)
     levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
     return first_meshes(scene.variants) * levels / scene.output.levels * run.seconds
+
+
+def _measured_run(scene: Scene, sample: Model, nodes: int) -> Measured:
+    """Steps and time of a run of one mesh of a scene, with `sample` as its `sample_model`; of several small ones side by side."""
+    meshes = min(first_meshes(scene.variants), SAMPLE_NODES // nodes)
+    return measure_meshes(scene, meshes) if meshes > 1 else measure_run(sample, nodes, scene)
 
 
 def overview_of(scene: Scene, device: str | None = None) -> Overview:

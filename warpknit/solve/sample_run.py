@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from statistics import median
 
@@ -16,6 +18,7 @@ from ..scene import Scene
 from .model import build_model
 from .progress import Progress
 from .simulate import Simulation
+from .variant_models import VariantModels, side_by_side
 
 SAMPLE_NODES = 20_000  # a mesh up to here is built whole: a second
 WORK = 1e7  # steps times nodes of a sample run, of FEWEST_NODES at least: a second or two
@@ -114,6 +117,50 @@ class Measured:
     def is_bound(self) -> bool:
         """Whether a run takes more steps: the sample run has not come to a load."""
         return not self.small.place and not self.small.failure
+
+
+def side_by_side_share(models: Sequence[Model]) -> float:
+    """Time of a step of one of these meshes side by side, over that of the first one alone."""
+    alone, clock = SampleRun(models[0], TIMED_CHECKS).run().step_time(), list[tuple[float, int]]()
+    simulation = Simulation(models[0], worlds=models)
+
+    def watch(_progress: Progress) -> None:
+        clock.append((time.perf_counter(), sum(drive.progress.steps for drive in simulation.drives)))
+        if len(clock) > TIMED_CHECKS:
+            raise _Enough
+
+    simulation.watch = watch
+    simulation.compile()
+    with suppress(_Enough, Diverged):
+        list(simulation.run())
+    return median((b[0] - a[0]) / max(1, b[1] - a[1]) for a, b in pairwise(clock)) / alone
+
+
+def measure_meshes(scene: Scene, count: int) -> Measured:
+    """Steps and time of one of several meshes of unequal loops, which run side by side. Raises the errors of a run."""
+    variants = VariantModels(scene)
+    models = [variants.of_place(place) for place in range(count)]
+    run = measure_run(models[0], models[0].node_count, models[0].scene)
+    return replace(run, seconds=run.seconds * _share_side_by_side(models))
+
+
+def _share_side_by_side(models: Sequence[Model]) -> float:
+    """Time of a step of one of these meshes side by side, over that of the first one alone."""
+    if len(side_by_side(models)) > 1:
+        return 1.0
+    alone, clock = SampleRun(models[0], TIMED_CHECKS).run().step_time(), list[tuple[float, int]]()
+    simulation = Simulation(models[0], worlds=models)
+
+    def watch(_progress: Progress) -> None:
+        clock.append((time.perf_counter(), sum(drive.progress.steps for drive in simulation.drives)))
+        if len(clock) > TIMED_CHECKS:
+            raise _Enough
+
+    simulation.watch = watch
+    simulation.compile()
+    with suppress(_Enough, Diverged):
+        list(simulation.run())
+    return median((b[0] - a[0]) / (b[1] - a[1]) for a, b in pairwise(clock)) / alone
 
 
 def sample_model(scene: Scene) -> tuple[Model, bool]:
