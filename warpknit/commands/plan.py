@@ -84,7 +84,7 @@ class Plan(Overview):
 
     @property
     def _meshes_in_all(self) -> float:
-        """Meshes that take as many steps as those of the run and of its estimated error."""
+        """Number of meshes, with the ones of the estimated error by their cost."""
         meshes = self._meshes
         if meshes == 1 or not self.scene.variants.sensitivity:
             return meshes
@@ -190,7 +190,7 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
 
 
 def _measured_run(scene: Scene, sample: Model, nodes: int) -> Measured:
-    """Steps and time of a run of one mesh of a scene, with `sample` as its `sample_model`; of several small ones side by side."""
+    """Steps and time of one mesh of a run. sample: the `sample_model` of the scene."""
     meshes = min(first_meshes(scene.variants), SAMPLE_NODES // nodes)
     return measure_meshes(scene, meshes) if meshes > 1 else measure_run(sample, nodes, scene)
 

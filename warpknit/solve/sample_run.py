@@ -119,25 +119,8 @@ class Measured:
         return not self.small.place and not self.small.failure
 
 
-def side_by_side_share(models: Sequence[Model]) -> float:
-    """Time of a step of one of these meshes side by side, over that of the first one alone."""
-    alone, clock = SampleRun(models[0], TIMED_CHECKS).run().step_time(), list[tuple[float, int]]()
-    simulation = Simulation(models[0], worlds=models)
-
-    def watch(_progress: Progress) -> None:
-        clock.append((time.perf_counter(), sum(drive.progress.steps for drive in simulation.drives)))
-        if len(clock) > TIMED_CHECKS:
-            raise _Enough
-
-    simulation.watch = watch
-    simulation.compile()
-    with suppress(_Enough, Diverged):
-        list(simulation.run())
-    return median((b[0] - a[0]) / max(1, b[1] - a[1]) for a, b in pairwise(clock)) / alone
-
-
 def measure_meshes(scene: Scene, count: int) -> Measured:
-    """Steps and time of one of several meshes of unequal loops, which run side by side. Raises the errors of a run."""
+    """Measure one of several meshes of unequal loops, side by side. Raises the errors of a run."""
     variants = VariantModels(scene)
     models = [variants.of_place(place) for place in range(count)]
     run = measure_run(models[0], models[0].node_count, models[0].scene)
@@ -145,18 +128,18 @@ def measure_meshes(scene: Scene, count: int) -> Measured:
 
 
 def _share_side_by_side(models: Sequence[Model]) -> float:
-    """Time of a step of one of these meshes side by side, over that of the first one alone."""
+    """Time of a step of a mesh among the others, over its time alone."""
     if len(side_by_side(models)) > 1:
         return 1.0
     alone, clock = SampleRun(models[0], TIMED_CHECKS).run().step_time(), list[tuple[float, int]]()
     simulation = Simulation(models[0], worlds=models)
 
-    def watch(_progress: Progress) -> None:
+    def monitor(_progress: Progress) -> None:
         clock.append((time.perf_counter(), sum(drive.progress.steps for drive in simulation.drives)))
         if len(clock) > TIMED_CHECKS:
             raise _Enough
 
-    simulation.watch = watch
+    simulation.monitor = monitor
     simulation.compile()
     with suppress(_Enough, Diverged):
         list(simulation.run())
