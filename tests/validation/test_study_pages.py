@@ -73,8 +73,8 @@ PREDICTED = {
 }
 
 
-@pytest.mark.parametrize(("heading", "sample", "tensions"), [("tight mesh | plane", "tight", (2.0, 3.4, 4.9)),
-                                                             ("control | plane", "control", (1.0, 2.0, 3.4))])  # fmt: skip
+@pytest.mark.parametrize(("heading", "sample", "tensions"), [("tight mesh | planar", "tight", (2.0, 3.4, 4.9)),
+                                                             ("control | planar", "control", (1.0, 2.0, 3.4))])  # fmt: skip
 def test_the_experiment_is_as_predicted(heading: str, sample: str, tensions: tuple[float, ...]) -> None:
     """Base case, and in brackets the range of all cases."""
     rows = read_rows(RESULTS / "experiment.csv", Predicted)
