@@ -167,7 +167,7 @@ def test_a_tolerance_is_a_share_of_the_load(tmp_path: Path) -> None:
     scene = straight_wire(tmp_path, wire={"yield_stress": "100 MPa"}, output={"load_tolerance": 0.2})
     shares = [record.load_factor for record in Simulation(build_model(scene)).run()]
     assert min(after - before for before, after in pairwise(shares)) == 0.125
-    with pytest.raises(InputError, match=r"write 'auto' or a whole number from 1 to 100000"):
+    with pytest.raises(InputError, match=r"'auto' .* 1 to 100000"):
         straight_wire(tmp_path, output={"frames": "automatic"})
     assert replace(scene.output, frames=7).levels == 7 and scene.output.levels == 20
     assert json.loads(json.dumps(scene.output.frames)) == "auto"

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from reference.in_words import quantities
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve.model import build_model
@@ -74,7 +75,7 @@ def test_a_world_that_fails_leaves_the_others_alone():
     scene = scene_of("periodic", solver={"preset": "draft", "max_steps": 600})
     found = outcomes(scene, [(0.0, 0.0), (0.16, 0.0)])
     assert found[0].observables is not None and found[0].error is None
-    assert found[1].observables is None and "did not converge in 600 steps" in str(found[1].error)
+    assert found[1].observables is None and "600" in quantities(str(found[1].error))
 
 
 def test_a_mesh_of_scattered_loops_does_not_depend_on_those_beside_it():

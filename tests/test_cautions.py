@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reference.in_words import codes, table_of
+from reference.in_words import codes, quantities, table_of
 from warpknit.commands.plan import overview_of
 from warpknit.knit.centreline import Thread
 from warpknit.knit.cloth import Cloth
@@ -82,7 +82,7 @@ def test_an_elastic_wire_above_its_limit_claims_no_set() -> None:
 def test_a_plastic_wire_says_how_much_of_it_has_yielded() -> None:
     """Yield is by bending alone: a stress of bending and tension may be above the limit without it."""
     (said,) = stressed(True, 7e8, plastic_fraction=0.031, plastic_strain_max=0.0021)
-    assert said.text.endswith("3.1 % of the wire yields in bending, to a plastic strain of 0.21 %.") and said.advice is None
+    assert quantities(said.text)[-2:] == ["3.1 %", "0.21 %"] and said.advice is None
     (said,) = stressed(True, 7e8, plastic_fraction=0.0, plastic_strain_max=0.0)
     assert said.text.endswith("bending alone, which stays below.")
 
@@ -114,8 +114,8 @@ def as_released(stress: float, strain_warp: float, tension_weft: float = 0.1) ->
 def test_release_beyond_the_strength_is_told_with_the_fraction_of_the_elastic_limit() -> None:
     """Stress is proportional to 1 - set_fraction: 3 GPa at 0.5 is 600 MPa at 1 - 0.5 0.6/3 = 0.9."""
     (said,) = released(0.5, as_released(3.0e9, -0.19))
-    assert said.code == "W12" and "3 GPa before any load, above the strength of 800 MPa" in said.text
-    assert "shortens the mesh by 19.0 % in warp at 100 mN/m" in said.text
+    assert said.code == "W12" and {"3 GPa", "800 MPa"} <= set(quantities(said.text))
+    assert {"19.0 %", "100 mN/m"} <= set(quantities(said.text))
     assert said.advice is not None and "wire.set_fraction = 0.9 " in said.advice
     (said,) = released(0.9, as_released(5.3e8, -0.03))
     assert said.code == "W14" and said.text.startswith("20 pairs")
@@ -260,7 +260,7 @@ def test_the_largest_tensions_of_a_sweep_have_the_bound_of_a_stage(share: float,
 
 def test_the_table_names_the_last_load_step(tmp_path: Path) -> None:
     table = table_of(summary_findings(summary_of(Row(stage="load", displacement_m=0.0), Row(stage="cold", temperature_K=83.15))))
-    assert table["load step"] == "cold, the last of 2"
+    assert quantities(table["load step"]) == ["2"]
 
 
 def test_the_table_has_a_row_of_each_stage_before_the_last(tmp_path: Path) -> None:
@@ -332,11 +332,11 @@ def test_pieces_of_less_than_a_loop_between_grips_are_counted_where_one_is_taut(
         return [one.text for one in of_result._taut_between_grips(of, [Row(**stress, **mesh)])]
 
     (line,) = said(short, 2e9)
-    assert "reach 2 GPa (100 MPa away from the grips)" in line
+    assert {"2 GPa", "100 MPa"} <= set(quantities(line))
     tile = build_model(load_scene(SCENE.with_name("atlas_cell.toml")))
     assert not said(long, 2e9) and not said(short, 2e8) and not said(0, 2e9, tile) and not said(long, 2e9, part=0.2)
     (line,) = said(long, 2e9, part=1.0)
-    assert "carry 50 % of the weft tension" in line
+    assert "50 %" in quantities(line)
 
 
 def test_bars_that_are_given_twice_and_even_chains_are_reported():

@@ -13,6 +13,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+from reference.in_words import options, quantities
 from warpknit import errors
 from warpknit.commands.cli import main
 from warpknit.knit.lapping import KnitError
@@ -31,6 +32,7 @@ END = Row(
     stress_max_so_far_Pa=1.48e8, yield_stress_Pa=2.0e9, yield_stress_assumed=False, yield_fraction=0.0,
     tension_weft_N_per_m=0.019, tension_warp_N_per_m=0.018, strain_weft=0.1, strain_warp=0.1, temperature_K=293.15,
 )  # fmt: skip
+WHY = "wire 3 is caught"
 SUMMARY = Summary(
     scene=Values(name="atlas_cell", load="strain 10 %", by_tension=[False, False]),
     stop_reason="steady",
@@ -72,10 +74,10 @@ def behind(monkeypatch):
         (["run", CELL, "--set"], "requires an argument"),
         (["run", CELL, "extra"], "unexpected extra argument"),
         (["walk"], "No such command 'walk'"),
-        (["plan", "no/such.toml"], "no/such.toml: no such file or directory; "),
+        (["plan", "no/such.toml"], "no/such.toml: "),
         (["plan", str(ROOT)], f"{ROOT}: a directory; "),
         (["run", CELL, "--set", "wire.diameter=15 kg"], "wire.diameter: '15 kg'"),
-        (["plan", CELL, "--set", "wire.diamter=1"], "wire.diamter: unknown key; the nearest is wire.diameter"),
+        (["plan", CELL, "--set", "wire.diamter=1"], " wire.diameter\n"),
         (["run", CELL, "--preset", "fast"], "solver.preset: 'fast'"),
         (["export"], "Missing argument 'RUN_DIR'"),
         (["export", "runs/x"], "Missing option '--to'"),
@@ -137,34 +139,35 @@ def test_a_fault_of_the_program_is_not_hidden(behind):
 
 @pytest.mark.parametrize("status", [3, 4])
 def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
-    behind.outcome = SimpleNamespace(exit_code=status, summary=replace(SUMMARY, stages=()), message="why it ended")
+    behind.outcome = SimpleNamespace(exit_code=status, summary=replace(SUMMARY, stages=()), message=WHY)
     result = invoke("run", CELL, "--quiet")
     assert result.exit_code == status
-    assert result.stderr == "warpknit: why it ended\n"
+    assert result.stderr == f"warpknit: {WHY}\n"
     assert result.stdout == ""
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("given", "said"),
     [
-        ([], " and --resume"),
-        (["--out", "a b/"], " and --resume"),
-        (["--resume"], ""),
-        (["--force"], ", with --resume in place of --force"),
+        ([], {"--resume"}),
+        (["--out", "a b/"], {"--resume"}),
+        (["--resume"], set()),
+        (["--force"], {"--resume", "--force"}),
     ],
 )
-def test_an_interrupted_run_names_the_options_that_were_not_given(behind, options, said):
+def test_an_interrupted_run_names_the_options_that_were_not_given(behind, given, said):
     """The same command has the same directory, whether it names one or not; --force beside --resume is refused."""
     behind.outcome = SimpleNamespace(exit_code=130, summary=SUMMARY, message="interrupted")
-    assert invoke("run", CELL, "--quiet", *options).stderr == f"warpknit: interrupted; continue with the same command{said}\n"
+    line = invoke("run", CELL, "--quiet", *given).stderr
+    assert line.startswith("warpknit: interrupted") and line.count("\n") == 1 and options(line) == said
 
 
 def test_a_run_that_diverged_prints_the_table_of_its_records(behind):
     """The table and where the results are stand on stdout; the reason stays the one line of stderr."""
     summary = replace(SUMMARY, stop_reason="diverged", stages=(END, END.changed(stage="four")))
-    behind.outcome = SimpleNamespace(exit_code=3, summary=summary, message="why it ended")
+    behind.outcome = SimpleNamespace(exit_code=3, summary=summary, message=WHY)
     result = invoke("run", CELL, "--out", "somewhere")
-    assert result.exit_code == 3 and result.stderr == "warpknit: why it ended\n"
+    assert result.exit_code == 3 and result.stderr == f"warpknit: {WHY}\n"
     assert "did not converge" in result.stdout and "four, the last of 2" in result.stdout
     assert "148 MPa" in result.stdout and "W04  " in result.stdout and "somewhere" in result.stdout
 
@@ -215,7 +218,7 @@ def test_python_m_is_the_same_program():
     command = [sys.executable, "-m", "warpknit", "plan", "missing.toml"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("warpknit: missing.toml: no such file")
+    assert done.stderr.startswith("warpknit: missing.toml: ")
     assert done.stderr.count("\n") == 1
 
 
@@ -301,4 +304,4 @@ def test_progress_never_runs_backwards(monkeypatch, caplog):
 def test_a_search_shows_the_time_so_far_and_none_that_is_left(monkeypatch, caplog):
     """How many equilibria a tension takes is not known: neither a share of the work nor the time left."""
     told = lines_of(monkeypatch, caplog, [(None, 0.2), (None, 0.5), (None, 0.4)])
-    assert [line.strip() for line in told] == ["load 20 %, 0 s so far", "load 50 %, 100 s so far", "load 50 %, 3.3 min so far"]
+    assert [quantities(line) for line in told] == [["20 %", "0 s"], ["50 %", "100 s"], ["50 %", "3.3 min"]]

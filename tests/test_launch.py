@@ -43,19 +43,17 @@ def test_recorded_launch_can_be_repeated():
 
 
 def test_missing_argument():
-    with pytest.raises(
-        TypeError, match="argument total of kernel add_scaled is missing: neither named nor an attribute of SimpleNamespace"
-    ):
+    with pytest.raises(TypeError, match="total of kernel add_scaled .* SimpleNamespace"):
         bind(add_scaled, 1, SimpleNamespace(term=numbers(1.0)), factor=wp.float64(1.0))
 
 
 def test_ambiguous_argument():
     one, other = SimpleNamespace(term=numbers(1.0), total=numbers(1.0)), SimpleNamespace(term=numbers(1.0))
-    with pytest.raises(TypeError, match="argument term of kernel add_scaled is ambiguous"):
+    with pytest.raises(TypeError, match="term of kernel add_scaled"):
         bind(add_scaled, 1, one, other, factor=wp.float64(1.0))
 
 
 def test_superfluous_argument():
     everything = SimpleNamespace(term=numbers(1.0), total=numbers(1.0), factor=wp.float64(1.0))
-    with pytest.raises(TypeError, match="kernel add_scaled has no argument facter; .* factor, term, total"):
+    with pytest.raises(TypeError, match="kernel add_scaled .*facter.* factor, term, total"):
         bind(add_scaled, 1, everything, facter=wp.float64(1.0))

@@ -33,6 +33,7 @@ PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failur
 # the command line with a fault put in: rank 1 runs out of memory at its fifth convergence check
 OUT_OF_MEMORY = """
 import sys
+from reference.in_words import quantities
 from warpknit.runner import monitor
 from warpknit.commands.cli import main
 original, checks = monitor.Monitor._check, 0
@@ -146,7 +147,7 @@ def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: tuple[Path, 
     assert stamp(out) is not None, "the run ended before it could be killed"
     refused = run(*arguments, "--resume", ranks=1)
     assert refused.returncode == 2
-    assert "written by 2 ranks, not 1; " in one_line(refused.stderr)
+    assert "2 ranks" in one_line(refused.stderr)
     done = run(*arguments, "--resume")
     assert done.returncode == 0, done.stderr
     assert_same_states(out, expected)
@@ -201,7 +202,7 @@ def test_an_error_on_one_rank_ends_all(tmp_path: Path) -> None:
     ("ranks", "arguments", "status", "says"),
     [
         (2, ("--set", "load.strain_wft=0.1"), 2, "strain_wft"),
-        (3, ("--set", "knit.repeats=[1, 1]", "--set", "model.boundary=periodic"), 2, "2 wires cannot be shared by 3 ranks"),
+        (3, ("--set", "knit.repeats=[1, 1]", "--set", "model.boundary=periodic"), 2, "knit.repeats: 2 wires "),
         (2, ("--set", "solver.max_steps=100"), 3, "max_steps"),
     ],
 )

@@ -126,11 +126,11 @@ def test_corners_from_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (None, "(no such file or directory)"),
+        (None, "'facet.csv'"),
         ("x,y\n1,2\n3\n", "'3' in line 3"),
         ("x,y\n1,2 kg\n", "line 2"),
         ("1,2\n3,4\n", "2 corners"),
-        ("0,0\n1,1\n1,0\n0,1\n", "crosses or touches itself"),
+        ("0,0\n1,1\n1,0\n0,1\n", "outline"),
         (b"\xff\xfe\x00", "not text"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from reference.in_words import table_of
+from reference.in_words import quantities, table_of
 from warpknit.commands.plan import make_plan, overview_of
 from warpknit.compute import device, memory
 from warpknit.compute.memory import MEMORY_PER_NODE
@@ -100,30 +100,30 @@ TRICOT, ATLAS = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], [{"chain": "1-0/1-
 
 
 @pytest.mark.parametrize(
-    ("bars", "kind", "diameter", "line"),
+    ("bars", "kind", "diameter", "given"),
     [
-        (TRICOT, "spatial", "90 um", "As knitted, wires overlap in 4 places of a repeat, by up to 71 % of their thickness."),
-        (ATLAS, "spatial", "70 um", "As knitted, wires overlap in 6 places of a repeat, by up to 23 % of their thickness."),
-        (ATLAS, "planar", "120 um", "At least 16 of 20 pairs of a repeat are active as knitted."),
-        (TRICOT, "spatial", "30 um", None),
-        (ATLAS, "spatial", "50 um", None),
-        (ATLAS, "planar", "60 um", None),
+        (TRICOT, "spatial", "90 um", ["4", "71 %"]),
+        (ATLAS, "spatial", "70 um", ["6", "23 %"]),
+        (ATLAS, "planar", "120 um", ["16", "20"]),
+        (TRICOT, "spatial", "30 um", []),
+        (ATLAS, "spatial", "50 um", []),
+        (ATLAS, "planar", "60 um", []),
     ],
 )
-def test_wires_too_thick_for_the_loops_are_told_as_by_a_run(bars, kind, diameter, line):
+def test_wires_too_thick_for_the_loops_are_told_as_by_a_run(bars, kind, diameter, given):
     """What a run finds when it begins: the same places as deep in space; in the plane all 20 pairs of the atlas of 120 um, of
     which 16 are those of single lenses, and none of that of 60 um."""
     knit = {"bars": bars, "wales": "26 /inch", "courses": "30 /inch"}
     model = {"kind": kind, "boundary": "periodic", "nodes_per_loop": 24}
     scene = load_scene({"wire": {"diameter": diameter}, "knit": knit, "model": model, "load": {"strain_weft": 0.01}})
-    told = [one.text for one in overview_of(scene).warnings if one.code == "W14"]
-    assert told == ([] if line is None else [line])
-    if line is not None and kind == "spatial":
+    told = [quantities(one.text) for one in overview_of(scene).warnings if one.code == "W14"]
+    assert told == ([given] if given else [])
+    if given and kind == "spatial":
         mechanics = Simulation(build_model(scene)).mechanics
         mechanics.contact.search()
         mechanics.is_in_equilibrium(LoadPoint(np.eye(2), scene.wire.reference_temperature))
         [note] = mechanics.notes
-        assert note.lower().startswith(line.partition(" of a repeat")[0].lower())
+        assert quantities(note)[0] == given[0]
 
 
 def test_physics_that_is_off_is_not_named():
@@ -141,7 +141,7 @@ def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
         assert said in relaxation
     swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}
     physics = overview_of(load_scene(CELL, swept), "cpu").physics
-    assert "without effect: path (a map runs only [load])" in physics
+    assert any(text.startswith("without effect: path ") for text in physics)
 
 
 def test_a_scene_with_a_sweep_has_the_time_of_its_map() -> None:
@@ -151,7 +151,7 @@ def test_a_scene_with_a_sweep_has_the_time_of_its_map() -> None:
         for weft in ([0.1], [0.05, 0.1])
     )
     assert one.map_s is not None and two.map_s is not None and one.map_s > 0.0
-    assert "2 pairs of strains" in table_of(two.table().lines())["map"]
+    assert "2" in quantities(table_of(two.table().lines())["map"])
     assert make_plan(load_scene(CELL, ["output.frames=1"]), "cpu").map_s is None
 
 
@@ -224,9 +224,9 @@ FLAT = "wire,x [mm],y [mm],z [mm]\n1,0,0,0\n1,3,3,0\n2,0,3,0\n2,3,0,0\n"  # two 
 @pytest.mark.parametrize(
     ("name", "overrides", "line"),
     [
-        ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "half the thickness of the wire"),
+        ("wires/plain_knit_cell.toml", ["wires.node_spacing=1e-6"], "wires.node_spacing: "),
         ("wires/plain_knit_patch.toml", ["wires.node_spacing=0.02"], "its clamps hold four"),
-        (None, [], "centre lines of wires 1 and 2 intersect"),
+        (None, [], "wires 1 and 2 "),
     ],
 )
 def test_a_plan_in_space_refuses_what_a_run_refuses(name, overrides, line, tmp_path):
@@ -280,7 +280,7 @@ def array_bytes(thing, seen):
 
 def test_what_cannot_fit_is_refused_and_says_how_much(monkeypatch):
     monkeypatch.setattr(memory, "available_memory", lambda device="cpu": 2**30)
-    with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB, 1 GiB are available"):
+    with pytest.raises(MemoryNeeded, match=r"knit.repeats = \[1000000, 1000000\]: .* GiB.* 1 GiB "):
         make_plan(load_scene(CELL, ["knit.repeats=[1000000, 1000000]"]), "cpu")
 
 

@@ -67,7 +67,7 @@ def test_the_door_lists_its_names_and_imports_little() -> None:
     code = f"import sys, warpknit; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
-    with pytest.raises(AttributeError, match="no attribute 'plot'"):
+    with pytest.raises(AttributeError, match="'plot'"):
         _ = warpknit.plot
 
 
@@ -105,4 +105,4 @@ def test_help_shows_every_name_with_its_text() -> None:
     page = pydoc.plain(pydoc.render_doc(warpknit))
     for name in ("load_scene", "run", "run_map", "make_report", "load_run", "build_model", "initial_state", "class Simulation"):
         assert name in page
-    assert "own measures by name" in page and "Raises SceneError" in page
+    assert "probes" in page and "SceneError" in page

@@ -150,7 +150,7 @@ def test_an_override_takes_the_place_of_the_other_way_to_say_it():
 
 
 def test_two_overrides_that_say_it_twice_are_refused():
-    with pytest.raises(SceneError, match="cannot be combined with"):
+    with pytest.raises(SceneError, match="load.strain_weft|strain_weft = 0.1"):
         make_scene({}, ["load.strain_weft=0.1", "load.tension_weft=2"])
 
 
@@ -218,7 +218,7 @@ def test_inlays_with_even_numbers_stay_beside_odd_ones():
 def test_links_of_three_numbers_are_refused_by_name(chain):
     with pytest.raises(SceneError, match="write (2-3|1-0)") as caught:
         knit_of(chain, "1-0/1-2")
-    assert "three numbers in one link" in str(caught.value) and "knit.bars[0].chain" in str(caught.value)
+    assert caught.value.key == "knit.bars[0].chain"
 
 
 def test_repeats_that_are_written_out_make_a_larger_repeat_of_the_same_knit():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.in_words import in_words
+from reference.in_words import in_words, quantities
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import load_run, measure
 from warpknit.commands.cli import main
@@ -39,7 +39,7 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
 def test_what_only_the_planar_model_does_is_refused(override: str, line: str) -> None:
     with pytest.raises(SceneError) as error:
         load_scene(CELL, [override])
-    assert line in str(error.value) and "with model.kind = 'spatial'" in str(error.value)
+    assert line in str(error.value) and "model.kind = 'spatial'" in str(error.value)
     assert "\n" not in str(error.value)
 
 
@@ -72,7 +72,7 @@ def test_loops_set_in_part_spring_open_step_by_step(tmp_path: Path, monkeypatch:
 
 @pytest.mark.parametrize(
     ("fraction", "factor", "cause"),
-    [(0.5, 0.0, "raise wire.set_fraction"), (0.5, 0.1, "raise output.frames"), (1.0, 0.0, "change the shape of the wires")],
+    [(0.5, 0.0, "wire.set_fraction"), (0.5, 0.1, "output.frames"), (1.0, 0.0, "change the shape of the wires")],
 )
 def test_a_divergence_names_its_cause(fraction: float, factor: float, cause: str) -> None:
     """Before any load that is the natural curvature, where it is not that as knitted."""
@@ -96,13 +96,13 @@ def test_wires_in_each_other_are_told_with_place_and_stiffness(given: tuple[str,
     place = re.search(r"near \(([^,]+), ([^)]+)\) (\w+) from the corner", line)
     assert place is not None
     x, y = (float(text) * {"um": 1e-3, "mm": 1.0}[place[3]] for text in place.groups()[:2])
-    assert "deepest now between wires 0 and 1 near" in line and "\n" not in line
+    assert {"0", "1"} <= set(quantities(line)) and "\n" not in line
     for wire in (0, 1):
         away = 1e3 * rods.position[rods.wire_of == wire, :2] - (x, y)
         away -= 1e3 * rods.tile[:2] * np.round(away / (1e3 * rods.tile[:2]))
         assert np.linalg.norm(away, axis=1).min() < 1e3 * rods.node_length.max()
-    assert "axial stiffness 14.2 mN in force in place of 70.7 N" in line
-    assert ("contact penalty 6.03 N/m in force in place of 333 N/m" in line) == (not given)
+    assert {"14.2 mN", "70.7 N"} <= set(quantities(line))
+    assert ({"6.03 N/m", "333 N/m"} <= set(quantities(line))) == (not given)
 
 
 def keys_of(tree: dict, under: str = "") -> set[str]:
@@ -230,7 +230,7 @@ def test_interrupt_and_resume_give_the_same_bits(
 
 
 def test_a_finished_run_is_not_replaced_unasked(finished: Path) -> None:
-    with pytest.raises(Exception, match="holds a finished run"):
+    with pytest.raises(Exception, match="--force"):
         run_scene(load_scene(CELL, QUICK), out=finished, device="cpu")
 
 

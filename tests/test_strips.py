@@ -91,7 +91,7 @@ def whole_pair(strip: Strip, pair: np.ndarray) -> np.ndarray:
 
 
 def test_more_ranks_than_wires_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"knit.repeats: 2 wires cannot be shared by 3 ranks"):
+    with pytest.raises(ModelError, match=r"knit.repeats: 2 wires .* 3 ranks"):
         cut_strip(panel([1, 1], "periodic"), 0, 3)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from reference.in_words import options, quantities
 from warpknit.commands.cli import main
 from warpknit.runner.interrupts import Interrupted, Interrupts
 from warpknit.scene import load_scene
@@ -41,7 +42,7 @@ def whole_map(tmp_path_factory):
 def test_a_map_leaves_its_files_and_is_not_overwritten(whole_map):
     """map.csv has a row for each pair of strains; a finished map is refused, kept by --resume, replaced by --force."""
     out, done = whole_map
-    assert "optimum at strain" in done.stdout and "4 of 4 pairs of strains converged" in done.stdout
+    assert "optimum at strain" in done.stdout and {"4"} <= set(quantities(done.stdout))
     assert [(r["strain_weft"], r["strain_warp"]) for r in rows(out / "map.csv")] == [
         ("0.0", "0.0"), ("0.1", "0.0"), ("0.0", "0.1"), ("0.1", "0.1")
     ]  # fmt: skip
@@ -52,7 +53,7 @@ def test_a_map_leaves_its_files_and_is_not_overwritten(whole_map):
     assert summary["stop_reason"] == "finished" and summary["optimum"]["active_percent"] > 0
     before = (out / "map.csv").read_bytes()
     refused = make_map(out)
-    assert refused.exit_code == 2 and "holds a finished map" in refused.stderr
+    assert refused.exit_code == 2 and options(refused.stderr) == {"--out", "--force"}
     assert make_map(out, "--resume").exit_code == 0
     assert make_map(out, "--force").exit_code == 0
     assert (out / "map.csv").read_bytes() == before
@@ -84,7 +85,7 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut)
     monkeypatch.undo()
-    assert stopped.exit_code == 130 and stopped.stderr.endswith("; continue with the same command and --resume\n")
+    assert stopped.exit_code == 130 and options(stopped.stderr) == {"--resume"}
     assert 0 < len(rows(cut / "map.csv")) < 4
     warnings = json.loads((cut / "map.json").read_text())["warnings"]
     assert any(warning.startswith(f"W42 The map is incomplete: {len(rows(cut / 'map.csv'))} of 4 pairs") for warning in warnings)
@@ -98,7 +99,6 @@ def test_cells_that_do_not_come_to_rest_are_blank(tmp_path):
     """With 600 steps a level the unloaded cell comes to rest and the stretched ones do not."""
     done = make_map(tmp_path / "m", "--set", "solver.max_steps=600")
     assert done.exit_code == 0, done.output
-    assert "did not converge" in done.stdout
     found = {(r["strain_weft"], r["strain_warp"]): r for r in rows(tmp_path / "m" / "map.csv")}
     failed = found["0.1", "0.1"]
     assert failed["stop_reason"] == "diverged" and failed["active_percent"] == failed["stress_max_Pa"] == ""

@@ -45,7 +45,7 @@ def test_quantity_is_read_in_si(text, dimension, expected):
     + [math.nan, math.inf, -math.inf, True, None, [1], {}, 10**400],
 )
 def test_what_is_no_length_is_refused_with_an_example(value):
-    with pytest.raises(QuantityError, match=r"; write a length such as '15 um'$"):
+    with pytest.raises(QuantityError, match=r" '15 um'$"):
         si(value, "length")
 
 
@@ -55,7 +55,7 @@ def test_a_quantity_written_in_si_comes_back_to_the_same_bits(value):
 
 
 def test_the_case_of_a_unit_is_named_as_the_fault():
-    with pytest.raises(QuantityError, match=r"upper and lower case of a unit count: GPa, not Gpa"):
+    with pytest.raises(QuantityError, match=r"GPa, not Gpa"):
         si("320 Gpa", "stress")
     with pytest.raises(QuantityError) as refused:
         si("320 kg", "stress")

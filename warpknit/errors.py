@@ -31,7 +31,11 @@ class InputError(WarpknitError, ValueError):
 
 
 class SceneError(InputError):
-    """A scene file, or an override of it, that cannot be used."""
+    """A scene file, or an override of it, that cannot be used. key: the dotted key at fault; "" of a whole file."""
+
+    def __init__(self, message: str, key: str = "") -> None:
+        super().__init__(message)
+        self.key = key
 
 
 class ModelError(InputError):

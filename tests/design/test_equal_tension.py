@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from reference.in_words import quantities
 from reference.map_rows import row
 from warpknit.design.equal_tension import YIELDED, EqualTensionPath, service_points, unreached_text
 from warpknit.design.report import _another
@@ -22,16 +23,14 @@ def test_the_tension_to_ask_for_is_one_that_the_mesh_carries():
     scene = load_scene(SCENES / "contact_map.toml", ["wire.yield_stress=600 MPa"])
     carried = {tension: SimpleNamespace(stress_max_Pa=stress) for tension, stress in ((1.0, 1e8), (2.0, 7e8), (3.4, 5e8))}
     assert _another(scene, EqualTensionPath(at=carried)).endswith('--tension "3.4 N/m"')
-    assert "that the mesh carries" in _another(scene, EqualTensionPath())
+    assert quantities(_another(scene, EqualTensionPath())) == []
 
 
 def test_a_service_tension_outside_the_map_names_the_sweep_that_holds_it():
     """Whole steps of 2 % away from zero: 15.3 % / -0.5 % is within 0 to 16 % and -2 to 0 %."""
     points = [ServicePoint(2.0, (0.153, -0.005), 100.0, 3e8)]
-    assert outside_text(points, by_tension=False).endswith(
-        "[sweep] with strain_weft from 0 to 0.16 and strain_warp from -0.02 to 0."
-    )
-    assert 'tension_weft and tension_warp up to "2 N/m"' in outside_text(points, by_tension=True)
+    assert quantities(outside_text(points, by_tension=False))[-4:] == ["0", "0.16", "-0.02", "0"]
+    assert "2 N/m" in quantities(outside_text(points, by_tension=True))
 
 
 def test_an_end_of_the_path_is_told_by_the_wire_first():
@@ -41,10 +40,10 @@ def test_an_end_of_the_path_is_told_by_the_wire_first():
     for stress in (5e8, 7e8, 9e8):
         record = SimpleNamespace(tension_weft_N_per_m=1.25, tension_warp_N_per_m=1.15, stress_max_Pa=stress)
         told[stress] = unreached_text(scene, EqualTensionPath(rows=[record], ended="level 0.5 did not converge"), 2.0)
-        assert told[stress].startswith("the mesh was followed up to 1.2 N/m")
-    assert "level 0.5 did not converge" in told[5e8] and "level" not in told[7e8] + told[9e8]
-    assert "above the elastic limit of 600 MPa" in told[7e8]
-    assert "above the strength of 800 MPa" in told[9e8] and "assumed" not in told[9e8]
+        assert quantities(told[stress])[0] == "1.2 N/m"
+    assert "0.5" in quantities(told[5e8]) and "level" not in told[7e8] + told[9e8]
+    assert "600 MPa" in quantities(told[7e8])
+    assert "800 MPa" in quantities(told[9e8]) and "assumed" not in told[9e8]
 
 
 @pytest.mark.parametrize(
@@ -82,7 +81,7 @@ def test_the_largest_equal_tension_of_a_bilinear_map():
 def test_a_mesh_that_is_always_stiffer_one_way_carries_no_tension_alike():
     rows = [row(x, y, (1.0 + x, 2.0 + y)) for x in (0.0, 0.1) for y in (0.0, 0.1)]
     assert equal_tension(rows, 1e9).largest == 0.0
-    assert "no strains with equal tension" in equal_tension(rows, 1e9).text()
+    assert quantities(equal_tension(rows, 1e9).text()) == []
 
 
 def test_unknown_states_carry_nothing():
@@ -103,11 +102,9 @@ def test_a_card_in_another_equilibrium_than_the_path_is_told(stress, strain, sam
     points = service_points(scene, EqualTensionPath(at={2.0: row}), [], 2.0, card)
     (point,) = (each for each in points if each.tension == 2.0)
     assert point.resolved == same and point.stress_max == stress
-    assert same or point.stress.endswith("another equilibrium than under equal tensions")
+    assert same == (point.stress == f"{1e-6 * stress:.0f} MPa")
     told = branches_at(2.0, row, (), card)
-    assert same == (told == "") and (
-        same or ("364 MPa under equal tensions" in told and f"{1e-6 * stress:.0f} MPa on the card" in told)
-    )
+    assert same == (told == "") and (same or ("364 MPa" in quantities(told) and f"{1e-6 * stress:.0f} MPa on the card" in told))
 
 
 def test_two_equilibria_of_a_page_at_one_tension_are_told() -> None:

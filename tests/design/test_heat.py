@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from reference.in_words import ChangingRow as Row
+from reference.in_words import quantities
 from warpknit.design.equal_tension import EqualTensionPath
 from warpknit.design.heat import heat, tension_held
 from warpknit.design.load_path import LoadPath
@@ -38,7 +39,7 @@ def test_a_temperature_that_is_not_reached_is_told(scene: Scene, monkeypatch: py
 
     monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)
     (held, framed), _ = heat(scene, EqualTensionPath(rows=rows_of(scene)), 0.2)
-    assert "tension held" in held.ended and "did not converge above 70 degC" in held.ended
+    assert quantities(held.ended)[-1] == "70 degC"
     assert len(held.rows) == 2
     assert [one["temperature_K"][1] for one in held.answers] == [pytest.approx(343.15)]
     assert framed.ended == "" and framed.rows[-1].temperature_K == pytest.approx(393.15)

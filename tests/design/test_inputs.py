@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from reference.in_words import key_of, quantities
 from warpknit import measure
 from warpknit.commands.report import lengths_of
 from warpknit.design import inputs
@@ -100,8 +101,10 @@ def test_loops_are_fitted_to_their_wire_length(scene):
     found = fit_loop_length(scene, 5.7e-3)
     assert knit_scene(found.scene).wire_length == pytest.approx(5.7e-3, rel=1e-3)
     assert found.scene.knit.loop.closed_radius > scene.knit.loop.closed_radius
-    with pytest.raises(InputError, match=r"--fit-loop-length: 9 mm .* 5\.\d+ mm to 6\.\d+ mm"):
+    with pytest.raises(InputError) as refused:
         fit_loop_length(scene, 9e-3)
+    given, least, most = (float(one.removesuffix(" mm")) for one in quantities(refused.value) if one.endswith("mm"))
+    assert key_of(refused.value) == "--fit-loop-length" and (given, int(least), int(most)) == (9.0, 5, 6)
 
 
 def test_loops_of_each_bar_are_fitted_to_its_run_in():
@@ -119,7 +122,7 @@ def test_loops_of_each_bar_are_fitted_to_its_run_in():
     assert fitted.scene.knit.loop == scene.knit.loop
     with pytest.raises(InputError, match=r"9 mm for bar 2 .* 4\.\d+ mm to 4\.\d+ mm"):
         fit_run_in(scene, (wanted[0], 9e-3))
-    with pytest.raises(InputError, match="5 mm, 4 mm, 4 mm are 3 lengths for 2 bars"):
+    with pytest.raises(InputError, match="5 mm, 4 mm, 4 mm .* 3 .* 2 "):
         fit_run_in(scene, (5e-3, 4e-3, 4e-3))
 
 
@@ -150,7 +153,7 @@ def test_rods_in_space_have_the_lengths_that_loops_were_fitted_to(name):
     assert np.mean(rods(alike.scene)) == pytest.approx(1.005 * cloth.wire_length, rel=tolerance)
     mass = 1.25 * measure.areal_mass(states_at(build_model(scene), [np.eye(2)])[0])
     (note,) = with_known(scene, Known(areal_mass=mass)).notes
-    assert note.endswith(f"which requires {1.25e3 * np.mean(rods(scene)):.3g} mm of wire per loop")
+    assert quantities(note)[-1] == f"{1.25e3 * np.mean(rods(scene)):.3g} mm"
 
 
 def test_lengths_are_read_with_their_units():
@@ -180,8 +183,7 @@ def test_the_areal_mass_is_that_of_all_bars(scene):
     mass = measure.areal_mass(read(model, initial_state(model)))
     assert mass == pytest.approx(knit_scene(locknit).wire_per_area * locknit.wire.linear_density, rel=1e-9)
     (note,) = with_known(locknit, Known(areal_mass=mass)).notes
-    assert f"as knitted is {1e3 * mass:.3g} g/m2, 0 %" in note
-    assert f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm of wire per loop" in note
+    assert {f"{1e3 * mass:.3g}", "0 %", f"{1e3 * knit_scene(locknit).stitch_length:.3g} mm"} <= set(quantities(note))
     page = Page("locknit")
     found = SimpleNamespace(scene=locknit, model=model, knitted=read(model, initial_state(model)), card=None, notes=())
     mesh_section(page, found, {})
@@ -219,7 +221,7 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
         (",".join(COLUMNS) + "\n0.1,0.1,much,1\n", "'much'"),
         (",".join(COLUMNS) + "\n0.1,0.1,nan,1\n", "finite"),
         (",".join(COLUMNS) + "\n", "no rows"),
-        (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", "all tensions are 0"),
+        (",".join(COLUMNS) + "\n0.1,0.1,0,0\n", " 0"),
         (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "rms error"),
     ],
 )

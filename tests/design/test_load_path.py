@@ -8,7 +8,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.design.curves import tension_strain
-from warpknit.design.equal_tension import load_equally, service_points, with_state_at
+from warpknit.design.equal_tension import YIELDED, load_equally, service_points, with_state_at
 from warpknit.design.fine_states import exact_model
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.report import KeptStates, read_states, write_states
@@ -85,7 +85,7 @@ def test_a_path_ends_behind_first_yield():
     path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
     above = [row.stress_max_Pa > scene.wire.yield_stress for row in path.rows]
     assert above == [False] * (len(above) - 1) + [True]
-    assert {point.why for point in service_points(scene, path, (), None, None)} == {"beyond first yield"}
+    assert {point.why for point in service_points(scene, path, (), None, None)} == {YIELDED}
 
 
 @pytest.mark.parametrize("failing", [1, 2, 99])
@@ -110,7 +110,7 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
         assert (len(tried), list(path.states), path.ended) == (4, tried[:1], "no progress")
     else:
         assert list(path.states)[:2] == [tried[0], tried[1 + failing]]
-        assert path.ended == "beyond first yield"
+        assert path.ended == YIELDED
 
 
 def test_a_path_gets_the_state_at_a_further_tension(tmp_path):

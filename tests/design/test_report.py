@@ -12,12 +12,13 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+from reference.in_words import quantities
 from reference.map_rows import row
 from warpknit import __version__
 from warpknit.base.text import duration
 from warpknit.commands.cli import main
 from warpknit.design import curves
-from warpknit.design.equal_tension import EqualTensionPath, load_equally, service_points
+from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points
 from warpknit.design.fe import CODES
 from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.design.fine_states import exact_model
@@ -100,7 +101,7 @@ def test_the_answers_come_first(reports):
     """Where contacts close and wires yield under equal tensions, before anything else; the same in answers.json."""
     out, found, _ = reports
     page, _, _ = found["0.06 N/m"]
-    assert page.index("<h2>In short</h2>") < page.index("Computed by warpknit") < page.index("<h2>The mesh</h2>")
+    assert page.index("<h2>In short</h2>") < page.index("<h2>The mesh</h2>")
     answers = json.loads((out / "answers.json").read_text(encoding="utf-8"))
     closes = {one["name"]: one["closes"] for one in answers["contacts"]}
     assert closes["A"]["tension_weft_N_per_m"] < closes["B"]["tension_weft_N_per_m"] < 0.06
@@ -129,7 +130,7 @@ def test_the_wall_time_is_that_of_the_whole_report(reports):
 def test_without_a_tension_the_card_is_for_the_optimum(reports):
     _, found, _ = reports
     page, card, _ = found[""]
-    assert page.count("<td>beyond first yield</td>") == 6  # in short, and beside the map
+    assert page.count(f"<td>{YIELDED}</td>") == 6  # in short, and beside the map
     assert "optimum" in card["state"]
 
 
@@ -137,10 +138,9 @@ def test_a_tension_that_is_not_found_is_said_and_is_no_success(tmp_path, monkeyp
     """A card that was asked for and is missing: exit status 3, one line that says what to change, and the page is there."""
     monkeypatch.setattr(curves, "POINTS", 2)
     done = make_report(tmp_path / "r", "--tension", "1 MN/m", "--set", "solver.max_steps=2000")
-    assert done.exit_code == 3 and "no card for 1 MN/m in both directions" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert done.exit_code == 3 and quantities(done.stderr)[0] == "1 MN/m" and len(done.stderr.splitlines()) == 1
     page = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
-    assert "No card for 1 MN/m" in page and not (tmp_path / "r" / "material_card.json").exists()
+    assert "1 MN/m" in quantities(page) and not (tmp_path / "r" / "material_card.json").exists()
 
 
 def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):
@@ -155,17 +155,17 @@ def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):
     assert done.exit_code == 0
     page = html.unescape((tmp_path / "r" / "report.html").read_text(encoding="utf-8"))
     for text in (done.stdout, page):
-        assert "o card for the optimum of the map, which was not found again: a wire is lost; ask for a card at a tension" in text
+        assert "a wire is lost" in text
     assert re.search(r"<th>optimum strain, weft / warp</th><td>[^<]*, not found again</td>", page)
-    assert "The map has 9 pairs of strains, 8 % to 16 % in weft and 8 % to 16 % in warp: of [sweep] in the scene." in page
-    assert re.search(r"^map +9 pairs of strains, 8 % to 16 %", done.stdout, re.MULTILINE)
+    (line,) = re.findall(r"^map +(9 .*)$", done.stdout, re.MULTILINE)
+    assert quantities(line) == ["9", "8 %", "16 %", "8 %", "16 %"]
 
 
 def test_the_loads_of_the_default_map_are_said_to_be_so():
     rows = [row(x, y, (1.0, 1.0)) for x in DEFAULT_STRAINS for y in DEFAULT_STRAINS]
     scene = report_scene(load_scene(SCENES / "atlas_cell.toml"))
     text = Findings.sweep_text.fget(SimpleNamespace(rows=rows, by_tension=False, scene=scene))
-    assert text.startswith("121 pairs of strains, 0 % to 20 % in weft and 0 % to 20 % in warp: the default")
+    assert quantities(text) == ["121", "0 %", "20 %", "0 %", "20 %"]
 
 
 def test_curves_with_missing_states_are_told_on_the_terminal():
@@ -189,8 +189,8 @@ def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
 
     monkeypatch.setattr("warpknit.design.report.find_card", no_card)
     done = make_report(out, "--tension", "0.06 N/m", "--areal-mass", "10 g/m^2")
-    assert done.exit_code == 3 and "earlier report" in done.stderr and done.stderr.count("a wire is lost") == 1
-    assert "no card" not in done.stdout and len(done.stderr.splitlines()) == 1
+    assert done.exit_code == 3 and done.stderr.count("a wire is lost") == 1
+    assert "a wire is lost" not in done.stdout and len(done.stderr.splitlines()) == 1
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == kept
 
 
@@ -213,13 +213,11 @@ def test_the_fe_codes_that_were_asked_for_get_a_card(reports):
     files = {code: file for code, (file, _) in CODES.items()}
     assert found[""][1]["fe_cards"] == files
     page, card, _ = found["0.06 N/m"]
-    why = "the tension in weft does not rise with the strain in weft on the way to the card"
-    assert card["fe_cards"] == {"nastran": files["nastran"], "radioss": f"none: {why}"}
-    assert f"No card for radioss: {why}" in page and f"no card for radioss: {why}" in said["0.06 N/m"]
-    assert "have no tension-strain curves" not in page + said["0.06 N/m"] and "(FABRIC)" not in found[""][0] + said[""]
+    none, _, why = card["fe_cards"].pop("radioss").partition(": ")
+    assert card["fe_cards"] == {"nastran": files["nastran"]} and none == "none" and "weft" in why
+    assert why in page and why in said["0.06 N/m"] and why not in said[""] and "(FABRIC)" not in found[""][0] + said[""]
     assert {path.name for path in out.iterdir()} & set(files.values()) == {files["nastran"]}
-    assert "replaced: the earlier material card, for the optimum of the map; --out keeps both" in said["0.06 N/m"]
-    assert "replaced" not in said[""]
+    assert "--out" in said["0.06 N/m"] and "--out" not in said[""]  # the earlier card was replaced
     bulk = (out / files["nastran"]).read_text(encoding="ascii").replace("\n$ ", " ")
     assert f"Prestress: {1e-3 * card['values']['prestress1']:.9g} MPa in weft" in bulk
 
@@ -231,7 +229,7 @@ def test_card_service_table_and_marker_have_one_source(reports):
     values = card["values"]
     strains, share = f"{100 * values['prestrain1']:.1f} % / {100 * values['prestrain2']:.1f} %", f"{100 * values['active']:.1f} %"
     assert f"<th>60 mN/m</th><td>{strains}</td><td>{share}</td>" in page
-    assert f"strains of {strains} in weft / warp, with {share} of the contacts active" in page
+    assert page.count(strains) >= 3 and page.count(share) >= 3
     assert f"<th>prestrain1</th><td>{100 * values['prestrain1']:.1f}</td>" in page
     assert f"<th>active</th><td>{100 * values['active']:.1f}</td>" in page
     assert [
@@ -286,7 +284,7 @@ def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
     cell = map_row(pair, outcome.observables, steps=1, by_tension=True)
     path = EqualTensionPath(ended="level 1 did not converge")
     card, _, text, loading = _card(model, [cell], None, path, [], 0.06, lambda _: None)
-    assert text == "60 mN/m in both directions" and card.branch == ""
+    assert quantities(text) == ["60 mN/m"] and card.branch == ""
     assert (card.strain_weft, card.strain_warp) == pytest.approx((cell.strain_weft, cell.strain_warp), abs=1e-12)
     assert (card.tension_weft, card.tension_warp) == pytest.approx((0.06, 0.06), rel=scene.solver.residual_tolerance)
     assert loading[-2].strain_weft == cell.strain_weft

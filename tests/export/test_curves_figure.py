@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from reference.histories import history
 from reference.images import check_image
+from reference.in_words import quantities
 from warpknit.export import curves_figure
 from warpknit.export.curves_figure import JUMP, draw_curves, stage_slices
 from warpknit.export.plots import scale_of
@@ -125,7 +126,7 @@ def test_the_elastic_limit_is_named_on_the_axis_and_beyond(
     curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png", yield_stress=share * 1e8)
     axes = kept[0].axes[2]
     (label,) = [text.get_text() for text in axes.texts]
-    assert label.startswith("elastic limit, ") and label.endswith("is beyond the axis") == (not lines)
+    assert quantities(label)[0] == f"{share * 100:g} MPa" and ("axis" in label) == (not lines)
     assert sum(line.get_linestyle() == "--" for line in axes.lines) == lines
 
 
@@ -163,7 +164,7 @@ def test_contacts_elsewhere_are_drawn_where_there_are_some(tmp_path: Path, monke
     some, none = (figure.axes[0] for figure in kept)
     [right] = [axes for axes in kept[0].axes if "elsewhere" in axes.get_ylabel()]
     told = [text.get_text() for axes in (some, right) for text in axes.get_legend().get_texts()]
-    assert told == ["where wires hook", "elsewhere, right axis"]
+    assert len(told) == 2 and "right axis" in told[1]
     assert none.get_legend() is None and len(none.lines) == 1 and len(kept[1].axes) == len(kept[0].axes) - 1
     [share], [count], [stress] = some.lines, right.lines, kept[0].axes[2].lines
     assert np.asarray(share.get_ydata()).tolist() == [0.0, 25.0, 50.0, 75.0]

@@ -91,12 +91,12 @@ def test_csv(run_dir: Path, layout: WireLayout, make_frame: Callable[..., Frame]
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda run_dir: (run_dir / "summary.json").unlink(), "is not finished"),
+        (lambda run_dir: (run_dir / "summary.json").unlink(), "--resume"),
         (lambda run_dir: [path.unlink() for path in (run_dir / "states").iterdir()], "no states"),
-        (lambda run_dir: (run_dir / "summary.json").write_text("{"), "Expecting"),
-        (lambda run_dir: (run_dir / "summary.json").write_text("[1]"), "not the summary of a run"),
-        (lambda run_dir: (run_dir / "layout.npz").write_bytes(b"PK"), "not a saved WireLayout"),
-        (lambda run_dir: (run_dir / "states" / "state_000001.npz").write_bytes(b"spoiled"), "not a saved Frame"),
+        (lambda run_dir: (run_dir / "summary.json").write_text("{"), "summary.json: "),
+        (lambda run_dir: (run_dir / "summary.json").write_text("[1]"), "summary.json: "),
+        (lambda run_dir: (run_dir / "layout.npz").write_bytes(b"PK"), "WireLayout"),
+        (lambda run_dir: (run_dir / "states" / "state_000001.npz").write_bytes(b"spoiled"), "Frame"),
     ],
 )
 def test_unusable_directory_is_refused_in_one_line(run_dir: Path, spoil: Callable[[Path], object], message: str) -> None:
@@ -107,20 +107,20 @@ def test_unusable_directory_is_refused_in_one_line(run_dir: Path, spoil: Callabl
 
 
 def test_missing_and_foreign_directories_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match="no such directory"):
+    with pytest.raises(ExportError, match="absent: "):
         export_run(tmp_path / "absent", "csv")
     with pytest.raises(ExportError, match="no layout.npz"):
         export_run(tmp_path, "csv")
 
 
 def test_unknown_format_is_refused(run_dir: Path) -> None:
-    with pytest.raises(ExportError, match="usd, vtk, csv or png"):
+    with pytest.raises(ExportError, match="--to: 'stl' "):
         export_run(run_dir, "stl")
 
 
 def test_a_map_is_told_from_a_run(tmp_path: Path) -> None:
     (tmp_path / "map.json").write_text("{}")
-    with pytest.raises(ExportError, match=r"a map keeps no states"):
+    with pytest.raises(ExportError, match="map"):
         export_run(tmp_path, "csv")
 
 

@@ -59,7 +59,7 @@ def test_no_line_joins_two_wires(layout: WireLayout) -> None:
 def test_number_that_is_not_finite_is_refused(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
     stress = frames[0].node_stress.copy()
     stress[7] = np.inf
-    with pytest.raises(ValueError, match=r"node_stress is not finite at \(7,\)"):
+    with pytest.raises(ValueError, match=r"node_stress .*\(7,\)"):
         write_vtk(tmp_path, layout, [replace(frames[0], node_stress=stress)])
     assert list(tmp_path.iterdir()) == []
 

@@ -74,7 +74,7 @@ def test_own_weight_bends_clamped_wires_that_nothing_else_loads(tmp_path: Path, 
 def test_only_forces_on_the_nodes_of_a_model_in_space_are_taken(tmp_path: Path) -> None:
     simulation = clamped_wires(tmp_path, 100e-6)
     for wrong in (np.zeros(3), np.full((simulation.model.node_count, 3), np.nan), "abc", np.zeros((1, 3), dtype=complex)):
-        with pytest.raises(ModelError, match="forces on nodes: an array"):
+        with pytest.raises(ModelError, match="^forces on nodes: "):
             simulation.set_force(wrong)
     planar = Simulation(build_model(load_scene(SCENES / "atlas_cell.toml")))
     with pytest.raises(ModelError, match="planar"):
@@ -85,7 +85,7 @@ def test_a_tile_that_nothing_holds_takes_no_resultant() -> None:
     """Its own weight is refused; forces that add up to zero are taken."""
     simulation = Simulation(build_model(load_scene(SCENES / "atlas_cell_spatial.toml")))
     weight = np.full((simulation.model.node_count, 3), [0.0, 0.0, -1e-9])
-    with pytest.raises(ModelError, match="resultant of .* on a tile that nothing holds"):
+    with pytest.raises(ModelError, match="forces on nodes: .* nN"):
         simulation.set_force(weight)
     weight[: len(weight) // 2] *= -1.0
     simulation.set_force(weight)

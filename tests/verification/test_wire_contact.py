@@ -106,7 +106,7 @@ def test_a_list_that_memory_has_no_room_for_ends_the_run(monkeypatch: pytest.Mon
     """The list is counted first and never overflows: it grows, or says what it needs (exit status 4)."""
     contact = WireContact(RodStepper(tangle(3, 12, 60)), STIFFNESS)
     monkeypatch.setattr("warpknit.spatial.wire_contact.available_memory", lambda device: 1000)
-    with pytest.raises(OutOfResources, match="pairs of neighbouring segments need"):
+    with pytest.raises(OutOfResources, match="MiB"):
         contact.search()
     monkeypatch.undo()
     contact.search()

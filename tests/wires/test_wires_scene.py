@@ -9,6 +9,7 @@ import pytest
 import wire_samples as samples
 from click.testing import CliRunner
 
+from reference.in_words import quantities
 from warpknit.commands.cli import main
 from warpknit.commands.plan import make_plan
 from warpknit.errors import SceneError
@@ -34,7 +35,7 @@ def refused(table, folder=SCENES) -> str:
     ("keys", "line"),
     [
         ({"file": "none.bcc"}, "wires.file: 'none.bcc'"),
-        ({"file": "plain_knit_cell.toml"}, "ends in .toml"),
+        ({"file": "plain_knit_cell.toml"}, " .toml"),
         ({}, "wires.file: missing"),
         ({"file": "plain_knit.bcc"}, "wires.unit: missing"),
         ({"file": "plain_knit.bcc", "unit": "kg"}, "wires.unit: 'kg'"),
@@ -105,10 +106,10 @@ def test_what_a_file_says_wrong_is_said_with_the_scene(tmp_path):
 
 @pytest.mark.parametrize(
     ("scene", "boundary", "line"),
-    [(CELL, "gripped", "'periodic' for wires that repeat"), (PATCH, "periodic", "'gripped' for wires that do not repeat")],
+    [(CELL, "gripped", "'periodic'"), (PATCH, "periodic", "'gripped'")],
 )
 def test_the_boundary_is_that_of_the_wires(scene, boundary, line):
-    with pytest.raises(SceneError, match=f"model.boundary: '{boundary}'"):
+    with pytest.raises(SceneError, match=f"model.boundary: '{boundary}' .*{line}"):
         rest_wires(load_scene(scene, [f"model.boundary={boundary}"]))
 
 
@@ -141,9 +142,9 @@ def test_plan_says_what_a_file_holds():
     assert found["repeat_m"] == pytest.approx([1e-3 * samples.WALE, 1e-3 * samples.COURSE])
     thick = ("wire.diameter=0.5 mm", "wires.node_spacing=0.25 mm", "wires.repeats=[3, 3]")
     text = call("plan", CELL, "--verbose", *(part for each in thick for part in ("--set", each))).output
-    assert "3 (3 periodic), 55.17 mm long together" in text
+    assert {"3", "55.17 mm"} <= set(quantities(text))
     assert "36 overlaps; closest centre lines 0.7" in text
-    assert "wires are 0.1 mm thick in the file, 0.5 mm in the scene" in text
+    assert {"0.1 mm", "0.5 mm"} <= set(quantities(text))
 
 
 def test_wires_from_a_file_are_in_space():
@@ -178,7 +179,7 @@ def test_a_weave_that_overlaps_is_told_when_planned_and_run(tmp_path):
     }  # fmt: skip
     scene = make_scene(table, path=tmp_path / "weave.toml")
     planned = make_plan(scene)
-    assert any(one.code == "W13" and "by up to 30 % of their thickness" in one.text for one in planned.warnings)
+    assert any(one.code == "W13" and "30 %" in quantities(one.text) for one in planned.warnings)
     assert any("no wires hook each other" in line.text for line in planned.table().lines())
     said = run_scene(scene, out=tmp_path / "run").summary.json()["warnings"]
     assert any(line.startswith("W13") for line in said), said
@@ -193,13 +194,13 @@ def crossing(folder, gap, spacing):
     return make_scene(table, path=folder / "cross.toml")
 
 
-@pytest.mark.parametrize(("gap", "said"), [(0.997, "by up to 0.3 % of"), (0.9995, ""), (1.0, "")])
+@pytest.mark.parametrize(("gap", "said"), [(0.997, "0.3 %"), (0.9995, ""), (1.0, "")])
 def test_wires_that_only_touch_do_not_overlap(gap, said, tmp_path):
     warnings = [one.text for one in make_plan(crossing(tmp_path, gap, "0.1 mm")).warnings if one.code == "W13"]
     assert len(warnings) == bool(said) and all(said in line for line in warnings)
 
 
-@pytest.mark.parametrize(("spacing", "few"), [("0.6 mm", "11 nodes a loop are few"), ("0.5 mm", "")])
+@pytest.mark.parametrize(("spacing", "few"), [("0.6 mm", "11"), ("0.5 mm", "")])
 def test_nodes_are_few_where_wires_hook(spacing, few, tmp_path):
     """Loops of 3.3 x 2 mm of wire; straight wires have none, however far their nodes are apart."""
     hooked = load_scene(PATCH, [f"wires.node_spacing={spacing}"])

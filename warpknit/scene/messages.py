@@ -25,7 +25,7 @@ UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls 
 def scene_error(file: object, key: str, wrong: str, instead: str, more: Sequence[str] = ()) -> SceneError:
     """The error for one key, or for the whole file (""); more: the keys of other errors."""
     also = f" (also wrong: {', '.join(more)})" if more else ""
-    return SceneError(_one_line(f"{file}: {f'{key}: ' if key else ''}{wrong}; {instead}{also}"))
+    return SceneError(_one_line(f"{file}: {f'{key}: ' if key else ''}{wrong}; {instead}{also}"), key)
 
 
 def first_error(file: object, error: ValidationError) -> SceneError:
