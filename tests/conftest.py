@@ -6,6 +6,7 @@ SI values are small: pytest.approx needs `abs=0` beside `rel`, or its own 1e-12 
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,8 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Before workers start: a folder for what they solve, one thread for each, and the kernels compiled once for all."""
+    draw_blank(BLANK)
+    os.fsync = lambda _: None  # nothing here ends with the power
     if hasattr(config, "workerinput"):
         compile_kernels(*MODELS)  # loads what was compiled for all; in the same order, so that modules stand in the same form
         return
@@ -77,10 +80,15 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         shutil.rmtree(os.environ.get(FOLDER_KEY, ""), ignore_errors=True)
 
 
-@pytest.fixture
-def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are laid out, but their files are an image of one pixel; see `draw_blank`."""
-    draw_blank(monkeypatch)
+BLANK = pytest.MonkeyPatch()
+
+
+@pytest.fixture(scope="module")
+def pictures() -> Iterator[None]:
+    """Figures are drawn; elsewhere their files are an image of one pixel, see `draw_blank`."""
+    BLANK.undo()
+    yield
+    draw_blank(BLANK)
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])

@@ -17,7 +17,8 @@ import pytest
 import warpknit
 from warpknit.measure.table import Record
 from warpknit.results.run import Run
-from warpknit.scene import Scene, load_scene, resolved_toml
+from warpknit.scene import Scene, load_scene, resolved_toml, scene_loader
+from warpknit.scene.presets import PRESETS
 
 ROOT = Path(__file__).parents[1]
 QUICK = {"solver.preset": "draft", "output.frames": 2, "output.usd": False}
@@ -40,11 +41,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def fresh(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A working directory with these scenes, and with one finished run."""
+    """A working directory with these scenes, and with one finished run. What they leave to the defaults is quick."""
     (tmp_path / "scenes").symlink_to(folder / "scenes")
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "atlas_cell").symlink_to(folder / "finished")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(PRESETS, "standard", PRESETS["draft"])
+    monkeypatch.setattr(scene_loader, "VARIANTS", 1)
 
 
 def blocks(name: str, *, scripts: bool) -> list[str]:
@@ -74,7 +77,7 @@ def test_the_study_uses_several_processes(folder: Path) -> None:
     """The script of docs/python.md, in ten lines of its own."""
     (code,) = blocks("docs/python.md", scripts=True)
     assert len([line for line in code.splitlines() if line.strip() and "import" not in line]) <= 10
-    (folder / "study.py").write_text(code)
+    (folder / "study.py").write_text(code.replace('"output.frames": 4', '"output.frames": 1, "output.figures": False'))
     done = subprocess.run(
         [sys.executable, "study.py"], cwd=folder, check=False, capture_output=True, text=True, timeout=300,
         env={**os.environ, "PYTHONPATH": str(ROOT)},

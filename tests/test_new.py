@@ -9,7 +9,7 @@ from click.testing import CliRunner, Result
 from reference.in_words import quantities
 from warpknit.commands import new as new_module
 from warpknit.commands.cli import main
-from warpknit.commands.plan import make_plan
+from warpknit.commands.plan import overview_of
 from warpknit.knit.lapping import KnitError, lapping_table
 from warpknit.knit.named import NAMED_KNITS, named_knit
 from warpknit.scene import load_scene
@@ -75,7 +75,7 @@ def test_every_named_knit_can_be_planned(name: str) -> None:
     assert done.exit_code == 0, done.stderr
     scene = load_scene(f"{name}.toml")
     assert [bar.chain for bar in scene.knit.bars] == [bar.chain for bar in NAMED_KNITS[name].bars]
-    assert make_plan(scene, "cpu").bodies > 0
+    assert overview_of(scene, "cpu").bodies > 0
 
 
 @pytest.mark.parametrize("name", ["double-atlas", "tricot", "atlas", "reverse-locknit"])

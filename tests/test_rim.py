@@ -226,7 +226,8 @@ def test_pulls_move_what_is_near_them() -> None:
     assert near.sum() >= 2
 
 
-@pytest.mark.parametrize("repeats", [[8, 8], pytest.param([16, 16], marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("repeats", [[8, 8], [16, 16]])
 def test_a_pulled_edge_costs_few_steps_and_ends_where_more_care_ends(repeats: list[int]) -> None:
     """The membrane is only a start: the state is that of a run in three levels and to a tenth of the tolerance, by a hundredth of
     the tension, which is the tolerance. (Four levels may end in another equilibrium, with 2 % less tension.)"""

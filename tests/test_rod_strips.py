@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.compute.host import fetch, store
@@ -164,9 +165,7 @@ def test_a_ramp_in_space_is_refused_on_ranks() -> None:
 @pytest.mark.parametrize(
     ("knit", "repeats", "boundary", "ranks"),
     [
-        ("double atlas", [3, 2], "gripped", 3),
-        ("double atlas", [4, 1], "periodic", 2),
-        ("tricot", [6, 2], "periodic", 2),
+        *slow(("double atlas", [3, 2], "gripped", 3), ("double atlas", [4, 1], "periodic", 2), ("tricot", [6, 2], "periodic", 2)),
         ("tricot", [1, 1], "periodic", 2),  # both wires on both ranks
         ("single atlas", [6, 2], "gripped", 2),
         ("reverse locknit", [5, 2], "periodic", 3),

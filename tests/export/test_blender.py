@@ -26,6 +26,8 @@ WHITE_PLANE = """
 import sys
 sys.path.insert(0, sys.argv[3])
 import bpy, render_blender
+
+pytestmark = pytest.mark.usefixtures("pictures")
 render_blender.import_scene(sys.argv[1])
 bpy.ops.mesh.primitive_plane_add(size=1000, location=(0, 0, -1))
 white = bpy.data.materials.new("white")

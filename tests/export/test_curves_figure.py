@@ -15,6 +15,8 @@ from warpknit.export.curves_figure import JUMP, draw_curves, stage_slices
 from warpknit.export.plots import scale_of
 from warpknit.results.row import columns_of
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 
 def names_of(figure: Figure) -> list[str]:
     """Texts of the legends over the panels."""

@@ -14,6 +14,8 @@ from reference.in_words import quantities
 from warpknit.export import map_figure as module
 from warpknit.export.map_figure import Marks, map_figure
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 STRAINS = [0.0, 0.05, 0.1]
 RISING = np.add.outer(np.arange(3.0), np.arange(3.0)) * 20.0
 LIMIT = (0xD5 / 255, 0x5E / 255, 0.0)

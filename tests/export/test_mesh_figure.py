@@ -16,6 +16,8 @@ from warpknit.export.plots import BLUE
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.results.frame import Frame, WireLayout
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 
 @pytest.mark.parametrize("yield_stress", [None, 3e8, 3e9])
 def test_mesh_figure(tmp_path: Path, layout: WireLayout, make_frame: Callable[..., Frame], yield_stress: float | None) -> None:

@@ -14,6 +14,8 @@ from warpknit.export.plots import EDGE, copied, over_under, tile_copies
 from warpknit.results.frame import Frame, WireLayout
 from warpknit.results.row import columns_of
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 
 def test_the_higher_wire_is_drawn_later_on_a_white_edge() -> None:
     """Two wires that cross at heights 1 and -1: white and wire of the lower one, then of the higher one, 2 EDGE wider."""

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from warpknit.export import design_figures
 from warpknit.results.row import Values, columns_of, valued
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 
 def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monkeypatch):
     """Tension 2 N/m where the stress passes the limit, 1000 N/m behind it; the curves that stay below it carry less."""

@@ -22,6 +22,8 @@ from warpknit.export.view.drawing import Drawing, drawing_of
 from warpknit.results.frame import Frame, WireLayout
 from warpknit.results.run import Run
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 TOP = 160  # [pixels] of the page that tell about the renderer
 SETTLE = 20_000  # [ms] at most, until the page has drawn

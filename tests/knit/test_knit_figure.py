@@ -10,6 +10,8 @@ from reference.knits import FINE, cloth
 from warpknit.export import knit_figure as module
 from warpknit.export.knit_figure import _places, knit_figure
 
+pytestmark = pytest.mark.usefixtures("pictures")
+
 
 @pytest.mark.parametrize("name", ["paper", "pillar", "inlaid pillar"])
 def test_figure_is_written(name, tmp_path):
