@@ -177,6 +177,7 @@ def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:
     return dict(contacts[0]["closes"])
 
 
+@pytest.mark.slow
 def test_a_class_that_grazes_in_space_closes_where_it_carries_load(tmp_path: Path) -> None:
     """Contacts C of the atlas touch at 0.01 N/m and open again; from 0.6 N/m on their force grows to that of the others.
 

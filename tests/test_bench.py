@@ -8,10 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 SMALL = ("knit.repeats=[2, 2]", "solver.preset=draft", "load.strain_weft=0.01", "load.strain_warp=0.01")
 
 
+@pytest.mark.slow
 def test_a_gpu_is_measured_in_one_command(tmp_path: Path) -> None:
     """Steps of both models by graphs and by launches, in contact and free, then both scenes with their parts; a size for which
     there is no time is left out and named."""

@@ -92,7 +92,7 @@ def numbers(value: Any) -> Iterator[float]:
 DRAWS: dict[str, Any] = {"deadline": None, "derandomize": True, "database": None, "phases": [Phase.generate]}
 
 
-@settings(max_examples=16, **DRAWS)
+@settings(max_examples=8, **DRAWS)
 @given(scenes())
 def test_any_scene_ends_well(table: Table) -> None:
     """No other exception than a refusal, no number that is not finite, and the warnings that what was asked for calls for."""

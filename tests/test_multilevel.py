@@ -28,6 +28,7 @@ from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
+LARGE = (12, 3)  # repeats of a mesh that starts from one of 8 x 3
 TOLERANCE = 3e-3  # of LOADED: what a tension may still drift
 LOADED = (
     "solver.preset=draft", "model.nodes_per_loop=12", "solver.residual_tolerance=3e-3",
@@ -80,8 +81,8 @@ def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> Non
     """12 x 12 repeats with a start from 8 x 8, against the same mesh that begins undeformed: tensions within what both may still
     drift; contact forces, which rise about three times as steeply, within three times the local tension's MEMBRANE_TOLERANCE;
     all in less than half of the steps."""
-    model, state, _, steps = settled((12, 12), "gripped", False)
-    _, alone, _, many = settled((12, 12), "gripped", True)
+    model, state, _, steps = settled(LARGE, "gripped", False)
+    _, alone, _, many = settled(LARGE, "gripped", True)
     assert tension(model, state) == pytest.approx(tension(model, alone), rel=3 * TOLERANCE)
     force, expected = state.pair_force.numpy(), alone.pair_force.numpy()
     assert np.sqrt(np.mean((force - expected) ** 2)) < 3 * MEMBRANE_TOLERANCE * np.sqrt(np.mean(expected**2))
@@ -90,13 +91,13 @@ def test_start_from_smaller_meshes_gives_the_same_answer_in_fewer_steps() -> Non
 
 def test_the_smallest_mesh_converges_at_the_end_of_its_path(monkeypatch: pytest.MonkeyPatch) -> None:
     """Well within its tolerance; on the way it need not converge: the answer is the same, in fewer steps."""
-    model, state, simulation, _steps = settled((12, 12), "gripped", False)
+    model, state, simulation, _steps = settled(LARGE, "gripped", False)
     smaller = simulation.drive.smaller
     way, end = PlanarMechanics.path_ratios
     assert way > 1.0 > end
     assert smaller.progress.residual < end * smaller.scene.solver.residual_tolerance
     monkeypatch.setattr(PlanarMechanics, "path_ratios", (1.0, end))
-    strict = Simulation(panel([12, 12]))
+    strict = Simulation(panel(list(LARGE)))
     list(strict.run())
     assert tension(model, state) == pytest.approx(tension(strict.model, strict.state), rel=TOLERANCE)
     assert smaller.progress.steps < 0.7 * strict.drive.smaller.progress.steps
@@ -116,7 +117,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
     transferred is as on a mesh that did not move before."""
     found = []
     for own in (0, 100):
-        model = panel([12, 12])
+        model = panel(list(LARGE))
         state = initial_state(model)
         drive = Simulation(model, state).drive
         assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None and drive.prolongation is not None
@@ -133,7 +134,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
 
 def test_membrane_moves_and_forces_are_adjoint() -> None:
     """A displacement w of the grid does the work w . R on the grid, R the gathered forces, and f . (w spread) on the mesh."""
-    model, state, simulation, _ = settled((12, 12), "gripped", False)
+    model, state, simulation, _ = settled(LARGE, "gripped", False)
     drive = simulation.drive
     kept = state.arrays()
     state.restore(kept)
@@ -174,7 +175,7 @@ def test_response_is_the_derivative_of_the_stress() -> None:
     """dP/dF of an elastic cloth has the major symmetry, and a rotation W turns the stress: dP/dF : W F = W P.
 
     Differences are one-sided: what they miss is STRAIN over the strain of 10 % by which the stiffness changes by itself."""
-    model, _, simulation, _ = settled((12, 12), "gripped", False)
+    model, _, simulation, _ = settled(LARGE, "gripped", False)
     tangent = simulation.drive._response.tangent
     assert tangent == pytest.approx(tangent.transpose(2, 3, 0, 1))
     cell = simulation.drive.cell
@@ -188,7 +189,7 @@ def test_response_is_the_derivative_of_the_stress() -> None:
 @pytest.mark.parametrize("stop_at", [pytest.param(5, marks=pytest.mark.slow), 60])
 def test_interrupted_start_goes_on_to_the_same_bits(stop_at: int) -> None:
     """What a look at any time keeps is enough to go on from: in the smaller mesh, the cell and the large mesh alike."""
-    model, whole, _, _ = settled((12, 12), "gripped", False)
+    model, whole, _, _ = settled(LARGE, "gripped", False)
 
     class Stop(Exception):
         pass

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from warpknit.base.files import path_aside
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
@@ -106,7 +107,7 @@ def test_full_disk_is_exit_4_and_keeps_what_was_finished(tmp_path: Path) -> None
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit of address space")
-@pytest.mark.parametrize("gibibytes", [1.0, pytest.param(1.3, marks=pytest.mark.slow), 1.4])
+@pytest.mark.parametrize("gibibytes", [*slow(1.0, 1.3), 1.4])
 def test_too_little_memory_is_one_line(tmp_path: Path, gibibytes: float) -> None:
     """With a limit of address space a mesh that cannot fit is refused (2), and one that runs out on the way ends with 4. Threads
     take addresses too, so there is one of each kind, whatever the machine."""

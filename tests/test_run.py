@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from reference.cases import slow
 from warpknit.compute.device import compile_times
 from warpknit.errors import Diverged, OutOfResources, RunDirectoryError
 from warpknit.measure.table import MEASURES
@@ -138,7 +139,7 @@ def test_only_what_this_process_compiles_counts_as_compilation(tmp_path: Path, m
     assert counts == [1, 0]
 
 
-@pytest.mark.parametrize("kind", ["planar", "spatial"])
+@pytest.mark.parametrize("kind", [*slow("planar"), "spatial"])
 def test_a_run_loads_its_kernels_before_it_starts(kind: str) -> None:
     """Else their compilation would count as time of the run. In a new process, which has loaded nothing."""
     script = f"""
@@ -212,6 +213,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_usd_is_imported_is_not_lost(tmp_path: Path) -> None:
     """USD's import keeps exceptions to itself: the request must wait for the first check."""
     arguments = ["run", str(SCENES / "atlas_cell.toml"), "--preset", "draft", "--out", str(tmp_path / "r"), "--device", "cpu"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from reference.cases import slow
 from reference.in_words import options, quantities
 from warpknit.commands.cli import main
 from warpknit.runner.interrupts import Interrupted, Interrupts
@@ -131,7 +132,7 @@ def test_pairs_of_a_map_have_as_many_meshes_as_their_means_need(tmp_path):
     assert len(counts) > 1
 
 
-@pytest.mark.parametrize("stop", [3, 9])
+@pytest.mark.parametrize("stop", [*slow(3), 9])
 def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_been(stop, tmp_path, monkeypatch):
     """In space they run side by side, and those of a pair come to rest in any order, here the third or ninth of 16."""
     scene = load_scene({
@@ -142,7 +143,7 @@ def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_bee
         "solver": {"preset": "draft"},
         "output": {"frames": 2, "figures": False},
         "sweep": {"strain_weft": [0.02, 0.04], "strain_warp": [0.02, 0.04]},
-        "variants": {"count": 8, "standard_error": 0.1},
+        "variants": {"count": 4, "standard_error": 0.1},
     })  # fmt: skip
     run, found = batch.Batch.run, []
 

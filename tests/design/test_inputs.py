@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from reference.in_words import key_of, quantities
 from warpknit import measure
 from warpknit.commands.report import lengths_of
@@ -126,7 +127,7 @@ def test_loops_of_each_bar_are_fitted_to_its_run_in():
         fit_run_in(scene, (5e-3, 4e-3, 4e-3))
 
 
-@pytest.mark.parametrize("name", ["full-double-atlas", "tricot", "atlas", "reverse-locknit"])
+@pytest.mark.parametrize("name", ["tricot", *slow("full-double-atlas", "atlas", "reverse-locknit")])
 def test_rods_in_space_have_the_lengths_that_loops_were_fitted_to(name):
     """Natural lengths of the rods of each bar, over the courses. Tolerance: that of the factor, and a thousandth between samples
     and nodes. In plan view these knits have 2 to 8 % less wire."""

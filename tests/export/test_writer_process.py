@@ -16,6 +16,7 @@ import psutil
 import pytest
 from pxr import Usd
 
+from reference.cases import slow
 from warpknit.errors import OutOfResources
 from warpknit.export import writer_process
 from warpknit.export.writer_process import FrameFiles, FrameWriter, StageOptions, WriterProcess, frame_writer
@@ -198,7 +199,7 @@ def whole_run(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {path.name: path for path in (out / "frames").iterdir()}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, *slow(signal.SIGKILL)])
 def test_interrupted_and_killed_runs_leave_no_process_and_a_whole_stage(
     tmp_path: Path, whole_run: dict[str, Path], number: int
 ) -> None:

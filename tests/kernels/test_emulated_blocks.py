@@ -42,10 +42,10 @@ def off(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(found - expected).max()) / scale if scale > 0.0 else float(np.abs(found).max(initial=0.0))
 
 
-@pytest.mark.parametrize("only", ["planar cell, double", pytest.param("", marks=pytest.mark.slow)])
-def test_threads_of_a_block_take_the_step_of_one_thread(only: str, tmp_path: Path) -> None:
-    forward, reversed_ = (stepped(tmp_path, "--only", only, "--lanes", lanes) for lanes in ("forward", "reversed"))
-    alone = stepped(tmp_path, "--only", only)
+@pytest.mark.slow
+def test_threads_of_a_block_take_the_step_of_one_thread(tmp_path: Path) -> None:
+    forward, reversed_ = (stepped(tmp_path, "--lanes", lanes) for lanes in ("forward", "reversed"))
+    alone = stepped(tmp_path)
     assert [name for name in forward if not np.array_equal(forward[name], reversed_[name], equal_nan=True)] == []
     wrong = {}
     for name, values in alone.items():

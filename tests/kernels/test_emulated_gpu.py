@@ -96,6 +96,7 @@ def gpu_tests(*chosen: str) -> str:
     return said.stdout
 
 
+@pytest.mark.slow
 def test_a_run_on_an_emulated_gpu() -> None:
     """A thread a pair, and copies on the host, lead to the equilibrium that blocks and shared memory lead to. Small
     meshes of a large start stay on the CPU, and no launch takes arrays of two devices."""

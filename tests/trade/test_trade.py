@@ -134,6 +134,7 @@ def _check_study(out: Path, rows: list[TradeRow], summary: dict) -> None:
     assert prices == sorted(prices) and errors == sorted(errors, reverse=True)
 
 
+@pytest.mark.slow
 def test_study_in_space_varies_what_space_has(tmp_path: Path, few_points: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points stay in the kind of model of the scene, whatever `auto` would take with one of their values; settings that it lacks
     are left out, and a ramp far beyond the limit is not run. More nodes are nearer to the reference."""

@@ -304,6 +304,7 @@ def test_a_frame_of_the_wire_s_own_metal_leaves_the_mesh_as_it_is() -> None:
     assert np.all(np.array(measure.mesh_tension(held["cold"])) > 1.01 * warm)
 
 
+@pytest.mark.slow
 def test_ramp_finds_the_strains_that_carry_a_tension() -> None:
     """Driven by tension in real time, the mesh ends where the steady states of the same tension are: the ramp keeps chords and
     a softening of 100, which the strains at 0.05 N/m see by less than 2 %. Tensions are met to 0.6 %; what such a difference

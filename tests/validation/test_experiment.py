@@ -40,6 +40,7 @@ def test_readings_are_those_of_a_mesh_that_has_an_energy(model: str) -> None:
     assert row.poisson_weft * row.poisson_warp < 1.0 and min(row.stiffness_weft, row.stiffness_warp) > 0.0
 
 
+@pytest.mark.slow
 def test_single_raises_of_the_tight_mesh_differ_by_their_size() -> None:
     """In the plane the compliance across grows as weft is raised and falls as warp is raised. So its secants over a single raise
     differ in proportion to the raise: to a quarter over 5 % in place of 20 %. Means over a round differ by its square."""
@@ -51,6 +52,7 @@ def test_single_raises_of_the_tight_mesh_differ_by_their_size() -> None:
     assert small.across_weft == pytest.approx(small.across_warp, rel=0.005)
 
 
+@pytest.mark.slow
 def test_loops_of_the_control_set_to_90_percent_spring_open_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
     """They press on each other as knitted, alike by steps of 2 % and of 1 % of the curvature. Their weft tension falls on the way
     to 0.5 N/m, which is found beyond."""

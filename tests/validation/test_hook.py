@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hook_reference import Contact, Hook
 
+from reference.cases import slow
 from warpknit import measure
 from warpknit.measure.observables import HookContact
 from warpknit.mesh.hook_mesh import LEFT_TOP, RIGHT_TOP
@@ -186,7 +187,7 @@ def test_a_sliding_clamp_has_the_mass_of_both_its_nodes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("treatment", "span"), [("spring-point", 1.0), ("spring-cylinder", 1.25), ("ring", -1.0), ("friction-plane", 1.25)]
+    ("treatment", "span"), [*slow(("spring-point", 1.0)), ("spring-cylinder", 1.25), ("ring", -1.0), ("friction-plane", 1.25)]
 )
 def test_treatments_hold_the_wires_at_their_own_span(treatment: str, span: float) -> None:
     """A point lets them come to d, a cylinder of radius d/8 to 1.25 d, a ring of inner radius d holds them 2 d - d apart the

@@ -71,6 +71,7 @@ def test_a_strip_has_free_sides() -> None:
     assert last.strain_across == pytest.approx(weft, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_wire_that_yields_is_pulled_by_less() -> None:
     """At 30 % along the wales wires have passed the elastic limit: with yield they carry less bending, and the strip less
     force. Up to there the axial stress is a hundredth of the strength, so that bending carries the load."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from reference.cases import slow
 from warpknit import measure
 from warpknit.kernels.wire_minima import SINGLE_STEP
 from warpknit.knit.named import named_knit
@@ -177,7 +178,7 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
 
 
 @pytest.mark.parametrize(
-    ("friction", "residual", "accuracy"), [(0.0, 1e-6, 3e-5), (0.2, 0.1, 1e-9)], ids=["without", "with friction"]
+    ("friction", "residual", "accuracy"), [*slow((0.0, 1e-6, 3e-5)), (0.2, 0.1, 1e-9)], ids=["without", "with friction"]
 )
 def test_tile_of_three_by_three_repeats_is_the_cell(friction: float, residual: float, accuracy: float) -> None:
     """At so few nodes that segments of one repeat are near several images of each other, one repeat rests as nine do.

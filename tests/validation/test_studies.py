@@ -80,6 +80,7 @@ def panels() -> list[Row]:
     return sizes((3, 5))
 
 
+@pytest.mark.slow
 def test_rhombus_of_a_panel_has_the_share_of_endless_cloth_and_more_force() -> None:
     """Grips keep the rim from following, so the middle is stretched more along the warp, and its contacts carry more."""
     for strain in (0.1, 0.14):
@@ -176,6 +177,7 @@ def friction(mu: float):
     return cycle(mu, DRAFT)[0]
 
 
+@pytest.mark.slow
 def test_hysteresis_vanishes_without_friction_and_is_the_area_of_the_loop() -> None:
     """Work of the boundary by the trapezoidal rule over steps of 0.5 %, and to a tolerance of 1e-2 of small differences."""
     without, with_friction = friction(0.0), friction(0.05)

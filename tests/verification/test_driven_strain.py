@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from warpknit import Simulation, build_model, load_scene, measure
 from warpknit.errors import NotCarried
 from warpknit.measure.strain import clamp_rotation, rotation, stretch, true_stress
@@ -151,7 +152,7 @@ def test_an_interrupted_level_goes_on_to_the_same_bits(kind: str) -> None:
         assert np.array_equal(found[2][name], value), name
 
 
-@pytest.mark.parametrize("kind", ["planar", "spatial"])
+@pytest.mark.parametrize("kind", [*slow("planar"), "spatial"])
 def test_with_friction_the_number_of_levels_matters_little(kind: str) -> None:
     """Strains change by at most 0.5 % from one equilibrium to the next, whatever the levels are."""
     strains = []

@@ -52,7 +52,7 @@ def test_reference_is_the_published_one(load: float) -> None:
     assert elastica(load)[0] == pytest.approx(DEFLECTION[load], abs=5e-7)
 
 
-@pytest.mark.parametrize("load", DEFLECTION)
+@pytest.mark.parametrize("load", [load if load < 5.0 else pytest.param(load, marks=pytest.mark.slow) for load in DEFLECTION])
 def test_deflection_converges_at_third_order(load: float) -> None:
     """A load at a node bends the moment there, which leaves an error of h^3 (test_contact_bodies.py has its size); to either
     side of it the scheme is of fourth order. So the error falls by 8 less a share of h, and Richardson's limit is the

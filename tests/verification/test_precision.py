@@ -26,6 +26,7 @@ def test_slow_motion_is_not_lost(speed: float, device: str) -> None:
     assert np.max(np.abs(moved - way)) < 2 * rig.model.precision.unit + 1e-6 * way
 
 
+@pytest.mark.slow
 def test_creep_is_not_lost() -> None:
     """A pinned beam, overdamped, creeps back to straight 1 m from the origin: u = u0 exp(-(w^2/c) t) in its first mode.
 

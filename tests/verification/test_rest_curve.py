@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from reference.cases import slow
 from reference.rods import SECTION, Pose, set_masses
 from reference.touching import advance
 from warpknit.spatial.contacts import Contacts
@@ -235,7 +236,7 @@ def test_contacts_and_their_saddle_pass_nodes(share: float, lean: float, off: fl
     assert np.ptp(pushes) < 0.06 * saddle + 1e-3 * pushes.mean()
 
 
-@pytest.mark.parametrize("off", [0.0, 1.3])
+@pytest.mark.parametrize("off", [*slow(0.0), 1.3])
 @pytest.mark.parametrize(("share", "lean"), HOOKS)
 def test_contacts_that_are_followed_are_those_of_a_new_search(share: float, lean: float, off: float) -> None:
     """The nodes move along two hooked wires by the length of a segment, in steps of a hundredth: closest points are followed from

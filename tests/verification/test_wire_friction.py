@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from reference.rods import SECTION, residual_of, set_masses, update
 from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.results.row import Row, read_rows
@@ -306,7 +307,7 @@ def relaxed(rest: RodRelaxation, contact: WireContact, checks: int = 100) -> boo
     return False
 
 
-@pytest.mark.parametrize("increments", [1, 4])
+@pytest.mark.parametrize("increments", [1, *slow(4)])
 def test_capstan(increments: int) -> None:
     """T2/T1 = exp(mu wrap), see `capstan`.
 
@@ -359,6 +360,7 @@ def test_a_capstan_holds_up_to_its_law_and_runs_off_beyond(share: float) -> None
     assert moved < 0.02 if share < 1.0 else moved > 0.1
 
 
+@pytest.mark.slow
 def test_what_a_mesh_does_not_store_is_dissipated(tmp_path: Path) -> None:
     """A double atlas is stretched by 10 %, let back to 5 % and stretched again: the work of the cycle is what contacts lose, a
     third of the largest stored energy. Forces at the end of an increment act on all of its slip, an error of first order."""
