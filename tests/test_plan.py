@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 
 from reference.in_words import quantities, table_of
+from reference.cases import slow
 from warpknit.commands.plan import make_plan, overview_of
 from warpknit.compute import device, memory
 from warpknit.compute.memory import MEMORY_PER_NODE
@@ -193,10 +194,10 @@ SPATIAL_CELL = ROOT / "scenes" / "atlas_cell_spatial.toml"
         (CELL, {"solver.drive": "ramp", "output.frames": 2, "solver.loading_time": 0.004, "solver.preset": "draft"}),
         (HOOK, {"output.frames": 5}),
         (PATCH, {"solver.preset": "draft", "output.frames": 8, "knit.repeats": [4, 4]}),
-        (SPATIAL_CELL, {"output.frames": 5}),
+        *slow((SPATIAL_CELL, {"output.frames": 5})),
         (SPATIAL_CELL, {"solver.preset": "draft", "knit.repeats": [2, 2], "output.frames": 4}),
         (TRICOT_CELL, {"load.strain_weft": 0.06, "load.strain_warp": 0.06, "output.frames": 5}),
-        (TRICOT_CELL, BY_TENSION),
+        *slow((TRICOT_CELL, BY_TENSION)),
         (WIRES, {"output.frames": 4}),
     ],
 )  # fmt: skip

@@ -35,6 +35,7 @@ def test_bodies_do_not_rattle_between_wires_that_drift() -> None:
     converged_run("atlas_cell.toml", nodes, 6 * nodes**2)
 
 
+@pytest.mark.slow
 def test_slow_wires_do_not_count_as_taut() -> None:
     """Wires with slack miss their stretch for as long as they move: on the way to rest 4 % of strain leaves all as soft as the
     bound on the softening, y^2 EA/(3 EI), does, and single precision finds the forces of double."""

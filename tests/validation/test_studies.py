@@ -110,6 +110,7 @@ def test_four_hundred_nodes_a_portion_come_to_rest() -> None:
     assert fine.force_mean_N == pytest.approx(coarse.force_mean_N, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_ramp_ends_at_rest_whatever_the_body_mass() -> None:
     """In real time, loading in 10 ms: the mass of the bodies has no part in a state at rest. Tolerance: the residual's."""
     nodes = "model.nodes_per_loop=24"
@@ -198,6 +199,7 @@ def molybdenum(strain: float, plastic: bool) -> Overload:
     return overload("molybdenum", plastic, strain, DRAFT)[0]
 
 
+@pytest.mark.slow
 def test_an_overload_costs_contacts_for_good() -> None:
     """30 um molybdenum that yields at 0.6 GPa: back from 20 % to the service strain it has lost them; elastic wire loses none."""
     assert molybdenum(0.2, True).share_before > 0.0
