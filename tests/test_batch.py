@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from reference.in_words import quantities
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene, make_scene
@@ -42,7 +43,7 @@ def outcomes(scene: Scene, strains: list[tuple[float, float]]) -> list[Outcome]:
     ("boundary", "tables", "strains"),
     [
         ("periodic", {}, STRAINS),
-        ("gripped", {}, STRAINS),
+        *slow(("gripped", {}, STRAINS)),
         ("gripped", {"wire": {"plastic": True, "yield_stress": "60 MPa"}, "contact": {"friction": 0.2}}, STRAINS[::3]),
     ],
 )

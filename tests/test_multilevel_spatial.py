@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from reference.in_words import quantities
 from warpknit import measure
 from warpknit.commands.plan import overview_of
@@ -74,7 +75,7 @@ def test_one_repeat_in_equilibrium_is_the_equilibrium_of_a_tile(monkeypatch: pyt
     assert active == pytest.approx(share)
 
 
-@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize("precision", [*slow("single"), "double"])
 def test_start_from_a_smaller_mesh_gives_the_same_answer_in_fewer_steps(precision: str) -> None:
     """12 x 3 repeats with a start from 8 x 3, against the same mesh from the knitted state, in double precision: tensions within
     what both may still drift."""
@@ -219,6 +220,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
         assert with_own[name] == pytest.approx(without[name], abs=5e-3 * 2e-6)  # cubics between nodes of panel and rods
 
 
+@pytest.mark.slow
 def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A large mesh that cannot take the state of the smaller one has its own state at the new load, says so, and is not corrected
     as a membrane; its level ends in the same equilibrium."""

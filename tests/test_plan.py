@@ -195,7 +195,7 @@ SPATIAL_CELL = ROOT / "scenes" / "atlas_cell_spatial.toml"
         (HOOK, {"output.frames": 5}),
         (PATCH, {"solver.preset": "draft", "output.frames": 8, "knit.repeats": [4, 4]}),
         *slow((SPATIAL_CELL, {"output.frames": 5})),
-        (SPATIAL_CELL, {"solver.preset": "draft", "knit.repeats": [2, 2], "output.frames": 4}),
+        *slow((SPATIAL_CELL, {"solver.preset": "draft", "knit.repeats": [2, 2], "output.frames": 4})),
         (TRICOT_CELL, {"load.strain_weft": 0.06, "load.strain_warp": 0.06, "output.frames": 5}),
         *slow((TRICOT_CELL, BY_TENSION)),
         (WIRES, {"output.frames": 4}),

@@ -182,6 +182,7 @@ def test_strips_converge_like_the_whole_mesh(knit: str, repeats: list[int], boun
     assert_same_bits(results[0][0], alone)
 
 
+@pytest.mark.slow
 def test_strips_in_single_precision_with_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WARPKNIT_THREADS", "2")
     here = scene("tricot", [6, 3], "gripped", solver={"precision": "single"})
@@ -212,6 +213,7 @@ def test_strips_remember_friction_and_yield() -> None:
     assert shared_heat == pytest.approx(heat, rel=1e-12, abs=0)
 
 
+@pytest.mark.slow
 def test_strips_in_a_temperature_field() -> None:
     here = scene("single atlas", [6, 2], "gripped", load={"temperature": 330.0, "temperature_gradient": [800.0, 0.0]})
     alone, *_ = last_reading(here, One())
@@ -223,7 +225,7 @@ def test_strips_in_a_temperature_field() -> None:
 def test_strips_are_one_membrane() -> None:
     """The forces that strips gather on the grid add up to those of the whole mesh, and a displacement of the grid moves both
     alike, copies included."""
-    here = scene("double atlas", [14, 14], "gripped")
+    here = scene("double atlas", [10, 10], "gripped")
 
     def gathered_and_moved(ranks: Ranks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         model = build_model(here, "cpu", ranks)

@@ -176,6 +176,7 @@ def test_curves_with_missing_states_are_told_on_the_terminal():
     assert Findings.warnings.fget(SimpleNamespace(**bare, curves=curves[:1])) == []
 
 
+@pytest.mark.slow
 def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
     """All files of the report with the card at 30 mN/m are the same, byte for byte, after one that finds no card; the reason is
     told once."""

@@ -178,7 +178,7 @@ def test_rhombus_of_a_patch_is_that_of_the_cell() -> None:
 
 
 @pytest.mark.parametrize(
-    ("friction", "residual", "accuracy"), [*slow((0.0, 1e-6, 3e-5)), (0.2, 0.1, 1e-9)], ids=["without", "with friction"]
+    ("friction", "residual", "accuracy"), slow((0.0, 1e-6, 3e-5), (0.2, 0.1, 1e-9)), ids=["without", "with friction"]
 )
 def test_tile_of_three_by_three_repeats_is_the_cell(friction: float, residual: float, accuracy: float) -> None:
     """At so few nodes that segments of one repeat are near several images of each other, one repeat rests as nine do.

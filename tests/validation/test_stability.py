@@ -72,6 +72,7 @@ def test_a_compressed_wire_buckles_at_eulers_load(tmp_path: Path, strain: float,
         assert off < 1e-3 * DIAMETER
 
 
+@pytest.mark.slow
 def test_a_tight_knit_leaves_an_equilibrium_that_is_not_stable(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """What it ends in has less energy and is stable: disturbed three hundred times as much it carries the same tension."""
     scene = load_scene(TIGHT, ["output.frames=3", "output.usd=false"])

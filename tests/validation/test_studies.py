@@ -189,6 +189,7 @@ def test_hysteresis_vanishes_without_friction_and_is_the_area_of_the_loop() -> N
     assert with_friction.tension_back_12 < without.tension_out_12 < with_friction.tension_out_12
 
 
+@pytest.mark.slow
 def test_hysteresis_grows_while_contacts_slip_and_falls_once_they_stick() -> None:
     gone = [friction(mu).loss_percent for mu in (0.0, 0.05, 0.4)]
     assert gone[0] < gone[2] < gone[1]

@@ -19,6 +19,7 @@ from warpknit.planar.time_step import stable_step
 TOLERANCE = 1e-3  # residual of what is brought to rest
 
 
+@pytest.mark.slow
 def test_undamped_motion_keeps_its_energy() -> None:
     """m v(n - 1/2) v(n + 1/2)/2 and what is stored, the cell at 14 % being shaken by noise for 200,000 steps.
 
