@@ -9,8 +9,11 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-import warp as wp
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # of small matrices more threads are slower, and workers have a core each
+
+import pytest  # noqa: E402
+import warp as wp  # noqa: E402
 
 pytest.register_assert_rewrite("reference")
 
@@ -70,8 +73,7 @@ def pytest_configure(config: pytest.Config) -> None:
         return
     os.environ[FOLDER_KEY] = tempfile.mkdtemp(prefix="warpknit_tests_")
     if getattr(config.option, "numprocesses", None):
-        for name in ("WARPKNIT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-            os.environ.setdefault(name, "1")
+        os.environ.setdefault("WARPKNIT_THREADS", "1")
         compile_in_processes()
 
 
