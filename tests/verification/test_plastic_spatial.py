@@ -133,8 +133,8 @@ def test_rods_that_do_not_yield_are_as_before() -> None:
 @pytest.mark.slow
 def test_a_hook_that_yields_is_that_of_the_plane(tmp_path: Path) -> None:
     """Arcs that bend in their plane beyond yield, loaded to three times the elastic limit and unloaded: the force on the driven
-    end is within what plane and space differ by where wires stay elastic and loaded, 3 %. Wires yield on until a state is steady: a
-    residual of 2e-3 leaves 4 % of the force in space, one of 5e-4 a thousandth."""
+    end is within what plane and space differ by where wires stay elastic, 3 %. Wires yield on until a state is steady: a residual
+    of 2e-3 leaves 4 % of the force in space, one of 5e-4 a thousandth."""
     options = [
         "wire.plastic=true", "wire.yield_stress='150 MPa'", "wire.hardening=0.2", "load.displacement='0.6 mm'",
         "path=[{displacement='0.4 mm'}]", "output.frames=4", "output.usd=false", "output.figures=false",
