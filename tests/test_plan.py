@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from reference.in_words import quantities, table_of
 from reference.cases import slow
+from reference.in_words import quantities, table_of
 from warpknit.commands.plan import make_plan, overview_of
 from warpknit.compute import device, memory
 from warpknit.compute.memory import MEMORY_PER_NODE
