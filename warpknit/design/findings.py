@@ -15,6 +15,7 @@ from ..runner.branches import Jump as RowJump
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
+from ..scene.units import tidy
 from ..studies.batch import Mesh
 from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_text
 from .card import MaterialCard
@@ -28,12 +29,22 @@ from .opening_size import OpeningSize
 from .service import EqualTension, ServicePoint, branches_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
-DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)  # of the map where the scene has no [sweep]
+DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)
+DEFAULT_SHARES = (0.5, 1.0, 1.5, 2.0)  # of the tensions of a scene that is loaded by tension
+
+
+def default_sweep(scene: Scene) -> Sweep:
+    """The map of a scene without [sweep]: tensions about its own, or strains."""
+    load = scene.stages[0]
+    if not load.tension_weft or not load.tension_warp:
+        return DEFAULT_SWEEP
+    weft, warp = (tuple(tidy(share * one) for share in DEFAULT_SHARES) for one in (load.tension_weft, load.tension_warp))
+    return Sweep(tension_weft=weft, tension_warp=warp)
 
 
 def report_scene(scene: Scene, *, ranks: int = 1) -> Scene:
     """`scene`, with the default sweep if it has none. Raises `SceneError` for a scene without a report."""
-    scene = replace(scene, sweep=scene.sweep or DEFAULT_SWEEP)
+    scene = replace(scene, sweep=scene.sweep or default_sweep(scene))
     refuse(scene, "report", ranks=ranks)
     return scene
 
@@ -96,7 +107,7 @@ class Findings:
         ends = " and ".join(
             f"{load_text((axis[0], axis[-1]), self.by_tension).replace(' / ', ' to ')} in {side}" for side, axis in axes
         )
-        default = self.scene.sweep is DEFAULT_SWEEP
+        default = self.scene.sweep == default_sweep(self.scene)
         source = "the default of a report; a table [sweep] in the scene changes them" if default else "of [sweep] in the scene"
         return f"{len(self.rows)} pairs of {'tensions' if self.by_tension else 'strains'}, {ends}: {source}"
 

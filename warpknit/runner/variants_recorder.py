@@ -25,7 +25,7 @@ from .checkpoint import Checkpoint
 from .history import row_of, with_sums, write_history
 from .monitor import LoopResult
 from .recorder import Recorder, frame_of, open_frames
-from .sensitivity import MESHES, Sensitivity
+from .sensitivity import Sensitivity
 from .summary import Estimate
 from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values, spreads, wanted
 
@@ -238,7 +238,7 @@ class VariantsRecorder(Recorder):
             return Estimate()
         sensitivity = Sensitivity(self.scene, self.meshes.models.device, whole, self._small_tension)
         with self.monitor.interrupts.handled():
-            self.display.stage(f"how sure, by {MESHES} meshes", number=1, of=1)
+            self.display.stage("estimated error", number=1, of=1)
             changes = sensitivity.changes(lambda _progress: self.monitor.interrupts.check())
         self.variants = self.variants.changed(changes=Values(**changes))
         return sensitivity.estimate(changes)
