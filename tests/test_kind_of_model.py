@@ -106,16 +106,16 @@ def test_a_kind_that_is_given_stays(kind: str) -> None:
 @pytest.mark.parametrize(
     ("tables", "options", "words"),
     [
-        ({"solver": {"multipliers": False}}, {}, "multipliers"),
+        ({"solver": {"multipliers": False}}, {}, "no multipliers"),
         ({"solver": {"drive": "ramp"}}, {"ranks": 2}, '`solver.drive = "ramp"` with `mpirun`'),
-        ({"panel": {"focal_length": "1 m"}}, {}, "paraboloid"),
+        ({"panel": {"focal_length": "1 m"}}, {}, "held on a paraboloid"),
         ({"model": {"body_radius": "3 um"}}, {}, "own body radius"),
         ({"hook": {}, "contact": {"treatment": "ring"}}, {}, "contact treatment"),
-        ({"hook": {}}, {"command": "error"}, "--error"),
+        ({"hook": {}}, {"command": "error"}, "two hooked wires with `run --error`"),
         (
             {"solver": {"multipliers": False}, "panel": {"focal_length": "1 m"}, "wire": {"poissons_ratio": 0.4}},
             {},
-            "paraboloid",  # a key without effect in the planar model does not exclude it
+            "no multipliers, held on a paraboloid",  # a key without effect in the planar model does not exclude it
         ),
     ],
 )

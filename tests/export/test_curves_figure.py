@@ -164,7 +164,7 @@ def test_contacts_elsewhere_are_drawn_where_there_are_some(tmp_path: Path, monke
     curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
     curves_figure.curves_figure(columns_of([row | {"contacts_elsewhere": 0} for row in rows]), tmp_path / "curves.png")
     some, none = (figure.axes[0] for figure in kept)
-    [right] = [axes for axes in kept[0].axes if "elsewhere" in axes.get_ylabel()]
+    [right] = [axes for axes in kept[0].axes if "between stitches" in axes.get_ylabel()]
     told = [text.get_text() for axes in (some, right) for text in axes.get_legend().get_texts()]
     assert len(told) == 2 and "right axis" in told[1]
     assert none.get_legend() is None and len(none.lines) == 1 and len(kept[1].axes) == len(kept[0].axes) - 1

@@ -116,7 +116,7 @@ def test_a_map_reflects(scene):
         ("reflection.frequencies=['100 kHz']", "1000000 Hz"),
         ("reflection.branch_length='10 um'", "write 15 um"),
         ("knit.repeats=[12, 10]", "GiB"),
-        ("model.boundary='gripped'", "model.boundary: 'gripped'"),
+        ("model.boundary='gripped'", "[reflection] cannot be combined with model.boundary = 'gripped'"),
     ],
 )
 def test_what_is_refused(scene, key, wrong):
@@ -127,7 +127,7 @@ def test_what_is_refused(scene, key, wrong):
 def test_wires_of_a_file_are_refused():
     """They may be unequal."""
     path = Path(__file__).parents[2] / "scenes" / "wires" / "plain_knit_cell.toml"
-    assert key_of(refusal("plan", path, "--set", "reflection.frequencies=['10 GHz']")) == "wires.file"
+    assert key_of(refusal("plan", path, "--set", "reflection.frequencies=['10 GHz']")) == "reflection"
 
 
 def test_a_plan_counts_branches(scene):

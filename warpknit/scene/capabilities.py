@@ -438,14 +438,14 @@ def _places(rule: Rule, case: Case) -> Iterable[Place]:
 def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Source | None) -> SceneError:
     others = " and ".join(TRAITS[name].words for name in rule.others).replace("`", "").replace('"', "'")
     wrong = f"cannot be combined with {others} ({rule.why})"
+    key, path = dotted(location), cast("Scene", case.scene).path if source is None else source.path
     if rule.trait == "no sweep":
-        path = cast("Scene", case.scene).path if source is None else source.path
-        return scene_error(path, dotted(location), f"missing for {others}", rule.instead)
+        return scene_error(path, key, f"missing for {others}", rule.instead)
+    if isinstance(value, Table):
+        return scene_error(path, key, f"[{key}] {wrong}", rule.instead)
     if source is not None:
         return source.refusal(location, value, wrong, rule.instead)
-    key = dotted(location)
-    given = f"[{key}]" if isinstance(value, Table) else value if isinstance(value, Words) else value_text(location, value)
-    return scene_error(cast("Scene", case.scene).path, key, f"{given} {wrong}", rule.instead)
+    return scene_error(path, key, f"{value if isinstance(value, Words) else value_text(location, value)} {wrong}", rule.instead)
 
 
 def with_needs(names: Iterable[str]) -> frozenset[str]:
