@@ -11,6 +11,7 @@ from ..knit.lapping import KnitError
 from ..mesh.layout import mesh_nodes
 from ..results.row import Row, Values
 from ..scene import Scene
+from ..scene.presets import PRESETS
 from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels
 from .history import row_of
@@ -43,9 +44,11 @@ def spatial_means(scene: Scene, monitor: Callable[[Progress], None]) -> SpatialM
     monitor: called at every check, may raise to stop.
     """
     other = _spatial(scene)
-    if other is None or MESHES * mesh_nodes(other) * FEWEST_STEPS > NODE_STEPS:
+    if other is None:
         return None
     try:
+        if MESHES * mesh_nodes(other) * FEWEST_STEPS > NODE_STEPS:
+            return None
         variants = VariantModels(other)
         models = [variants.model(number) for number in variants.take(MESHES)]
         simulation = Simulation(models[0], worlds=models)
@@ -58,18 +61,30 @@ def spatial_means(scene: Scene, monitor: Callable[[Progress], None]) -> SpatialM
 
 
 def _spatial(scene: Scene) -> Scene | None:
-    """The scene in the spatial model; None where it is in it, has no tile, or keys that this model lacks."""
+    """The scene in the spatial model by its preset; None where it is in it, has no tile, or keys that this model lacks.
+
+    Numerics that the scene gives are of the planar model, with which fewer nodes do.
+    """
     is_tile = scene.model.boundary == "periodic" and scene.solver.drive == "relax"
     if not scene.variants.sensitivity or scene.model.of_kind.own_loops or not is_tile:
         return None
+    loops = {}
+    if scene.knit.scatter:  # of a single mesh; that of [variants] takes its place
+        loops = {"knit.scatter": 0.0, "knit.seed": 0, "variants.scatter": scene.knit.scatter, "variants.seed": scene.knit.seed}
+    numerics = PRESETS[scene.solver.preset].of("spatial", "relax")
     try:
         return scene.changed(
             {
                 "model.kind": "spatial",
+                "model.nodes_per_loop": numerics.nodes_per_loop,
+                "solver.axial_softening": numerics.axial_softening,
+                "solver.precision": numerics.precision,
+                "solver.residual_tolerance": numerics.residual_tolerance,
                 "variants.count": MESHES,
                 "variants.standard_error": 0.0,
                 "variants.sensitivity": False,
             }
+            | loops
         )
     except SceneError:
         return None

@@ -67,7 +67,8 @@ class Summary:
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between
     # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
     variants: Means | None = None  # with `variants.count` above 1: how single meshes lie about the means
-    spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model under its load
+    spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model under its load, by
+    # its preset
     answers: Answers | None = None  # what a designer asks, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 
