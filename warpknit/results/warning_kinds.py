@@ -237,7 +237,10 @@ KINDS = {
         "Choose a load farther from the snap-through.",
     ),
     "W45": WarningKind(
-        LIMITED, "No error estimate", "The small mesh for the estimate did not converge.", "Compare two solver.preset by hand."
+        LIMITED,
+        "No error estimate",
+        "The meshes for the estimate, or for a part of it, did not converge.",
+        "Compare two solver.preset by hand.",
     ),
     "W46": WarningKind(
         LIMITED,

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.text import listed
 from ..errors import ModelError
 from ..knit.lapping import KnitError
+from ..results.finding import ResultWarning
 from ..results.row import Row, Values
 from ..scene import Scene
 from ..scene.options import Stage
@@ -29,6 +31,7 @@ COARSENING = 1.4  # nodes a loop of the run over the comparison's
 ORDER = 2  # of the errors of discretisation: they fall with the square of the nodes
 NODES = "nodes"
 FRICTIONS = {"friction_half": 0.5, "friction_double": 2.0}  # factors by which it is uncertain
+WORDS = {NODES: "fewer nodes", "friction_half": "half the friction", "friction_double": "twice the friction"}
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,10 @@ class Sensitivity:
         return Change(**dict(zip(self.seen.names, relative.tolist(), strict=True)))
 
     def estimate(self, changes: Mapping[str, Change]) -> Estimate:
-        """Estimated errors of the means: of their number of meshes, of nodes and of friction, root of the sum of squares."""
+        """Estimated errors of the means: of their number of meshes, of nodes and of friction, root of the sum of squares.
+
+        With a warning of changes that are not known, as none of their meshes runs to the end.
+        """
         seen = self.seen
         parts = {"standard_error": seen.values.std(axis=0, ddof=1) / math.sqrt(len(seen.values)) / seen.scale}
         values = {name: np.array([change[figure] for figure in seen.names]) for name, change in changes.items()}
@@ -128,8 +134,14 @@ class Sensitivity:
         largest = {name: float(part.max()) for name, part in parts.items()}
         return Estimate(
             max(tension, active, stress), 100.0 * active, tension, stress=stress, standard_error=largest["standard_error"],
-            nodes=largest.get("nodes"), friction=largest.get("friction"),
+            nodes=largest.get("nodes"), friction=largest.get("friction"), warning=self._lacking(changes),
         )  # fmt: skip
+
+    def _lacking(self, changes: Mapping[str, Change]) -> ResultWarning | None:
+        names = [WORDS[name] for name in changes_of(self.scene) if name in WORDS and name not in changes]
+        if not names:
+            return None
+        return ResultWarning("W45", f"The estimated error leaves out {listed(names)}, with which no mesh converged.")
 
     @property
     def _change_of_error(self) -> float:
