@@ -122,7 +122,7 @@ class Measured:
 def measure_meshes(scene: Scene, count: int) -> Measured:
     """Measure one of several meshes of unequal loops, side by side. Raises the errors of a run."""
     variants = VariantModels(scene)
-    models = [variants.of_place(place) for place in range(count)]
+    models = [variants.model(number) for number in variants.take(count)]
     run = measure_run(models[0], models[0].node_count, models[0].scene)
     return replace(run, seconds=run.seconds * _share_side_by_side(models))
 
@@ -143,7 +143,8 @@ def _share_side_by_side(models: Sequence[Model]) -> float:
     simulation.compile()
     with suppress(_Enough, Diverged):
         list(simulation.run())
-    return median((b[0] - a[0]) / (b[1] - a[1]) for a, b in pairwise(clock)) / alone
+    times = [(b[0] - a[0]) / (b[1] - a[1]) for a, b in pairwise(clock) if b[1] > a[1]]
+    return median(times) / alone if times and alone else 1.0
 
 
 def sample_model(scene: Scene) -> tuple[Model, bool]:

@@ -11,16 +11,24 @@ from ..knit.lapping import KnitError
 from ..scene import Scene
 from .model import build_model
 
+MOST_NODES = 500_000  # of all meshes side by side
 TRIES = 4  # seeds to a mesh, before a scene has none
 
 
 def side_by_side(models: Sequence[Any]) -> list[list[int]]:
-    """Places of models that can run as worlds of one simulation: with equal nodes and load steps, and own loops."""
+    """Places of models that can run as worlds of one simulation: with equal nodes and load steps, and own loops.
+
+    Results do not depend on which models run together. A group has at most MOST_NODES.
+    """
     groups: dict[tuple[int, ...], list[int]] = {}
     for place, model in enumerate(models):
         alone = () if model.scene.model.of_kind.own_loops else (place,)
         groups.setdefault((model.node_count, len(model.scene.stages), *alone), []).append(place)
-    return list(groups.values())
+    found = []
+    for (nodes, *_), places in groups.items():
+        most = max(1, MOST_NODES // nodes)
+        found += [places[first : first + most] for first in range(0, len(places), most)]
+    return found
 
 
 class VariantModels:
