@@ -1,14 +1,18 @@
 """How means change with nodes, friction and an overshoot, and the error that follows."""
 
+import time
+
 import numpy as np
 import pytest
 
 from warpknit import load_run, load_scene
 from warpknit.results.row import Row
 from warpknit.runner.interrupts import Interrupts
+from warpknit.runner.other_model import SpatialMeans, _spatial
 from warpknit.runner.run import run_scene
 from warpknit.runner.sensitivity import Sensitivity, changes_of
 from warpknit.scene import Scene
+from warpknit.scene.presets import PRESETS
 
 STRAINS = {"strain_weft": 0.03, "strain_warp": 0.03}
 FIGURES = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
@@ -95,10 +99,73 @@ def test_an_interrupt_leaves_the_results_without_their_error(tmp_path, monkeypat
     monkeypatch.setattr(Sensitivity, "changes", changes)
     scene = scene_of(variants={"count": 2, "standard_error": 0.0})
     result = run_scene(scene, out=tmp_path, device="cpu")
-    assert result.exit_code == 130
+    assert result.exit_code == 130 and not result.goes_on and not (tmp_path / "variants").exists()
     summary = load_run(tmp_path).summary
     assert summary["stop_reason"] == "steady" and summary["quality"]["estimated_error"] is None
     assert run_scene(scene, out=tmp_path, device="cpu", resume=True).exit_code == 0  # the results are there
+
+
+def test_memory_that_runs_out_leaves_the_results_without_their_error(tmp_path, monkeypatch):
+    def changes(self, watch):
+        raise MemoryError
+
+    monkeypatch.setattr(Sensitivity, "changes", changes)
+    assert run_scene(scene_of(variants={"count": 2, "standard_error": 0.0}), out=tmp_path, device="cpu").exit_code == 0
+    summary = load_run(tmp_path).summary
+    assert summary["quality"]["estimated_error"] is None
+    assert "W45 The error was not estimated: memory ran out." in summary["warnings"][-1]
+
+
+def test_the_wall_time_of_a_run_is_without_that_of_its_error(tmp_path, monkeypatch):
+    def changes(self, watch):
+        walls.append(load_run(tmp_path).summary["solver"]["wall_s"])
+        time.sleep(0.2)
+        return {}
+
+    walls: list[float] = []
+    monkeypatch.setattr(Sensitivity, "changes", changes)
+    run_scene(scene_of(variants={"count": 2, "standard_error": 0.0}), out=tmp_path, device="cpu")
+    assert [load_run(tmp_path).summary["solver"]["wall_s"]] == walls
+
+
+def test_changes_that_are_not_known_are_named():
+    rows = {number: row_of(1.0 + 0.1 * number) for number in (0, 1)}
+    sensitivity = Sensitivity(scene_of(), "cpu", rows, 1e-3)
+    change = sensitivity._change(rows, rows)
+    every = dict.fromkeys(("nodes", "friction_half", "friction_double"), change)
+    assert sensitivity.estimate(every).warning is None
+    found = sensitivity.estimate({"nodes": change, "friction_half": change})
+    assert found.warning.code == "W45" and "leaves out twice the friction," in str(found.warning)
+    assert found.error == sensitivity.estimate({}).error > 0.0
+
+
+def test_large_meshes_run_one_after_the_other_by_the_same_results(monkeypatch):
+    scene = scene_of(variants={"count": 2, "standard_error": 0.0})
+    sensitivity = Sensitivity(scene, "cpu", {number: row_of(1.0) for number in (0, 1)}, 1e-3)
+    beside = sensitivity.changes(lambda _: None)
+    monkeypatch.setattr("warpknit.solve.variant_models.MOST_NODES", 200)  # two of 80
+    apart = sensitivity.changes(lambda _: None)
+    assert list(apart) == list(beside)
+    for name, change in beside.items():
+        assert vars(apart[name]) == pytest.approx(vars(change), rel=1e-9, abs=1e-12)
+
+
+def test_a_planar_scene_in_space_keeps_its_loops_and_has_the_nodes_of_its_preset():
+    table = {"knit.scatter": 0.03, "knit.seed": 4}
+    planar = scene_of(variants={}, model={"kind": "planar", "boundary": "periodic", "nodes_per_loop": 12}).changed(table)
+    other = _spatial(planar)
+    assert (other.variants.scatter, other.variants.seed, other.knit.scatter, other.variants.count) == (0.03, 4, 0.0, 3)
+    assert other.model.nodes_per_loop == PRESETS["standard"].spatial_nodes_per_loop
+    assert _spatial(planar.changed({"variants.sensitivity": False})) is None
+
+
+def test_planar_meshes_are_compared_too(tmp_path, monkeypatch):
+    means = SpatialMeans(meshes=3, **dict.fromkeys(("strain_weft", "strain_warp", *FIGURES), 1.0))
+    monkeypatch.setattr("warpknit.runner.recorder.spatial_means", lambda _scene, _watch: means)
+    model = {"kind": "planar", "boundary": "periodic", "nodes_per_loop": 12}
+    run_scene(scene_of(model=model, variants={"count": 2, "standard_error": 0.0}), out=tmp_path, device="cpu")
+    summary = load_run(tmp_path).summary
+    assert summary["spatial_model"]["meshes"] == 3 and summary["quality"]["estimated_error"] > 0.0
 
 
 def test_a_planar_tile_is_compared_with_meshes_of_the_spatial_model(tmp_path, monkeypatch):

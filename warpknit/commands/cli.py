@@ -259,7 +259,7 @@ def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False
     from warpknit.runner.interrupts import to_continue
 
     is_cut = result.exit_code == INTERRUPTED
-    go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut else ""
+    go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut and result.goes_on else ""
     click.echo(f"warpknit: {result.message}{go_on}", err=True)
     return int(result.exit_code)
 

@@ -51,7 +51,8 @@ def finished_run(
     with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
         result = command(where, progress)
     if result.exit_code == INTERRUPTED:
-        raise KeyboardInterrupt(result.message + in_python(to_continue("call", resume=resume, force=force)))
+        go_on = in_python(to_continue("call", resume=resume, force=force)) if result.goes_on else ""
+        raise KeyboardInterrupt(result.message + go_on)
     if result.exit_code != 0:
         raise Diverged(result.message)
     return load_run(where)

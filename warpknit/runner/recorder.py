@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 from .. import measure
 from ..base.files import write_table
 from ..compute.memory import available_memory
-from ..errors import INTERRUPTED, OutOfResources, RunDirectoryError
+from ..errors import INTERRUPTED, ModelError, OutOfResources, RunDirectoryError
+from ..knit.lapping import KnitError
 from ..measure import MeshModel
 from ..measure.table import Record
 from ..results.finding import ResultWarning
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
 
 RECORD_MEMORY = 400  # bytes a node for writing a record: the frame and its tables
+NEEDED_TO_GO_ON = "checkpoint", "variants"  # of an unfinished run
 RESERVED_DISK = 64 * 2**10  # [bytes] reserved for summary.json in case the disk is full
 
 ErrorEstimator = Callable[[Record], Estimate]
@@ -99,6 +101,7 @@ class Recorder:
         self.panels: dict[int, Mapping[str, Columns]] = {}  # tables of the panel at the ends of stages, by record
         self.variants: Means | None = None  # how single meshes lie about the mean, where there are several
         self._last: Record | None = None
+        self._wall: float | None = None  # [s] of a loop that has ended, without the estimate of its error
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
         self.monitor = Monitor(
@@ -123,7 +126,7 @@ class Recorder:
         return open_frames(self.scene, self.model.layout(), self.out, resume=resume, hold=hold)
 
     def run(self) -> CommandResult[Summary | None]:
-        with self.frames:
+        with self.monitor.interrupts.handled(), self.frames:  # a first interrupt waits for what is written
             try:
                 loop = self._loop()
                 self.frames.flush()
@@ -137,21 +140,38 @@ class Recorder:
             code, message = loop.exit_code, loop.message
             is_unconverged = loop.reason == "steady" and not self.rows[-1].steady
             reason = "finished" if is_unconverged else loop.reason
+            self._wall = self.monitor.wall
             summary = self._write_summary(reason, message)
-            if code == 0:
-                try:
-                    estimate = self._estimate()
-                except Interrupted:
-                    estimate = Estimate(warning=ResultWarning("W45", "the error was not estimated: interrupted"))
-                    code, message = INTERRUPTED, "the results are complete; only their error was not estimated"
-                summary = self._write_summary(reason, message, estimate)
             self.frames.close(complete=code == 0)
-        self._reserve.unlink(missing_ok=True)
-        if self.rows:
-            self._export(summary)
-        if code == 0:
-            shutil.rmtree(self.out / "checkpoint", ignore_errors=True)
-        return CommandResult(code, summary, message)
+            self._reserve.unlink(missing_ok=True)
+            if code == 0:
+                for name in NEEDED_TO_GO_ON:
+                    shutil.rmtree(self.out / name, ignore_errors=True)
+            if self.rows:
+                self._export(summary)
+        if code:
+            return CommandResult(code, summary, message)
+        code, message, estimate = self._how_sure(message)
+        if estimate != Estimate():
+            summary = self._write_summary(reason, message, estimate)
+        return CommandResult(code, summary, message, goes_on=self.scene.reflection is not None)
+
+    def _how_sure(self, message: str) -> tuple[int, str, Estimate]:
+        """Exit code, message and estimated error of a finished run, whose results are complete; an interrupt leaves them so."""
+        estimate = Estimate()
+        try:
+            self.monitor.interrupts.check()
+            estimate = self._estimate()
+            with self.monitor.interrupts.handled():
+                spatial = spatial_means(self.scene, lambda _progress: self.monitor.interrupts.check())
+            return 0, message, replace(estimate, spatial_model=spatial)
+        except Interrupted:
+            if self._estimates and estimate == Estimate():
+                estimate = Estimate(warning=ResultWarning("W45", "The error was not estimated: interrupted."))
+            return INTERRUPTED, "interrupted; the results are complete", estimate
+        except (MemoryError, OutOfResources, ModelError, KnitError) as error:
+            lacks = f"The error was not estimated: {str(error) or 'memory ran out'}."
+            return 0, message, replace(estimate, warning=estimate.warning or ResultWarning("W45", lacks))
 
     # --- records ---
 
@@ -159,14 +179,16 @@ class Recorder:
         """Run and record the simulation."""
         return self.monitor.run(self._write_record)
 
+    @property
+    def _estimates(self) -> bool:
+        """Whether the error of a finished run is estimated."""
+        return self.error_estimator is not None
+
     def _estimate(self) -> Estimate:
-        """Estimated error of the last record, and means of the spatial model. Raises `Interrupted`."""
-        estimate = Estimate()
-        if self.error_estimator is not None and self._last is not None:
-            estimate = self.error_estimator(self._last)
-        with self.monitor.interrupts.handled():
-            spatial = spatial_means(self.scene, lambda _progress: self.monitor.interrupts.check())
-        return replace(estimate, spatial_model=spatial)
+        """Estimated error of the last record. Raises `Interrupted`."""
+        if self.error_estimator is None or self._last is None:
+            return Estimate()
+        return self.error_estimator(self._last)
 
     def _write_record(self, record: Record) -> None:
         """Write state, USD frame, maps and last the row of a record."""
@@ -216,7 +238,7 @@ class Recorder:
             self.model,
             self.rows,
             stop_reason=reason,
-            wall=self.monitor.wall,
+            wall=self.monitor.wall if self._wall is None else self._wall,
             compile_time=self.compile_time,
             steps=self.steps,
             message=message,

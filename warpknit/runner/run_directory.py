@@ -52,6 +52,7 @@ class CommandResult(Generic[Result]):
     exit_code: int
     summary: Result
     message: str = ""
+    goes_on: bool = True  # whether an interrupted one has more to compute
 
 
 def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tree | None:

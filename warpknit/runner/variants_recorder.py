@@ -5,7 +5,6 @@ Beside them DIR has variants.csv: the rows of each mesh. While it runs, variants
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from ..results.frame import Frame, state_file
 from ..results.row import Row, Values, write_rows
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
-from ..solve.variant_models import VariantModels
+from ..solve.variant_models import MOST_NODES, VariantModels
 from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_sums, write_history
@@ -31,8 +30,6 @@ from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh
 
 if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
-
-MOST_NODES = 500_000  # of all meshes side by side
 
 
 class Variants:
@@ -211,8 +208,6 @@ class VariantsRecorder(Recorder):
             frames.close(complete=complete)
         write_history(self.out / "history.csv", self.rows)
         self.variants = self._means(seen, whole, median)
-        if complete:
-            shutil.rmtree(self.out / "variants", ignore_errors=True)
 
     def _frames_of(self, number: int, count: int) -> Iterator[Frame]:
         return (Frame.load(state_file(self._member_directory(number), index)) for index in range(count))
@@ -231,11 +226,15 @@ class VariantsRecorder(Recorder):
             **spreads([rows[-1] for rows in whole.values()]),
         )
 
+    @property
+    def _estimates(self) -> bool:
+        return self.variants is not None and self.variants.count > 1 and self.scene.variants.sensitivity
+
     def _estimate(self) -> Estimate:
         """Errors of the means, from changes of two of the meshes."""
-        whole = {number: rows[-1] for number, rows in self._whole_members().items()}
-        if self.variants is None or len(whole) < 2 or not self.scene.variants.sensitivity:
+        if self.variants is None or not self._estimates:
             return Estimate()
+        whole = {number: rows[-1] for number, rows in self._whole_members().items()}
         sensitivity = Sensitivity(self.scene, self.meshes.models.device, whole, self._small_tension)
         with self.monitor.interrupts.handled():
             self.display.stage("estimated error", number=1, of=1)
