@@ -1,6 +1,7 @@
 """The card of a tile of unequal loops is the mean of the cards of its meshes."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from warpknit.design.card import find_card
 from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, exact
 from warpknit.design.load_path import LoadPath, under_tension
 from warpknit.design.mean_card import find_mean, loads_of_card
+from warpknit.design.report_files import write_ends
 from warpknit.runner.history import row_of
+from warpknit.runner.run_directory import clear
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.variant_models import VariantModels
 
@@ -54,3 +57,18 @@ def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
         assert mean.card.history is not None and cards[0].history is not None and cards[1].history is not None
         loading = 0.5 * (cards[0].history.loading + cards[1].history.loading)
         assert mean.card.history.loading == pytest.approx(loading, rel=1e-3, abs=0.05)
+
+
+def test_ends_of_an_earlier_card_are_removed(tmp_path):
+    for end in ("softest", "stiffest"):
+        (tmp_path / end).mkdir()
+        (tmp_path / end / "material_card.csv").touch()
+    write_ends(SimpleNamespace(mean=None), tmp_path)
+    assert not any(tmp_path.iterdir())
+
+
+def test_ends_of_a_card_are_results_that_a_new_run_replaces(tmp_path):
+    (tmp_path / "softest").mkdir()
+    (tmp_path / "map.json").write_text('{"stop_reason": "finished"}')
+    clear(tmp_path)
+    assert not any(tmp_path.iterdir())

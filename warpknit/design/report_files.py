@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from datetime import date
 from pathlib import Path
@@ -63,7 +64,9 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
 
 
 def write_ends(found: Findings, out: Path) -> None:
-    """The cards of the softest and the stiffest mesh, in folders of their own."""
+    """The cards of the softest and the stiffest mesh, in folders of their own, without those of an earlier report."""
+    for end in ("softest", "stiffest"):
+        shutil.rmtree(out / end, ignore_errors=True)
     if found.mean is None:
         return
     for end, card in (("softest", found.mean.softest), ("stiffest", found.mean.stiffest)):
