@@ -64,7 +64,7 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
 
 
 def write_ends(found: Findings, out: Path) -> None:
-    """The cards of the softest and the stiffest mesh, in folders of their own, without those of an earlier report."""
+    """Write the cards of the softest and the stiffest mesh, each in a folder."""
     for end in ("softest", "stiffest"):
         shutil.rmtree(out / end, ignore_errors=True)
     if found.mean is None:

@@ -325,7 +325,7 @@ def card_section(page: Page, found: Findings) -> None:
     if (mean := found.mean) is None:
         page.table(rows, ("", "value", "unit", "meaning"))
         if scene.variants.count > 1:
-            page.text("The card is that of one mesh of even loops: fewer than two meshes of unequal loops converged at its load.")
+            page.text("The card is of one mesh of even loops: fewer than two meshes of unequal loops converged at its load.")
     else:
         ranges = [_range(mean.spread.get(name), name, unit) for name, _value, unit, _meaning in values]
         wider = [(*row[:2], of, *row[2:]) for row, of in zip(rows, ranges, strict=True)]

@@ -69,7 +69,7 @@ def _spatial(scene: Scene) -> Scene | None:
     if not scene.variants.sensitivity or scene.model.of_kind.own_loops or not is_tile:
         return None
     loops = {}
-    if scene.knit.scatter:  # of a single mesh; that of [variants] takes its place
+    if scene.knit.scatter:  # of a single mesh; the scatter of [variants] takes its place
         loops = {"knit.scatter": 0.0, "knit.seed": 0, "variants.scatter": scene.knit.scatter, "variants.seed": scene.knit.seed}
     numerics = PRESETS[scene.solver.preset].of("spatial", "relax")
     try:
