@@ -227,7 +227,7 @@ def export_figures(record: RunRecord) -> list[Path]:
     for name, frame in wanted:
         title = state_title(frame, tension_of(history, frame.index), names_stage=bool(stage_ends))
         if "p10_stress_max_Pa" in history:  # of several meshes
-            title = f"{title}\nthe mesh nearest to the medians; tension and largest wire stress are means"
+            title = f"{title}\nthe median mesh; tension and stress are means"
         if unfinished and frame is last:
             title = f"{title}\n{unfinished}"
         if tables := record.panel(frame.index):

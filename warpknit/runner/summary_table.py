@@ -56,7 +56,7 @@ def summary_findings(result: Summary) -> Iterator[Finding]:
     if variants is not None:
         yield from _variants_findings(variants)
     if result.estimate.error is not None:
-        yield Finding("estimated error", short_percent(result.estimate.error), where=_error_parts(result.estimate), short=True)
+        yield Finding("estimated error", _error_text(result), where=_error_parts(result.estimate), short=True)
     if result.spatial_model is not None:
         yield _spatial_finding(result.spatial_model)
     yield from model_findings(model, _cost(result))
@@ -105,11 +105,20 @@ def _spatial_finding(other: SpatialMeans) -> Finding:
     return Finding("in the spatial model", text, short=True)
 
 
+def _error_text(result: Summary) -> str:
+    """The estimated error of each figure, with the strain in place of a tension that is given."""
+    estimate, by_tension = result.estimate, any(result.scene.get("by_tension") or ())
+    parts = {"strain" if by_tension else "tension": estimate.tension, "stress": estimate.stress}
+    found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
+    active = [] if estimate.active_percent is None else [f"active {estimate.active_percent:.2g} points"]
+    return ", ".join(found + active)
+
+
 def _error_parts(estimate: Estimate) -> str:
     """The parts of the estimated error of means."""
     parts = {"friction": estimate.friction, "nodes": estimate.nodes, "number of meshes": estimate.standard_error}
     found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
-    return f" ({', '.join(found)})" if found else ""
+    return f" (largest parts: {', '.join(found)})" if found else ""
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:
