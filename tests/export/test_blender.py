@@ -21,13 +21,12 @@ from warpknit.results.frame import Frame, WireLayout
 
 TOOL = Path(__file__).parents[2] / "tools" / "render_blender.py"
 LIMIT = 4e8  # [Pa] stress of the darkest colour: the largest of the mesh
+pytestmark = pytest.mark.usefixtures("pictures")
 BACKGROUND = 0.02  # of a colour: nearer to the corner of the picture is background
 WHITE_PLANE = """
 import sys
 sys.path.insert(0, sys.argv[3])
 import bpy, render_blender
-
-pytestmark = pytest.mark.usefixtures("pictures")
 render_blender.import_scene(sys.argv[1])
 bpy.ops.mesh.primitive_plane_add(size=1000, location=(0, 0, -1))
 white = bpy.data.materials.new("white")

@@ -114,6 +114,8 @@ class Summary:
             other_warnings=tuple(ResultWarning.of(text) for text in tree["warnings"] if text not in of_model),
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
+            device=tree["device"],
+            jumps=[(before, after) for before, after in tree["jumps"]],
             variants=Means(**vars(valued(tree["variants"]))) if "variants" in tree else None,
             spatial_model=SpatialMeans(**tree["spatial_model"]) if "spatial_model" in tree else None,
             answers=tree["answers"] and valued(tree["answers"]),
