@@ -21,6 +21,7 @@ from warpknit.results.finding import Finding, ResultTable, ResultWarning
 from warpknit.results.row import Row, Values
 from warpknit.runner import progress_display
 from warpknit.runner.progress_display import Display, NotebookBar, StageLines, TerminalBar, progress_for
+from warpknit.runner.run_directory import CommandResult
 from warpknit.runner.summary import Summary
 
 ROOT = Path(__file__).parent.parent
@@ -157,7 +158,7 @@ def test_a_run_that_ends_early_gives_its_status_and_message(behind, status):
 )
 def test_an_interrupted_run_names_the_options_that_were_not_given(behind, given, said):
     """The same command has the same directory, whether it names one or not; --force beside --resume is refused."""
-    behind.outcome = SimpleNamespace(exit_code=130, summary=SUMMARY, message="interrupted")
+    behind.outcome = CommandResult(130, SUMMARY, "interrupted")
     line = invoke("run", CELL, "--quiet", *given).stderr
     assert line.startswith("warpknit: interrupted") and line.count("\n") == 1 and options(line) == said
 

@@ -116,7 +116,7 @@ def test_a_map_reflects(scene):
         ("reflection.frequencies=['100 kHz']", "1000000 Hz"),
         ("reflection.branch_length='10 um'", "write 15 um"),
         ("knit.repeats=[12, 10]", "GiB"),
-        ("model.boundary='gripped'", "[reflection] cannot be combined with model.boundary = 'gripped'"),
+        ("model.boundary='gripped'", "reflection: cannot be combined with model.boundary = 'gripped'"),
     ],
 )
 def test_what_is_refused(scene, key, wrong):

@@ -442,7 +442,7 @@ def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Sou
     if rule.trait == "no sweep":
         return scene_error(path, key, f"missing for {others}", rule.instead)
     if isinstance(value, Table):
-        return scene_error(path, key, f"[{key}] {wrong}", rule.instead)
+        return scene_error(path, key, wrong, rule.instead)
     if source is not None:
         return source.refusal(location, value, wrong, rule.instead)
     return scene_error(path, key, f"{value if isinstance(value, Words) else value_text(location, value)} {wrong}", rule.instead)
