@@ -40,7 +40,7 @@ EXCESS: dict[str, Resources] = {
     "contact_checks.bound_contact_stiffness[vec4d]": (72, 0, 2048),
     "contact_checks.bound_contact_stiffness[vec4f]": (72, 0, 2048),
     "control.update_control": (92, 0, 2048),  # of one thread a world, with strains that tensions drive
-    "control.update_controls": (128, 0, 2048),
+    "control.update_controls": (130, 0, 2048),
     "energy.evaluate_wires[float64]": (62, 0, 21632),
     "membrane_transfer.spread_to_bodies[float32]": (54, 16, 2048),
     "membrane_transfer.spread_to_bodies[int32]": (54, 16, 2048),
