@@ -14,8 +14,7 @@ from ..results.row import Row
 from ..runner.history import row_of
 from ..runner.variants import Spread, first_meshes, spread_of
 from ..scene import Scene, Stage
-from ..solve.simulate import Simulation
-from ..solve.variant_models import VariantModels, side_by_side
+from ..solve.variant_models import VariantModels, last_records
 from .card import MaterialCard, find_card
 from .card_files import card_values
 from .fine_states import DIFFERENCE_TOLERANCE, exact
@@ -70,12 +69,8 @@ def _loaded(scene: Scene, load: Stage) -> Iterator[tuple[Any, PathState, Row]]:
     """Model, state and row of each mesh that converges under a load."""
     variants = VariantModels(replace(scene, stages=(load,), sweep=None))
     models = [variants.model(number) for number in variants.take(first_meshes(scene.variants))]
-    for places in side_by_side(models):
-        simulation = Simulation(models[places[0]], worlds=[models[place] for place in places])
-        last = {record.world: row_of(record) for record in simulation.run()}
-        for world, place in enumerate(places):
-            if world not in simulation.failures:
-                yield models[place], PathState((load,), simulation.drives[world].snapshot()), last[world]
+    for place, record, drive in last_records(models):
+        yield models[place], PathState((load,), drive.snapshot()), row_of(record)
 
 
 def _mean(base: Any, cards: Sequence[Any]) -> Any:

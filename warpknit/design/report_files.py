@@ -71,7 +71,7 @@ def write_ends(found: Findings, out: Path) -> None:
         return
     for end, card in (("softest", found.mean.softest), ("stiffest", found.mean.stiffest)):
         where, folder = f"{found.where}, {end} of {found.mean.meshes} meshes", out / end
-        folder.mkdir(exist_ok=True)
+        folder.mkdir()
         fe_cards = write_fe_cards(card, (), found.scene, where, folder, codes=found.codes, warnings=found.model_warnings)
         write_card(card, found.scene, where, folder, found.model_warnings, fe_cards)
 

@@ -20,8 +20,8 @@ from ..results.finding import ResultWarning
 from ..results.row import Row, Values
 from ..scene import Scene
 from ..scene.options import Stage
-from ..solve.simulate import Progress, Simulation
-from ..solve.variant_models import VariantModels, side_by_side
+from ..solve.simulate import Progress
+from ..solve.variant_models import VariantModels, last_records
 from .history import row_of
 from .summary import Estimate
 from .variants import MeshValues, mesh_values
@@ -89,14 +89,8 @@ class Sensitivity:
         """Changes of the means by name, where all meshes run to the end. monitor: called at every check, may raise to stop."""
         found: dict[str, dict[int, Row]] = {}
         every = list(self._meshes())
-        for places in side_by_side([mesh.model for mesh in every]):
-            meshes = [every[place] for place in places]
-            simulation = Simulation(meshes[0].model, worlds=[mesh.model for mesh in meshes])
-            simulation.monitor = monitor
-            last = {record.world: row_of(record) for record in simulation.run()}
-            for world, mesh in enumerate(meshes):
-                if world not in simulation.failures:
-                    found.setdefault(mesh.change, {})[mesh.number] = last[world]
+        for place, record, _drive in last_records([mesh.model for mesh in every], monitor):
+            found.setdefault(every[place].change, {})[every[place].number] = row_of(record)
         before = {name: self.rows if name == NODES else found.get(NODES, {}) for name in found}
         changes = {name: self._change(before[name], rows) for name, rows in found.items()}
         return {name: change for name, change in changes.items() if change is not None}

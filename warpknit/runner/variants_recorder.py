@@ -18,7 +18,7 @@ from ..results.frame import Frame, state_file
 from ..results.row import Row, Values, write_rows
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
-from ..solve.variant_models import MOST_NODES, VariantModels
+from ..solve.variant_models import VariantModels, side_by_side
 from .branches import with_work
 from .checkpoint import Checkpoint
 from .history import row_of, with_sums, write_history
@@ -90,8 +90,7 @@ class Variants:
     @staticmethod
     def _fits(models: list[Any], model: Any) -> bool:
         """Whether a mesh can run beside others."""
-        alike = model.node_count == models[0].node_count and model.scene.model.of_kind.own_loops
-        return alike and (len(models) + 1) * model.node_count <= MOST_NODES
+        return len(side_by_side([*models, model])) == 1
 
     @property
     def _group_steps(self) -> int:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from ..errors import ModelError
 from ..knit.lapping import KnitError
 from ..scene import Scene
+from .drive import Drive
 from .model import build_model
+from .simulate import Progress, Record, Simulation
 
 MOST_NODES = 500_000  # of all meshes side by side
 TRIES = 4  # seeds to a mesh, before a scene has none
@@ -29,6 +31,22 @@ def side_by_side(models: Sequence[Any]) -> list[list[int]]:
         most = max(1, MOST_NODES // nodes)
         found += [places[first : first + most] for first in range(0, len(places), most)]
     return found
+
+
+def last_records(
+    models: Sequence[Any], monitor: Callable[[Progress], None] = lambda _progress: None
+) -> Iterator[tuple[int, Record, Drive]]:
+    """Place, last record and drive of each model that converges, side by side.
+
+    monitor: called at every check, may raise to stop.
+    """
+    for places in side_by_side(models):
+        simulation = Simulation(models[places[0]], worlds=[models[place] for place in places])
+        simulation.monitor = monitor
+        last = {record.world: record for record in simulation.run()}
+        for world, place in enumerate(places):
+            if world not in simulation.failures:
+                yield place, last[world], simulation.drives[world]
 
 
 class VariantModels:

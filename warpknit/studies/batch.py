@@ -16,9 +16,9 @@ from ..scene import Scene, Stage
 from ..solve.model import build_model
 from ..solve.relax import Relaxation, found_at
 from ..solve.side_by_side import Findings, SideBySide
+from ..solve.variant_models import MOST_NODES
 
 Mesh = Any  # a model of either kind
-MOST_NODES = 500_000  # of all meshes side by side
 
 
 @dataclass(frozen=True)
