@@ -33,7 +33,6 @@ PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failur
 # the command line with a fault put in: rank 1 runs out of memory at its fifth convergence check
 OUT_OF_MEMORY = """
 import sys
-from reference.in_words import quantities
 from warpknit.runner import monitor
 from warpknit.commands.cli import main
 original, checks = monitor.Monitor._check, 0
