@@ -185,10 +185,11 @@ def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
     assert surface.height == pytest.approx(np.full(len(surface.height), corner), rel=1e-6)
 
 
-def test_a_gripped_panel_reports_what_its_thresholds_ask_for() -> None:
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_a_gripped_panel_reports_what_its_thresholds_ask_for(kind: str) -> None:
     from warpknit.runner.summary import report_panel
 
-    record = stretched()
+    record = stretched(kind)
     model = record.observables.model
     options = replace(model.scene.panel, tension_threshold=1e9, active_threshold=0.0, focal_length=1.0)
     reading = replace(record.observables, model=replace(model, scene=replace(model.scene, panel=options)))
