@@ -8,7 +8,7 @@ import pytest
 
 from reference.in_words import quantities
 from reference.interrupted import assert_parts_are_the_whole
-from warpknit import load_run, load_scene, measure
+from warpknit import build_model, load_run, load_scene, measure
 from warpknit.errors import Diverged
 from warpknit.knit.lapping import KnitError
 from warpknit.results.row import Row
@@ -17,7 +17,7 @@ from warpknit.runner.variants import MeshValues, branch_of, mean_row, range_of, 
 from warpknit.scene import Scene
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
-from warpknit.solve.variant_models import VariantModels
+from warpknit.solve.variant_models import VariantModels, last_records
 
 WHY = "wire 3 is caught"
 
@@ -115,6 +115,39 @@ def test_each_mesh_has_loops_and_friction_of_its_own():
     assert np.log(frictions).mean() == pytest.approx(math.log(0.2), abs=3.0 * 0.3 / math.sqrt(200.0))
     assert np.log(frictions).std() == pytest.approx(0.3, rel=0.15)  # three standard errors
     assert scene.variant(7) == scene.variant(7)
+
+
+def test_each_mesh_has_a_wire_of_its_own():
+    scene = scene_of(variants={"wire": 0.05, "friction": 0.3}, contact={"friction": 0.2})
+    meshes = [scene.variant(k) for k in range(400)]
+    logarithms = np.log([mesh.wire.diameter / 30e-6 for mesh in meshes])
+    assert logarithms.mean() == pytest.approx(0.0, abs=3.0 * 0.05 / math.sqrt(400.0))
+    assert logarithms.std() == pytest.approx(0.05, rel=0.11)  # three standard errors
+    assert np.abs(logarithms).max() <= 3.0 * 0.05 * (1.0 + 1e-9)
+    stiffness = np.array([mesh.wire.axial_stiffness for mesh in meshes]) / scene.wire.axial_stiffness
+    assert np.log(stiffness) == pytest.approx(2.0 * logarithms, abs=1e-9)  # EA as d^2
+    even = scene.changed({"variants.wire": 0.0})
+    assert [even.variant(k).contact.friction for k in range(9)] == [mesh.contact.friction for mesh in meshes[:9]]
+
+
+@pytest.mark.parametrize("kind", ["planar", "spatial"])
+def test_a_mesh_of_another_wire_is_that_of_a_scene_with_its_diameter_to_the_bit(kind):
+    scene = scene_of(2, kind, variants={"wire": 0.05}, output={"frames": 1})
+    mesh = scene.variant(1)
+    other = scene.changed({"wire.diameter": mesh.wire.diameter, "variants.wire": 0.0}).variant(1)
+    found, expected = (list(Simulation(build_model(one)).run())[-1].observables for one in (mesh, other))
+    assert np.array_equal(found.node_position, expected.node_position)
+    assert np.array_equal(found.wire_stress.node, expected.wire_stress.node)
+
+
+def test_results_of_a_wire_do_not_depend_on_the_wires_beside_it():
+    variants = VariantModels(scene_of(3, variants={"wire": 0.05}, contact={"friction": 0.2}, output={"frames": 1}))
+    models = [variants.model(k) for k in range(3)]
+    beside = {place: record for place, record, _drive in last_records(models)}
+    for place, model in enumerate(models):
+        ((_, alone, _drive),) = last_records([model])
+        assert np.array_equal(beside[place].observables.node_position, alone.observables.node_position)
+        assert beside[place].steps == alone.steps
 
 
 def test_loops_that_do_not_fit_are_replaced_by_those_of_the_next_seed(monkeypatch):

@@ -6,6 +6,7 @@ The dynamics of a relaxation stretch as easily as loops do; a straight wire does
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,21 @@ def test_three_straight_wires_carry_their_true_tension_after_few_steps(tmp_path:
     free = simulation.model.rods.following >= 0
     np.testing.assert_allclose(np.median(observed.tension[free]), section.axial_stiffness * STRAIN, rtol=1e-5)
     assert last.steps < 3_000
+
+
+def test_worlds_of_straight_wires_have_tensions_of_their_own_sections(tmp_path: Path) -> None:
+    """T = E pi d^2/4 e of each world: tensions of wires side by side are as the squares of their diameters."""
+    diameters = DIAMETER * np.array([1.0, 0.8, 1.25])
+    wires = [line((0, y, 0), (4, y, 0)) for y in (0.0, 0.5)]
+    models = [simulation_of(tmp_path, wires, wire={"diameter": f"{diameter} mm"}).model for diameter in diameters]
+    base, *_ = models
+    wide = replace(base, scene=replace(base.scene, variants=replace(base.scene.variants, wire=0.1)))  # up to 1.35 times
+    worlds = [model.beside(wide) for model in models]
+    last = {record.world: record for record in Simulation(worlds[0], worlds=worlds).run()}
+    free = base.rods.following >= 0
+    tensions = [np.median(last[world].observables.tension[free]) for world in range(len(diameters))]
+    modulus = base.scene.wire.youngs_modulus
+    np.testing.assert_allclose(tensions, modulus * math.pi / 4.0 * (1e-3 * diameters) ** 2 * STRAIN, rtol=1e-5)
 
 
 def test_two_wires_that_cross_and_overlap_part_and_converge_after_few_steps(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import degrees
+from math import degrees, exp
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -39,7 +39,7 @@ class KindOfModel:
     crossing: float | None
     single_positions: str  # what displacements are in single precision
     has_branches: bool  # a tight knit may have several equilibria under one load, without friction too
-    own_loops: bool  # worlds side by side may have loops and friction of their own
+    own_loops: bool  # worlds side by side may have loops, wires and friction of their own
     fades_out: bool  # a mesh starts from one repeat up to an edge of any shape, or one that moves
 
 
@@ -218,6 +218,7 @@ class Output(Table):
         return DEFAULT_LEVELS if isinstance(self.frames, str) else self.frames
 
 
+MOST_DEVIATIONS = 3.0  # of the wire of a mesh, in standard deviations
 VARIANT_LEVELS = 8  # of each of several meshes, where levels are found automatically
 SIDES = ("weft", "warp")
 
@@ -386,6 +387,11 @@ class Variants(Table):
     )
     scatter: values.Scatter = key("Relative standard deviation of the loop proportions, in place of `knit.scatter`.", 0.02)
     friction: values.Fraction = key("Standard deviation of the logarithm of `contact.friction` between the meshes.", 0.0)
+    wire: values.Scatter = key(
+        "Standard deviation of the logarithm of `wire.diameter` between the meshes, which is cut at three of it. Contact bodies"
+        " scale with the wire.",
+        0.0,
+    )
     seed: values.Seed = key("Random seed of the first mesh; the next meshes have the next seeds.", 0)
     sensitivity: values.Flag = key(
         "Estimate the error of the means (`quality.estimated_error`): two meshes run again with fewer nodes, and with half and"
@@ -396,6 +402,11 @@ class Variants(Table):
     overshoot: values.Fraction = key(
         "Share of the first load by which `sensitivity` strains the meshes further before unloading.", 0.0
     )
+
+    @property
+    def thickest(self) -> float:
+        """Largest diameter over `wire.diameter`; its inverse is the smallest one."""
+        return exp(MOST_DEVIATIONS * self.wire)
 
 
 @dataclass(frozen=True, kw_only=True)

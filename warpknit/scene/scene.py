@@ -10,10 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
+from random import Random
 from typing import Any
 
 from pydantic import TypeAdapter, model_validator
@@ -180,14 +180,19 @@ class Scene:
         return replace(self, knit=replace(self.knit, scatter=0.0), variants=replace(self.variants, count=1))
 
     def variant(self, number: int) -> Scene:
-        """One of its [variants]: a scene of a single mesh, with loops and friction of its own."""
+        """One of its [variants]: a scene of a single mesh, with loops, friction and wire of its own."""
         variants, seed = self.variants, self.variants.seed + number
-        draw = random.Random(seed).gauss(0.0, variants.friction)
+        random = Random(seed)
+        friction, thickness = (math.exp(random.gauss(0.0, spread)) for spread in (variants.friction, variants.wire))
+        thickness = min(variants.thickest, max(1.0 / variants.thickest, thickness))
         knit = replace(self.knit, scatter=variants.scatter, seed=seed)
-        contact = replace(self.contact, friction=self.contact.friction * math.exp(draw))
+        contact = replace(self.contact, friction=self.contact.friction * friction)
+        wire = replace(self.wire, diameter=self.wire.diameter * thickness)
+        model = replace(self.model, body_radius=self.model.body_radius * thickness)
         frames = VARIANT_LEVELS if isinstance(self.output.frames, str) else self.output.frames
         output = replace(self.output, frames=frames)
-        return replace(self, knit=knit, contact=contact, output=output, variants=replace(variants, count=1))
+        of_one = replace(variants, count=1)
+        return replace(self, knit=knit, contact=contact, wire=wire, model=model, output=output, variants=of_one)
 
     @property
     def has_moving_edge(self) -> bool:

@@ -470,7 +470,7 @@ def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:
     if file.variants.count is not None:
         return file.variants
     is_tile = file.hook is None and file.wires is None and file.model.boundary == "periodic" and file.model.kind == "spatial"
-    differ = file.variants.scatter or file.variants.friction
+    differ = file.variants.scatter or file.variants.friction or file.variants.wire
     several = is_tile and differ and not of_one_mesh and file.solver.drive == "relax" and not file.knit.scatter
     return replace(file.variants, count=VARIANTS if several else 1)
 

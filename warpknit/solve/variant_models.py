@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 from ..errors import ModelError
@@ -66,7 +65,7 @@ class VariantModels:
             model: Any = build_model(self.scene.variant(number), self.device)
             if model.scene.model.of_kind.own_loops:  # results do not depend on which meshes run side by side
                 self._base = self._base or build_model(self.scene.of_even_loops, self.device)
-                model = replace(model, base=self._base)
+                model = model.beside(self._base)
             self._models[number] = model
         return self._models[number]
 

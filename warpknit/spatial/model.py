@@ -134,6 +134,14 @@ class SpatialModel:
         """Two for each site, as in the planar model."""
         return 2 * self.panel.body_count
 
+    def beside(self, base: SpatialModel) -> SpatialModel:
+        """This mesh as a world beside others, with the solver constants of `base`; its wires keep their sections."""
+        thickest, whole = base.scene.variants.thickest, base.rods.section
+        section, radius = replace(whole, thickness=whole.thickness / thickest), thickest * base.rods.largest_radius
+        sections = () if self.rods.section == section else (self.rods.section,) * len(self.rods.wire_first)
+        rods = replace(self.rods, section=section, sections=sections, radius_beside=radius)
+        return replace(self, rods=rods, base=replace(base, rods=replace(base.rods, section=section, radius_beside=radius)))
+
     def held_shift(self, gradient: np.ndarray, length_factor: float = 1.0) -> np.ndarray:
         """(held, 2) [m] displacement of held nodes from their affine positions.
 

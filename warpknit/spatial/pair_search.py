@@ -157,7 +157,7 @@ class PairSearch:
         rest_scale = 1.0 / np.minimum(smallest, 1.0)  # bound on distances at rest over present distances
         longer = np.maximum(stepper.steering.length_factor, 1.0)
         store(self._rest_scale, rest_scale)
-        store(self._largest_distance, longer * 2.0 * float(stepper.rods.wire_radius.max()) + self._margin)
+        store(self._largest_distance, longer * 2.0 * stepper.rods.largest_radius + self._margin)
         searched = np.zeros(stepper.worlds, dtype=np.int32)
         searched[rows] = 1
         store(self.searched, searched)

@@ -64,6 +64,7 @@ class Rods:
     node_stiffness: np.ndarray | None = None  # (node, 6) [N m], see node_stiffness.py; None: of the polygon
     sections: tuple[Section, ...] = ()  # [wire] where they differ
     thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
+    radius_beside: float = 0.0  # [m] bound on the contact radius of worlds beside these
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
     forms: Rods | None = None  # the wires that these are copies of; None: each is its own
 
@@ -100,6 +101,11 @@ class Rods:
     def wire_radius(self) -> np.ndarray:
         """[wire] [m] contact radius."""
         return 0.5 * self.of_wires("thickness") if self.thicker is None else self.thicker
+
+    @property
+    def largest_radius(self) -> float:
+        """[m] bound on the contact radius, with the worlds beside these."""
+        return max(self.radius_beside, float(self.wire_radius.max()))
 
     def of_wires(self, constant: str) -> np.ndarray:
         """[wire] a field of the sections."""

@@ -34,7 +34,7 @@ def search_cells(rods: Rods, curve: RestCurve) -> SearchCells:
     approach = max(APPROACH[0] * float(segments.max()), APPROACH[1] * rods.section.thickness)
     margin = approach + 2.0 * MAX_OFFSET * rods.section.thickness
     reach = STRETCHED * float(((0.5 + MAX_SAG) * curve.length + curve.bulge).max())  # of a curve, from the middle of its chord
-    radius = 2.0 * reach + 2.0 * float(rods.wire_radius.max()) + margin
+    radius = 2.0 * reach + 2.0 * rods.largest_radius + margin
     is_tiled = rods.tile > 0
     size = CELL * radius
     count = np.where(is_tiled, np.maximum(np.floor(rods.tile / size), 1), _free_cells(rods, size)).astype(int)

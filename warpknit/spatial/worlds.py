@@ -27,7 +27,7 @@ from .wire_contact import WireContact
 
 
 class SpatialWorlds(Worlds):
-    """Meshes of one topology, with own loads, and own loops and friction if needed."""
+    """Meshes of one topology, with own loads; also own loops, wires, friction."""
 
     KEPT = ("deepest",)
 
