@@ -163,8 +163,8 @@ In `history.csv` the columns `p10_...` and `p90_...` are the same percentiles of
 
 ## spatial_model
 
-The section `spatial_model` of `summary.json`, of a planar tile:
-means of the spatial model under the same load, where they take seconds.
+The section `spatial_model` of `summary.json` belongs to a planar tile. It has
+means of the spatial model under the same load, if they take seconds only.
 
 {spatial_table}
 
@@ -178,9 +178,9 @@ Columns with an `A` stand for each class of contact.
 ## reflection.csv
 
 One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)).
-The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state. It is the last
-state of a run, or the state of a map at the least tension for the highest frequency. There `loss_open_te_dB`, `loss_open_tm_dB`,
-`loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds, null where they were not solved.
+The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state. This is the last
+state of a run. Of a map it is the state at the least tension for the highest frequency. There `loss_open_te_dB`,
+`loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds, null where they were not solved.
 
 {reflection_table}
 """
@@ -215,7 +215,7 @@ These limits hold for every run of a kind, so no run prints them.
 - **Tight knits have several equilibria.** A tricot or a locknit may find another one under the same load with other nodes or
   load levels. `warpknit plan --verbose` shows the measured accuracy of the preset. Compare with
   `model.nodes_per_loop = 40` and other `output.frames`. [How exact are the results?](../how-to/accuracy.md)
-- **A gripped patch drops cut pieces of wire** that hold no clasp, or are shorter than a quarter of a loop. `--verbose` and
+- **A gripped patch drops cut pieces of wire** without a clasp, or shorter than a quarter of a loop. `--verbose` and
   `model.notes` in `summary.json` have their number.
 - **Load levels may take several increments** where a larger one did not converge: `solver.notes`.
 - **A map and a material card are at the temperature of `[load]`.** They do not run the load steps of `[[path]]`. For another

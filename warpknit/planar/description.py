@@ -27,7 +27,7 @@ def accuracy(scene: Scene) -> str:
     preset = PRESETS[name]
     grips = "; larger for short wires between grips" if scene.model.boundary == "gripped" and scene.hook is None else ""
     return (
-        f"preset {name}: within {preset.error_percent:g} % on the double atlas tile{grips};"
+        f"{scene.preset_error_text}{grips};"
         f" {rounded(preset.node_steps):,} node-steps a load level there; run --error PERCENT measures it on this scene"
     )
 

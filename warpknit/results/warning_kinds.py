@@ -112,7 +112,7 @@ KINDS = {
     "W14": WarningKind(
         LIMITED,
         "Contacts closed as knitted",
-        "The yarn is too thick for its loops, or the guide bars lap through each other, or the loops spring open.",
+        "The yarn is too thick for its loops, guide bars lap through each other, or loops spring open.",
         "Use a thinner wire, a wider knit, or other chains.",
     ),
     "W15": WarningKind(
@@ -137,7 +137,7 @@ KINDS = {
     "W20": WarningKind(
         LIMITED,
         "Small patch",
-        "Pieces of wire shorter than a loop, which grips hold at both ends, are a tenth of the wire or more. The grips count as"
+        "Pieces of wire shorter than a loop, gripped at both ends, are a tenth of the wire or more. The grips count as"
         " much as the knit. W05 replaces this warning where they carry load.",
         LARGER,
     ),
@@ -257,8 +257,8 @@ KINDS = {
     "W52": WarningKind(
         LIMITED,
         "Uncertain material card",
-        "The differences that give stiffness and expansion disagree. Contacts close or open, or there is a snap-through, near"
-        " this tension; with friction, the stiffness depends on the size of a cycle.",
+        "The differences that give stiffness and expansion disagree. Near this tension contacts close or open, or there is a"
+        " snap-through. With friction, the stiffness depends on the size of a cycle.",
         "Choose another --tension.",
     ),
     "W53": WarningKind(

@@ -70,8 +70,8 @@ def _as_code(found: re.Match[str]) -> str:
 CAPABILITIES = """# Compatibility of features
 
 Generated from `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. Excluded combinations are refused
-with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in this table;
-the message states them. `model.kind = "auto"` is spatial, and planar only for what the spatial model lacks.
+with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in this table.
+A message states them. `model.kind = "auto"` is spatial, and planar only for what the spatial model lacks.
 
 Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
 with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.

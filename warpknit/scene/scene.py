@@ -215,6 +215,12 @@ class Scene:
         return None if name is None else PRESETS[name].of(self.model.kind, self.solver.drive).error_percent
 
     @property
+    def preset_error_text(self) -> str:
+        """Preset in force, its measured error and the measured knit, in words."""
+        double_atlas = "on the double atlas tile" + ("" if self.knit.bars == Knit().bars else ", not measured on this knit")
+        return f"preset {self.preset_in_force}: error {self.preset_error_percent:g} % {double_atlas}"
+
+    @property
     def preset_caveat(self) -> str:
         """Sentence, without its point, on tight knits at the preset in force; or empty."""
         name = self.preset_in_force

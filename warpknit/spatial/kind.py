@@ -65,7 +65,7 @@ def accuracy(scene: Scene) -> str:
         preset = PRESETS[name].of("spatial", scene.solver.drive)
         more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
         return (
-            f"preset {name}: within {preset.error_percent:g} % on the double atlas tile{more};"
+            f"{scene.preset_error_text}{more};"
             f" {rounded(preset.node_steps):,} node-steps a load level there; run --error PERCENT measures it on this scene"
         )
     return (
