@@ -71,6 +71,12 @@ def test_links_of_a_page_lead_somewhere(path: Path) -> None:
         assert target.startswith("https://") or (path.parent / target).exists(), target
 
 
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_no_line_of_a_page_is_a_comment_by_chance(path: Path) -> None:
+    """The site leaves out a line that begins with %."""
+    assert not re.search(r"^\s*%", path.read_text(encoding="utf-8"), re.MULTILINE)
+
+
 def test_pictures_of_guides_are_small() -> None:
     named = {
         picture
