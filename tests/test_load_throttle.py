@@ -7,9 +7,8 @@ import pytest
 
 from warpknit.mechanics.numerics import DEEP, LEAST_THROTTLE, MAX_OVERLAP, SHALLOW, renewed_throttle
 from warpknit.mesh.rim import LoadPoint
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.scene import make_scene
 from warpknit.solve.membrane import Correction
 from warpknit.solve.model import build_model

@@ -10,10 +10,9 @@ import warp as wp
 from reference.meshes import MESHES, Mesh, settled, shaken
 from reference.plane_wires import CLOSEST_POINT_TOLERANCE, Rig, panel_of_wires, straight, table_of_wires
 from warpknit.compute.steering import Steering
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.solve.simulate import Simulation
 
 

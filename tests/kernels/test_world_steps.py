@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.planar.world_step import WorldStepper
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model

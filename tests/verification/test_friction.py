@@ -8,8 +8,7 @@ import warp as wp
 
 from warpknit import measure
 from warpknit.kernels.contact_friction import LOOSE, TANGENTIAL
-from warpknit.planar.bending import normal_forces
-from warpknit.planar.host_state import friction_energy
+from warpknit.planar.host_state import friction_energy, normal_forces
 from warpknit.planar.mechanics import HistoryVariables
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state

@@ -11,9 +11,8 @@ from long_run import kinetic, mesh, shake, speeds_of, stored
 from stepping import advance
 
 from warpknit import measure
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.planar.time_step import stable_step
 
 TOLERANCE = 1e-3  # residual of what is brought to rest

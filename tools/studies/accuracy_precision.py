@@ -13,9 +13,8 @@ from study import scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
 from warpknit.planar.model import Model
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 

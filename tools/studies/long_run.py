@@ -30,10 +30,9 @@ from study import add_directory, new_parser, read_rows, scene_of, table_path, wr
 
 from warpknit import measure
 from warpknit.planar.model import Model
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import State, initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.planar.time_step import stable_step
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation

@@ -31,10 +31,9 @@ from warpknit import measure
 from warpknit.errors import Diverged, WarpknitError
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.model import Model
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.observables import read
 from warpknit.planar.state import State
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.planar.time_step import largest_step
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from warpknit.planar.model import Model
-from warpknit.planar.neighbours import NeighbourSearch
 from warpknit.planar.state import State, initial_state
-from warpknit.planar.step import Stepper
+from warpknit.planar.step import NeighbourSearch, Stepper
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation

@@ -24,10 +24,9 @@ from .diagnostics import Diagnostics, Residual, SlowestMode, Sums
 from .host_state import read_strip
 from .model import Model
 from .multipliers import Multipliers
-from .neighbours import NeighbourSearch
 from .observables import PlanarObservables, read
 from .state import State
-from .step import anchor_launch
+from .step import NeighbourSearch, anchor_launch
 from .time_step import stable_step
 from .transfer import MembraneGrid, Prolongation, state_variables
 from .world_step import WorldStepper

@@ -15,8 +15,7 @@ from ..measure.strain import rotation
 from ..measure.tiles import Tiles, has_map, panel_map_of
 from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from ..results.frame import curve_parts
-from .bending import bending_moments
-from .host_state import HostState, friction_energy, joined, pair_levers, read_strip
+from .host_state import HostState, bending_moments, friction_energy, joined, pair_levers, read_strip
 from .model import Model
 from .state import State
 

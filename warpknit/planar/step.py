@@ -13,10 +13,12 @@ from functools import cached_property
 from itertools import chain
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ..compute.host import lanes
 from ..compute.launch import Launch, bind, fewer_rows, replay
+from ..compute.steering import Steering
 from ..compute.team import StepSharing, Team
 from ..kernels.anchored_bodies import step_anchored_bodies
 from ..kernels.bodies import BODY_BLOCK, step_bodies
@@ -24,6 +26,7 @@ from ..kernels.contact import find_contact_forces
 from ..kernels.contact_by_batch import PAIR_BATCH, find_contact_forces_by_batch
 from ..kernels.contact_friction import add_friction
 from ..kernels.contact_node import apply_contact_force, follow_contact_node
+from ..kernels.contact_search import find_nearest_segments
 from ..kernels.control import update_control
 from ..kernels.grip import move_held_nodes
 from ..kernels.slide import slide_clamps
@@ -37,6 +40,8 @@ from .state import State
 GRAPH_STEPS = (10, 1)  # steps of one graph replay: capturing more takes longer than replaying few more often
 LONG_STEP_NODES = 100_000  # from there on a step takes longer than threads wait for each other
 NODES_A_THREAD = 2_500  # fewer nodes a thread cost more in waiting than they save
+SAG = 0.15  # of the node spacing: largest distance of a wire from the chord of a segment (radius 0.8 spacings)
+MARGIN = 0.1  # in course spacings: largest approach of a body and a wire before the next search
 # launches of one part of a stage of work, for a stepper and the number of its part
 Stage = Callable[["Stepper", int], list[Launch]]
 
@@ -272,3 +277,44 @@ def anchor_launch(kernel: wp.Kernel, threads: int, model: Model, state: State) -
     treatment = model.treatment
     stiffness, limit = wp.float64(treatment.spring_stiffness), wp.float64(treatment.spring_limit)
     return bind(kernel, threads, model.mesh, state, stiffness=stiffness, limit=limit)
+
+
+class NeighbourSearch:
+    """The search for the initial segment of each pair; the kernel is in kernels/contact_search.py."""
+
+    KEPT = ("searches",)
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model = model
+        self.state = state
+        self.margin = MARGIN * model.scene.knit.course_spacing
+        # the nearer node of a touched segment is within half a (stretched) spacing along the wire
+        self.radius = model.contact_reach + self.margin + 0.75 * float(model.table.spacing.max())
+        self.searches = 0
+        # half of the relative motion of a body and a wire by a unit strain of the load, at rest within twice the radius
+        state.steering.set(pair_reach=self.radius)
+
+    def search(self) -> None:
+        """Seed every open pair, and reset the travel budget.
+
+        Pairs of a hook with another contact constraint never sleep and need no search.
+        """
+        budget = 0.5 * self.margin if self.model.pair_count else np.inf
+        self.state.steering.set(travel=0.0, travel_limit=budget, status=Steering.RUNNING)
+        if self.model.pair_count and self.model.treatment.is_free:
+            self._launches[self.state.parity].launch()
+        self.searches += 1
+
+    @cached_property
+    def _launches(self) -> list[wp.Launch]:
+        """The search from the displacements of each parity."""
+        model, state = self.model, self.state
+        real, spacing = model.precision.real, float(model.table.spacing.max())
+        return [
+            bind(
+                find_nearest_segments, model.pair_count, model.rest, model.mesh, state, model.constants,
+                radius=real(self.radius), half_chord=real(0.6 * spacing), sag=real(SAG * spacing),
+                reach=real(model.contact_reach), ux=state.node_ux[parity], uy=state.node_uy[parity],
+            ).record(model.device)
+            for parity in (0, 1)
+        ]  # fmt: skip

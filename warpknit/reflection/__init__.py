@@ -1,7 +1,7 @@
 """Reflection of a plane wave by an endless mesh of thin round wires. Contacts have an impedance.
 
 A recorded equilibrium (`repeat`) becomes branches of wire and contacts (`thin_wires`, `impedance`). A mixed-potential integral
-equation gives their currents (`green`, `currents`), and the currents give the waves that leave the mesh (`waves`). `frequencies`
-interpolates the equation over a band, `checks` refuses what cannot be solved, `study` solves the states of a directory, and
-`table` has rows and findings.
+equation, interpolated over a band, gives their currents (`green`, `currents`), and the currents give the waves that leave the
+mesh (`waves`). `checks` refuses what cannot be solved, `study` solves the states of a directory, and `table` has rows and
+findings.
 """

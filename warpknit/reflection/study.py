@@ -34,8 +34,7 @@ from ..scene import Scene
 from ..scene.options import Reflection
 from ..studies.contact_map import MapRow, read_map
 from .checks import Size, branch_length, options_of, refuse_lobes
-from .currents import MeshCurrents
-from .frequencies import scattering_at
+from .currents import MeshCurrents, scattering_at
 from .impedance import wire_impedance
 from .repeat import CLOSED, COMPUTED, OPEN, repeat_of
 from .table import (

@@ -38,7 +38,7 @@ from .run_directory import (
     refuse_other_scene,
 )
 from .summary import Summary
-from .variants_recorder import Variants, VariantsRecorder
+from .variants_recorder import MeshGroups, VariantsRecorder
 
 _log = logging.getLogger(__name__)
 
@@ -78,7 +78,7 @@ def run_scene(
         checkpoint = Checkpoint(out, scene.hash, ranks)
     elif resume:
         _log.warning("warning W63: --resume: %s has no checkpoint; a new run begins", out)
-    several = Variants(scene, name, checkpoint) if scene.variants.count > 1 else None
+    several = MeshGroups(scene, name, checkpoint) if scene.variants.count > 1 else None
     model = build_model(scene, name, ranks) if several is None else several.simulation.model
     if ranks.count > 1 and ranks.is_first and model.global_model.node_count < LEAST_SHARED:
         _log.warning("warning W64: run without mpirun: a mesh of %s nodes is slower on %d ranks",

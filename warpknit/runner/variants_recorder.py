@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..export.writer_process import FrameWriter
 
 
-class Variants:
+class MeshGroups:
     """The meshes of a scene's [variants], in groups side by side."""
 
     def __init__(self, scene: Scene, device: str, checkpoint: Checkpoint | None = None) -> None:
@@ -118,7 +118,7 @@ class Variants:
 class VariantsRecorder(Recorder):
     """Writes the records of several meshes as records of one run."""
 
-    def __init__(self, variants: Variants, *args: Any, **options: Any) -> None:
+    def __init__(self, variants: MeshGroups, *args: Any, **options: Any) -> None:
         self.meshes = variants
         self.members: dict[int, list[Row]] = {}  # rows of each mesh
         super().__init__(variants.simulation, *args, **options)

@@ -446,7 +446,7 @@ def declare_overloads(precision: Precision) -> None:
 
 
 def _declare(kernel: wp.Kernel, precision: Precision) -> None:
-    types: dict[str, Any] = {}
+    types: dict[str, wp.array] = {}
     for argument in kernel.adj.args:
         name, kind = argument.label, precision.vec3
         if name in NUMBERS:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -99,7 +98,7 @@ class RodChecks:
         free = (mesh.held & int(HELD_NODE)) == 0
         self._free = int(np.count_nonzero(free)) // stepper.worlds
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // stepper.worlds
-        self._own: dict[str, Any] = {"keeps_arc_length": wp.int32(keeps_arc_length)}
+        self._keeps_arc_length = wp.int32(keeps_arc_length)
         self.launches = SharedLaunches(stepper.team, device, stepper.few)
 
     def sums(self, rows: np.ndarray, *, of_mean: bool) -> StateSums:
@@ -107,7 +106,15 @@ class RodChecks:
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
         sources = (stepper.arrays, state, arrays)
-        self.launches.run(name, k.sum_states, "first_block", stepper.blocks, *sources, unbalanced=unbalanced, **self._own)
+        self.launches.run(
+            name,
+            k.sum_states,
+            "first_block",
+            stepper.blocks,
+            *sources,
+            unbalanced=unbalanced,
+            keeps_arc_length=self._keeps_arc_length,
+        )
         partial, sums = fetch(arrays.state_partial), self.stepper.sums
         total, largest = sums.total(partial, rows), sums.largest(partial, rows)
         excess = (sums.of_wires(partial[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length).reshape(stepper.worlds, -1)
@@ -128,7 +135,14 @@ class RodChecks:
         stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
         store(arrays.stiffening, stiffening)
         sources = (stepper.arrays, state, arrays)
-        self.launches.run("offsets", k.renew_tension_offsets, "first_node", range(stepper.rods.node_count), *sources, **self._own)
+        self.launches.run(
+            "offsets",
+            k.renew_tension_offsets,
+            "first_node",
+            range(stepper.rods.node_count),
+            *sources,
+            keeps_arc_length=self._keeps_arc_length,
+        )
 
     def motion(self, rows: np.ndarray) -> np.ndarray:
         """[row] [J] motion since the last check times the change of the forces; it stands in `last_place`, `last_angle`."""
@@ -157,6 +171,8 @@ class RodChecks:
     def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray | None = None) -> np.ndarray:
         """[row] [J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of both arrays."""
         stepper, arrays = self.stepper, self.arrays
-        sums: dict[str, Any] = {"move": move, "turn": turn, "partial": arrays.partial}
-        self.launches.run(name, sum_mass_products, "first_block", stepper.blocks, stepper.arrays, stepper.state, **sums)
+        self.launches.run(
+            name, sum_mass_products, "first_block", stepper.blocks, stepper.arrays, stepper.state,
+            move=move, turn=turn, partial=arrays.partial,
+        )  # fmt: skip
         return self._total(rows)

@@ -254,8 +254,10 @@ class _Mapper:
             mesh, pair = own[outcome.index]
             if self.keep_states and outcome.observables is not None:
                 self._keep(mesh * len(self.pairs) + self.pairs.index(pair), outcome.observables)
-            how: dict[str, Any] = {"steps": outcome.steps, "dissipated": outcome.dissipated, "by_tension": by_tension}
-            self.maps[mesh][pair] = map_row(pair, outcome.observables, message=message, **how)
+            self.maps[mesh][pair] = map_row(
+                pair, outcome.observables, message=message, steps=outcome.steps, dissipated=outcome.dissipated,
+                by_tension=by_tension,
+            )  # fmt: skip
 
     # --- files ---
 
