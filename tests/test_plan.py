@@ -171,7 +171,7 @@ def test_text_says_what_the_numbers_say():
     planned = make_plan(load_scene(PATCH), "cpu")
     text = "\n".join(f"{line.name.strip()}: {line.text}" for line in planned.table().lines(verbose=True))
     assert f"{planned.nodes:,} nodes on {planned.wires} wires" in text
-    assert f"{planned.bodies} bodies, {2 * planned.bodies} pairs" in text
+    assert f"{planned.bodies} clasps, {2 * planned.bodies} pairs" in text
     assert all(sentence in text for sentence in planned.physics)
     assert "unknown on a GPU" in table_of(replace(planned, device="cuda:0").table().lines())["time"]
 

@@ -214,7 +214,7 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
     mesh = (
         ("hook", "two wires, hooked once") if cloth is None else ("knit", _repeat(scene, cloth)),
         ("mesh", f"{about}{nodes:,} nodes{on_wires}"),
-        ("contact", f"{about}{kind.contacts(bodies)}"),
+        ("contact", f"{about}{bodies:,} clasp{'s' * (bodies != 1)}, {2 * bodies:,} pairs"),
     )
     return Overview(
         scene=scene,

@@ -20,7 +20,6 @@ from .state import initial_state
 __all__ = [
     "accuracy",
     "build_model",
-    "contacts",
     "fine",
     "initial_state",
     "limitations",
@@ -78,11 +77,6 @@ def varied(scene: Scene, softening: float) -> Varied:
     return Varied(nodes, VARIED_SOFTENINGS, VARIED_TOLERANCES, RAMP_NODES, together)
 
 
-def contacts(bodies: int) -> str:
-    """The number of bodies, with what they are."""
-    return f"{bodies:,} bodies, {2 * bodies:,} pairs"
-
-
 def accuracy(scene: Scene) -> str:
     """Expected error of the settings of the scene."""
     name = scene.preset_in_force
@@ -105,7 +99,7 @@ def physics(model: Model, bodies: int) -> Iterator[str]:
         yield f"contact: one place, contact.treatment = {scene.contact.treatment!r}"
     elif bodies:
         merged = "nested lenses merged" if scene.model.merge_lenses else "one for each lens, model.merge_lenses = false"
-        yield f"contact: {bodies:,} hooks, each a body between two wires ({merged})"
+        yield f"contact: {bodies:,} clasps, each with a body between its two wires ({merged})"
     if model.softening != 1.0:
         yield f"softening: axial stiffness divided by {model.softening:g} in the dynamics, solver.axial_softening"
     if scene.solver.drive == "relax" and scene.solver.multipliers:

@@ -90,26 +90,25 @@ class Row(Values):
     clamp_rotation: float  # rotation of the clamps [rad]
     clamp_rotation_rad: float  # rotation of the clamps
     temperature_K: float  # temperature of the mesh; the middle of a gradient
-    pairs: int  # pairs of wire and contact body; spatial: two for each site
+    pairs: int  # two for each clasp, one for each of its wires
     active: int  # pairs closed with more than the threshold
     active_pairs: int  # pairs closed with more than the threshold
     active_percent: float  # share of the active pairs
-    bodies: int  # contact bodies; spatial: places where two wires hook, of wires from a file also where they cross or come near
-    # each other
-    active_bodies: int  # bodies both of whose pairs are active
-    active_bodies_percent: float  # share of the bodies both of whose pairs are active
+    bodies: int  # clasps, where two wires hook each other; of wires from a file also where wires cross or come near each other
+    active_bodies: int  # clasps with both pairs active
+    active_bodies_percent: float  # share of the clasps with both pairs active
     active_rhombus_percent: float | None  # share of the active pairs at the central rhombus; empty without one
     at_reach_end: int  # active pairs whose contact has slid to the end of its range along the wire: not reliable
     force_max_N: float  # largest force of a pair, active or not: `contact_force_max_N` of history.csv
     force_mean_N: float  # mean force of the active pairs
     contact_force_sum_N: float  # sum of the contact forces, in the tables of a trade; spatial: each twice, as pairs
     threshold_N: float  # force above which a pair is active, at least 1e-4 EI/W^2
-    near_bodies: int  # spatial: sites whose wires are closer than 1.25 diameters
-    near_percent: float  # spatial: share of the sites whose wires are closer than 1.25 diameters
-    elsewhere: int  # spatial: active contacts outside these places, such as between the stitches of a knit
-    contacts_elsewhere: int  # spatial: active contacts outside these places
-    elsewhere_force_max_N: float  # spatial: largest force of a contact outside these places
-    central_rhombus: Mapping[str, float]  # the counts of the bodies around the complete opening nearest to the centre
+    near_bodies: int  # spatial: clasps whose wires are closer than 1.25 diameters
+    near_percent: float  # spatial: share of the clasps whose wires are closer than 1.25 diameters
+    elsewhere: int  # spatial: active contacts between stitches, outside the clasps
+    contacts_elsewhere: int  # spatial: active contacts between stitches, outside the clasps
+    elsewhere_force_max_N: float  # spatial: largest force of a contact between stitches
+    central_rhombus: Mapping[str, float]  # the counts of the clasps around the complete opening nearest to the centre
     tension_weft_N_per_m: float  # force per current width in weft
     tension_warp_N_per_m: float  # force per current width in warp
     fragment_tension_weft_N_per_m: float  # part of the tension in weft of wires of less than a loop, which two grips pull apart
@@ -130,7 +129,7 @@ class Row(Values):
     plastic_strain_max: float  # with `wire.plastic`: largest plastic strain of a fibre
     axial_strain_max: float  # largest T/EA of a segment
     slid_max_m: float  # largest difference between the mean displacements of two wires of a periodic tile
-    contact_force_max_N: float  # largest force of a pair, active or not; spatial: of a site
+    contact_force_max_N: float  # largest force of a pair, active or not; spatial: of a clasp
     stress_interior_max_Pa: float  # largest stress away from the edges
     energy_stretch_J: float  # stored in stretch
     energy_bend_J: float  # stored in bending, and in twist

@@ -186,9 +186,9 @@ def run_summary(
             nodes=model.node_count,  # nodes of the mesh
             repeats=list(scene.knit.repeats if scene.wires is None else scene.wires.repeats),  # repeats of the knit in weft and
             # warp
-            bodies=panel.body_count,  # contact bodies, or spatial places where two wires hook; of wires from a file also where
-            # they cross or come near each other
-            pairs=model.pair_count,  # two of each body
+            bodies=panel.body_count,  # clasps, where two wires hook each other; of wires from a file also where
+            # wires cross or come near each other
+            pairs=model.pair_count,  # two for each clasp, one for each of its wires
             notes=list(panel.notes),  # how the mesh was cut
             rest_curve_error=model.curve_error / scene.wire.diameter,  # largest error of the contact curve in the reference
             # state, over d

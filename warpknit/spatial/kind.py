@@ -22,7 +22,6 @@ from .worlds import SpatialWorlds as worlds
 __all__ = [
     "accuracy",
     "build_model",
-    "contacts",
     "fine",
     "initial_state",
     "limitations",
@@ -52,11 +51,6 @@ COMBINED = ((20, 24, 28, 32, 36, 40, 48), (0.01, 0.003, 0.001))  # nodes, tolera
 # --- the model in words
 
 
-def contacts(bodies: int) -> str:
-    """The number of places where wires hook each other, with what they are."""
-    return f"{bodies:,} places where wires hook each other, {2 * bodies:,} pairs"
-
-
 def accuracy(scene: Scene) -> str:
     """Expected error of the settings of the scene."""
     if scene.hook is not None or scene.wires is not None:
@@ -81,7 +75,7 @@ def physics(model: SpatialModel, bodies: int) -> Iterator[str]:
     yield f"bending: wires resist a change of curvature, EI = {engineering(1e6 * wire.bending_stiffness, 'N mm2')}"
     yield f"twist: wires resist being twisted, GJ = {engineering(1e6 * wire.twist_stiffness, 'N mm2')}"
     hooks = "two wires hook once, over and under each other"
-    places = hooks if scene.hook is not None else f"shares of active contacts refer to {bodies:,} places"
+    places = hooks if scene.hook is not None else f"shares of active contacts refer to {bodies:,} clasps"
     yield f"contact: round wires touch each other anywhere; {places}"
     corrected = "; multipliers correct its error" if scene.solver.drive == "relax" else ""
     yield f"softening: axial stiffness is reduced in the dynamics{corrected}, solver.axial_softening"

@@ -246,7 +246,7 @@ class Places:
         others = f"{crossings:,} {'other ' * (self.hooks > 0)}crossing{'s' * (crossings != 1)}"
         if not self.hooks:
             return f"no wires hook each other; {others}"
-        hooks = f"{self.hooks:,} places where two wires hook each other"
+        hooks = f"{self.hooks:,} clasp{'s' * (self.hooks != 1)}, where two wires hook each other"
         return f"{hooks}; {others}" if crossings else hooks
 
 
