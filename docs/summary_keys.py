@@ -214,7 +214,7 @@ These limits hold for every run of a kind, so no run prints them.
 
 - **Tight knits have several equilibria.** A tricot or a locknit may find another one under the same load with other nodes or
   load levels. `warpknit plan --verbose` shows the measured accuracy of the preset. Compare with
-  `model.nodes_per_loop = 40` and other `output.frames`. [How exact are the results?](../how-to/accuracy.md)
+  `model.nodes_per_loop = 40` and other `output.frames`. [Choose the accuracy](../how-to/accuracy.md)
 - **A gripped patch drops cut pieces of wire** without a clasp, or shorter than a quarter of a loop. `--verbose` and
   `model.notes` in `summary.json` have their number.
 - **Load levels may take several increments** where a larger one did not converge: `solver.notes`.

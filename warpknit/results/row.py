@@ -82,8 +82,8 @@ class Row(Values):
     """
 
     index: int  # number of the record, from 0
-    stage: str  # name of the stage
-    load_factor: float  # share of the load of the stage
+    stage: str  # name of the load step
+    load_factor: float  # share of the load of the load step
     strain_weft: float  # strain of the boundary in weft
     strain_warp: float  # strain of the boundary in warp
     shear: float  # shear of the boundary: off-diagonal entry of F; of a hook, displacement over height

@@ -37,8 +37,8 @@ class Closing(Event):
     """First record in which half of a class's pairs exceed the threshold."""
 
     closed_percent: float  # share of its pairs that are closed in the second record of `between`
-    first_touch: Row | None  # the record in which a class was closed before, and opened again; null without one
-    opens: Row | None  # the record behind in which less than half of its pairs are closed, with its `stage`; null without one
+    first_touch: Row | None  # an earlier record in which the class was closed before it opened again; null without one
+    opens: Row | None  # first later record in which less than half of its pairs are closed, with its `stage`; null without one
 
 
 class ClosedRange(Values):
@@ -56,8 +56,8 @@ class ClassAnswer(Values):
     active_percent: float
     closes: Closing | None  # the first record in which half of the pairs carry more than the threshold, its `stage`, and the
     # records `between`
-    closed: Sequence[ClosedRange]  # the ranges of records in which the class is closed: the state `from` which and `to` which,
-    # each with its `stage`; more than one where it opened again, empty where it stays open
+    closed: Sequence[ClosedRange]  # ranges of records in which the class is closed, by their states `from` and `to` with their
+    # `stage`. Several where the class opened again, empty where it stays open
 
 
 class Service(Values):
@@ -66,11 +66,11 @@ class Service(Values):
     tension_N_per_m: float
     active_percent: float | None
     state: Row | None
-    resolved: bool  # false where the share is not the same in the records on both sides
-    stage: str | None  # the stage of this state; null without one
-    jump: Sequence[Row] | None  # records on both sides of a snap-through to another equilibrium at this tension, each with
-    # `active_percent`, in place of a state; null without one
-    between: Sequence[Row] | None  # where it is not resolved, these two records, each with `active_percent`; null otherwise
+    resolved: bool  # false where the records on both sides have different shares
+    stage: str | None  # load step of this state; null without one
+    jump: Sequence[Row] | None  # in place of a state: records on both sides of a snap-through at this tension, each with
+    # `active_percent`; null without one
+    between: Sequence[Row] | None  # records on both sides, each with `active_percent`, where not resolved; null otherwise
     why: str  # why there is no share, or what limits it; left out otherwise
 
 
@@ -78,7 +78,7 @@ class Heat(Values):
     """Effects of a change of temperature. The values of HEATED are pairs, at begin and end."""
 
     stage: str
-    held: Sequence[str]  # what it holds in weft and warp, `tension` or `strain` each
+    held: Sequence[str]  # what is constant in weft and in warp: `tension` or `strain`
     peak: Row  # largest stress of its records, and the temperature there
     jump: bool  # whether the load step has a snap-through: between records of `jumps`
     jump_between: Sequence[Row] | None  # the records on both sides of the first of these jumps; null without one
@@ -90,21 +90,21 @@ class Answers(Values):
     contacts: Sequence[ClassAnswer]  # classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
     # they stay open
     service: Sequence[Service]  # `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp first
-    # reaches it, and one more for each later stage that passes it, as on unloading
+    # reaches it. Each later load step that passes this tension, as on unloading, has an entry of its own
     first_yield: Event | None  # the first record whose largest stress `stress_max_Pa` is above the yield stress, the records
     # `between`, and the place of the stress; null if there is none
     first_yield_interior: Event | None  # the same away from the grips, which clamp wires twice; without a place
     largest_stress: Row  # the largest stress of the run, and its place
     largest_tension: Row  # the state of the largest tension
-    asked_tension_N_per_m: float | None  # largest mean tension of weft and warp that a stage asks for; null without a stage by
-    # tension in both
+    asked_tension_N_per_m: float | None  # largest mean tension of weft and warp in the scene; null where no load step gives
+    # both tensions
     tension_tolerance_N_per_m: float  # smaller tensions are zero within the tolerance of the equilibria
     tension_error_percent: float | None  # known error of tensions at the preset: of tight knits against the reference preset, at
     # nine of ten loads; else the error for the double atlas mesh; null where it is not known
-    heat: Sequence[Heat]  # each stage that changes the temperature alone: values at its begin and end
-    best: Best | None  # the state in the middle of the widest range of tension with the most active contacts, up to first yield,
-    # with the largest stress, both away from the grips; what a single record alone shows does not count. Stages that go on
-    # loading at one temperature count as one; one that changes the temperature under a held tension does not count
+    heat: Sequence[Heat]  # each load step that changes the temperature alone: values at begin and end
+    best: Best | None  # state in the middle of the widest range of tensions with the most active contacts, up to first yield
+    # away from the grips. A share that only a single record has does not count. Load steps that go on loading at one
+    # temperature count as one. A load step that changes the temperature under constant tensions does not count
 
 
 def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> Answers | None:

@@ -23,25 +23,23 @@ class Best(Row):
     low: Row  # lower end of this range: at most one percentage point of contacts opens below `best`
     # where the range is a single record
     open_low: bool  # true where the records begin there
-    low_jump: bool  # whether a snap-through lies between the records of `low_between`
-    low_between: Sequence[Row] | None  # the records on both sides of the lower end where they are farther apart than
-    # `output.load_tolerance`; null where they are not, or the records end there
-    high: Row  # the upper end
+    low_jump: bool  # true where a snap-through lies between the records of `low_between`
+    low_between: Sequence[Row] | None  # records on both sides of the lower end; null where they are within
+    # `output.load_tolerance`, or the records end there
+    high: Row  # upper end of this range
     open_high: bool  # true where the records end there
     high_jump: bool  # the same as `low_jump` of the upper end
     high_between: Sequence[Row] | None  # the same as `low_between` of the upper end
     stress_with_grips_Pa: float  # the largest stress of this state, at the grips as well
-    stage: str  # the stage of this state
-    grows: bool  # true where no record but the last is known to be in the range: the state is the last one then
+    stage: str  # load step of this state
+    grows: bool  # true where only the last record is in the range, whose state this is then
     next_jump: Sequence[Row] | None  # the states on both sides of the first snap-through at a larger tension, up to first yield;
     # null without one
-    jumps: Sequence[Sequence[Row]]  # the states on both sides of each jump to another equilibrium within the range
-    stages: int  # number of load steps among the records up to first yield, all of them searched
+    jumps: Sequence[Sequence[Row]]  # states on both sides of each snap-through within the range
+    stages: int  # number of load steps that were searched, up to first yield
     stress_over_limit: float  # the stress away from the grips over the elastic limit
-    first_yield_over_tension: (
-        float | None
-    )  # mean tension of first yield away from the grips over the tension of this state; null where
-    # the wire does not yield, at an unknown tension, a smaller one, or at another temperature
+    first_yield_over_tension: float | None  # mean tension of first yield away from the grips, over the tension of this state;
+    # null without such a yield at a known larger tension and the same temperature
 
 
 def best_tension(run: Rows, limit: float, stress: str) -> Best | None:

@@ -30,7 +30,7 @@ class Event(Row):
 
     as_knitted: bool  # true where it has happened in the first record
     resolved: bool  # false where the records `between` are farther apart than `output.load_tolerance`, at a snap-through
-    # between them, or where it takes up slack
+    # between them, or where the mesh is slack
     between: Sequence[Row]  # the records before and after it
     jump: bool  # whether there is a snap-through between them
     slack: bool  # whether the mesh is slack for most of the way between them

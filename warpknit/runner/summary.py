@@ -62,7 +62,7 @@ class Summary:
     message: str = ""  # why a run stopped early
     model_warnings: tuple[ResultWarning, ...] = ()  # why the model is not valid for this mesh, the gravest first
     other_warnings: tuple[ResultWarning, ...] = ()  # further limits to the use of this result
-    stages: tuple[Row, ...] = ()  # the same groups at the end of each stage, with its `name`
+    stages: tuple[Row, ...] = ()  # the same groups at the end of each load step, with its `name`
     estimate: Estimate = field(default_factory=Estimate)
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between
     # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
