@@ -149,7 +149,7 @@ def test_a_picture_marks_the_cells_of_a_jump(tmp_path: Path, monkeypatch: pytest
     upright, level = (np.sort(edge, axis=0) for edge in edges.get_segments())
     assert upright[:, 0] == pytest.approx(25.0) and upright[:, 1].mean() < 5.0 <= upright[1, 1]
     assert level[:, 1] == pytest.approx(5.0) and level[0, 0] < 30.0 < level[1, 0]
-    assert "jump to another equilibrium" in [text.get_text() for text in axes.get_legend().get_texts()]
+    assert "snap-through to another equilibrium" in [text.get_text() for text in axes.get_legend().get_texts()]
 
 
 def test_the_table_of_a_map_has_the_jumps_in_one_line():

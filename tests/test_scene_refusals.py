@@ -193,6 +193,9 @@ def test_a_value_out_of_range_is_refused_by_the_end_that_it_passes(override: str
         ("solver.boundary=periodic", "solver.boundary", "model.boundary"),
         ("path[0].temprature=1", "path[0].temprature", "path[0].temperature"),
         ("knit.bar[1].shift=1", "knit.bar[1].shift", "knit.bars[1].shift"),
+        ("contact.mu=0.1", "contact.mu", "contact.friction"),
+        ("mu=0.1", "mu", "contact.friction"),
+        ("wire.cte=1", "wire.cte", "wire.expansion"),
     ],
 )
 def test_an_unknown_key_names_the_nearest_known_one(override, key, nearest):

@@ -43,7 +43,7 @@ def test_curves_of_a_report_are_dotted_over_jumps_as_those_of_a_run(tmp_path, mo
             lines = [line for line in figure.axes[0].lines if line.get_linestyle() == ":"]
             assert [np.asarray(line.get_xdata()).tolist() for line in lines] == [pytest.approx([2.0, 3.0])] * dotted
             texts = [text.get_text() for text in figure.legends[0].get_texts()]
-            assert texts.count("jump to another equilibrium") == bool(dotted) and len(set(texts)) == len(texts)
+            assert texts.count("snap-through to another equilibrium") == bool(dotted) and len(set(texts)) == len(texts)
 
 
 def test_the_axis_of_tension_begins_where_contacts_change(tmp_path, monkeypatch) -> None:

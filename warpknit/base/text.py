@@ -65,6 +65,15 @@ def exact(value: float, unit: str) -> str:
     return engineering(value, unit, ALL_DIGITS) if unit in PREFIXED else f"{value:.{ALL_DIGITS}g} {unit}".rstrip()
 
 
+def counted(number: int, noun: str) -> str:
+    """A number and its noun.
+
+    >>> counted(1, "pair"), counted(2, "pair")
+    ('1 pair', '2 pairs')
+    """
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def either(options: Sequence[str]) -> str:
     """Alternatives in words.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import psutil
 
-from ..base.text import celsius, duration, engineering, exact, memory, percent, rounded
+from ..base.text import celsius, counted, duration, engineering, exact, memory, percent, rounded
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..knit.cloth import Cloth, same_cloth
@@ -150,7 +150,7 @@ class Plan(Overview):
     def _sweep_text(self) -> str:
         assert self.scene.sweep is not None and self.map_s is not None
         sweep, meshes = self.scene.sweep, self._meshes
-        what = f"{len(sweep.pairs):,} pairs of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
+        what = f"{counted(len(sweep.pairs), 'pair')} of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
         return f"warpknit map takes about {duration(self.map_s)} on one core for {what}"
 
     @property

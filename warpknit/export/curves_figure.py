@@ -36,7 +36,7 @@ from warpknit.results.row import Columns
 STRESS_COLUMNS = ("stress_max_Pa", "stress_interior_max_Pa")  # of history.csv: anywhere, and away from the grips
 DECADES_DRAWN = 1e-9  # of the largest value of a logarithmic axis: less is not drawn, and does not flatten the others
 FEW_DECADES = 1e3  # of a logarithmic axis: with fewer, 2 and 5 have ticks as well
-JUMP = "jump to another equilibrium"
+JUMP = "snap-through to another equilibrium"
 JUMP_STYLE: LineLook = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
 WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a load step more than of the next, which may cover it; number before the last
 LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
@@ -206,7 +206,7 @@ def curves_figure(
         sides = [(side, colour, f"strain_{side}") for side, colour in SIDE_COLOURS]
         across = "strain [%]", tuple((side, colour, 100.0 * column(name)) for side, colour, name in sides)
     stress_unit, stress = scaled("Pa", stress_columns(columns))
-    forces = [("where wires hook", GREEN, "contact_force_max_N"), ("elsewhere", AMBER, "elsewhere_force_max_N")]
+    forces = [("where wires hook", GREEN, "contact_force_max_N"), ("other contacts", AMBER, "elsewhere_force_max_N")]
     if not np.nan_to_num(column("elsewhere_force_max_N")).any():
         forces = [("", *forces[0][1:])]
     force_unit, force = scaled("N", forces)
@@ -286,7 +286,7 @@ def _draw_count(
     right.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     right.set_ylim(np.array(axes.get_ylim()) / 100.0 * max(1.1 * np.nanmax(count), 1.0))
     right.set_ylabel("active contacts between stitches")
-    handles = [Line2D([], [], color=AMBER, linewidth=WIDTHS[1], label="elsewhere, right axis")]
+    handles = [Line2D([], [], color=AMBER, linewidth=WIDTHS[1], label="other contacts, right axis")]
     right.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.2)
 
 

@@ -288,7 +288,7 @@ def _draw_marks(
         }
         pairs = of_load[0] * np.array(marks.jumps, dtype=float)
         axes.add_collection(LineCollection([_edge_between(x, y, *pair) for pair in pairs], zorder=4, **style))
-        handles.append(Line2D([], [], label="jump to another equilibrium", **style))
+        handles.append(Line2D([], [], label="snap-through to another equilibrium", **style))
     if marks.optimum is not None:
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ..base.text import alike, between, both, celsius, engineering, exact, is_at_grips, listed, percent, place_text
+from ..base.text import alike, between, both, celsius, counted, engineering, exact, is_at_grips, listed, percent, place_text
 from ..mechanics.driven_strain import TOLERANCE
 from ..results.finding import Finding
 from ..results.row import Row, Values
@@ -158,7 +158,7 @@ def _closing(one: ClassAnswer, reached: str) -> str:
 
 def _pairs(one: ClassAnswer) -> str:
     """Number of pairs of a class; shares at closing and at the end, if they differ."""
-    closes, pairs = one.closes, f"{one.pairs} pairs"
+    closes, pairs = one.closes, counted(one.pairs, "pair")
     if closes is None or closes.closed_percent == 100.0:
         return pairs
     there, last = (f"{share:.0f} %" for share in (closes.closed_percent, one.active_percent))

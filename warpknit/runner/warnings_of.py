@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.text import celsius, engineering, is_at_grips, percent, short_percent, sides_text
+from ..base.text import celsius, counted, engineering, is_at_grips, percent, short_percent, sides_text
 from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
 from ..results.finding import ResultWarning
@@ -148,7 +148,7 @@ def _out_of_range(stages: Sequence[Row]) -> Iterator[ResultWarning]:
         text = f"The slope of the paraboloid reaches {steep:.2g} at the edge; the shape is computed for small slopes."
         yield ResultWarning("W10", text)
     if ends := max((end.at_reach_end for end in stages), default=0):
-        yield ResultWarning("W11", f"{ends} active contacts are at the end of their sliding range; their forces are not valid.")
+        yield ResultWarning("W11", f"At the end of their sliding range: {counted(ends, 'active contact')}, with invalid forces.")
 
 
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -159,7 +159,8 @@ def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[Resu
     elif rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
         tension = sides_text(rows[0].tension, "N/m")
-        text = f"{rows[0].active_pairs} pairs are active as knitted, with {tension} at zero strain."
+        active = counted(rows[0].active_pairs, "active pair")
+        text = f"The mesh as knitted has {active}, with {tension} at zero strain."
         yield ResultWarning("W14", text, "Raise wire.set_fraction." if released else None)
 
 

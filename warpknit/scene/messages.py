@@ -132,6 +132,23 @@ def _fields(location: Location) -> list[str]:
     return list(keys_of(_table_at(location)))
 
 
+OTHER_NAMES = {  # of finite element codes, and of papers
+    "mu": "contact.friction",
+    "friction_coefficient": "contact.friction",
+    "penalty": "contact.stiffness",
+    "young": "wire.youngs_modulus",
+    "elastic_modulus": "wire.youngs_modulus",
+    "nu": "wire.poissons_ratio",
+    "rho": "wire.density",
+    "cte": "wire.expansion",
+    "alpha": "wire.expansion",
+    "increments": "output.frames",
+    "steps": "output.frames",
+    "tolerance": "solver.residual_tolerance",
+    "nodes": "model.nodes_per_loop",
+}
+
+
 def _nearest_key(location: Location) -> tuple[str, bool]:
     """The known key nearest to an unknown one, and whether it is close.
 
@@ -139,6 +156,8 @@ def _nearest_key(location: Location) -> tuple[str, bool]:
     """
     *above, last = location
     unknown = str(last).lower()
+    if unknown in OTHER_NAMES:
+        return OTHER_NAMES[unknown], True
     elsewhere = [key for key in known_keys() if key.endswith(f".{unknown}")]
     if elsewhere and unknown not in _fields(()):  # a word at the top, such as `name`, belongs to the scene
         return elsewhere[0], True

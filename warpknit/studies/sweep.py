@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import measure
-from ..base.text import percent
+from ..base.text import counted, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..errors import MemoryNeeded, ModelError
@@ -225,7 +225,7 @@ class _Mapper:
         several = f", {meshes} meshes" if meshes > 1 else ""
         self._stage += 1
         pairs = len({pair for _mesh, pair in missing})
-        self.display.stage(f"{pairs} pairs of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
+        self.display.stage(f"{counted(pairs, 'pair')} of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
         levels = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.output.levels), strict=True))
         own_loops = self.scene.model.of_kind.own_loops
         alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
