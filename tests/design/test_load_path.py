@@ -101,7 +101,7 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
                     raise Diverged("no progress")
                 yield record
 
-    monkeypatch.setattr("warpknit.design.equal_tension.LoadPath", Failing)
+    monkeypatch.setattr("warpknit.design.load_path.LoadPath", Failing)
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
     path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
     tensions = [row.tension_weft_N_per_m for row in path.rows]

@@ -43,7 +43,7 @@ def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
     for number in (0, 1):
         way = LoadPath(variants.model(number))
         *_, record = way.load(load, 2)
-        here, ahead = loads_of_card(fine, row_of(record), TENSION)
+        here, ahead, _ = loads_of_card(fine, row_of(record), TENSION)
         cards.append(find_card(way.model, way.state, here, ahead=ahead)[0])
     mean = find_mean(scene, load, TENSION, replace(cards[0], jumps="it jumped"))
     assert mean is not None and mean.meshes == 2 and mean.card.jumps == ""

@@ -15,36 +15,52 @@ from ..results.finding import ResultWarning
 from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
+from ..runner.variants import mean_row
 from ..studies.batch import Mesh
-from .load_path import LoadPath, part_of, under_strain
+from .load_path import LoadPath, part_of, path_of, under_strain
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
 LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
-def tension_strain(model: Mesh, weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None) -> list[Row]:
+def tension_strain(
+    meshes: Mesh | Sequence[Mesh], weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None
+) -> list[Row]:
     """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one.
 
-    `monitor` is called with the share of them that is found.
+    meshes: one, or several, whose curves are means with the ranges of eight in ten. `monitor` is called with the share of
+    the curves that is found.
     """
-    levels = math.ceil(model.scene.output.levels / POINTS)  # of the way from one point to the next
     points = []
     for number, (name, along_weft, along_warp) in enumerate(LOADS):
         end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp
-        path = LoadPath(model)
-        stage = under_strain(model.scene, np.diag([1.0 + along_weft * end, 1.0 + along_warp * end]))
-        found: dict[int, Observables] = {}
+        path = path_of(meshes)
+        levels = math.ceil(path.scene.output.levels / POINTS)  # of the way from one point to the next
+        stage = under_strain(path.scene, np.diag([1.0 + along_weft * end, 1.0 + along_warp * end]))
+        found: dict[int, list[Observables]] = {}
         rows: list[Row] = []
         with suppress(Diverged):
-            for k, record in enumerate(path.load(stage, levels * POINTS, part_of(monitor, number, len(LOADS)))):
-                rows.append(row_of(record))
+            for k, records in enumerate(path.beside(stage, levels * POINTS, part_of(monitor, number, len(LOADS)))):
+                rows.append(row_of(records[0]))
                 if k % levels == 0:
-                    found[k // levels] = record.observables
-        behind = {math.ceil(after.index / levels) for _, after in jumps_of(model, rows)}
+                    found[k // levels] = [record.observables for record in records]
+        jumped = jumps_of(path.model, rows) if isinstance(path, LoadPath) else []  # of means there are none
+        behind = {math.ceil(after.index / levels) for _, after in jumped}
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
-            points.append(_point(name, along_weft * end * share, along_warp * end * share, found.get(k), k in behind))
-    return points
+            strains = along_weft * end * share, along_warp * end * share
+            points.append(_mean_point([_point(name, *strains, state, k in behind) for state in found.get(k, [None])]))
+    columns = dict.fromkeys(name for point in points for name in vars(point))
+    return [Row(**dict.fromkeys(columns) | vars(point)) for point in points]
+
+
+def _mean_point(points: Sequence[Row]) -> Row:
+    """The mean of points of several meshes, with its ranges."""
+    if len(points) == 1:
+        return points[0]
+    mean = mean_row([point.changed(variant=None, steps=0) for point in points], 0)
+    ranges = (f"{end}_{name}" for name in MEASURED for end in ("p10", "p90"))
+    return Row(**{name: mean[name] for name in (*vars(points[0]), *ranges)})
 
 
 def missing_points(curves: Sequence[Row]) -> Iterator[ResultWarning]:

@@ -9,18 +9,18 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
+from typing import Any
 
 from ..base.text import engineering
 from ..errors import Diverged
 from ..results.row import Row
 from ..runner.answers import SERVICE_TENSIONS, Service
 from ..runner.branches import Jump, tensions_text
-from ..runner.history import mean_tension, row_of
+from ..runner.history import mean_tension
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
-from ..studies.batch import Mesh
 from .card import MaterialCard
-from .load_path import AS_KNITTED, LoadPath, PathState, part_of, under_tension
+from .load_path import part_of, path_of, under_tension
 from .service import EqualTension, ServicePoint, is_other
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
@@ -41,7 +41,7 @@ class EqualTensionPath:
     """Rows of history.csv under equal tensions; states at the ends of load steps."""
 
     rows: Sequence[Row] = ()
-    states: Mapping[float, PathState] = field(default_factory=dict)  # by tension [N/m]
+    states: Mapping[float, Any] = field(default_factory=dict)  # by tension [N/m]; see `path_of`
     at: Mapping[float, Row] = field(default_factory=dict)  # the rows of these states
     ended: str = ""  # why, where it did not go to its largest tension
 
@@ -59,29 +59,31 @@ class EqualTensionPath:
         return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
 
 
-def load_equally(model: Mesh, largest: EqualTension, monitor: Callable[[float], None] = lambda _: None) -> EqualTensionPath:
-    """The path to first yield, else to the largest tension: service or map, doubled DOUBLINGS times.
+def load_equally(
+    meshes: Any, largest: EqualTension, monitor: Callable[[float], None] = lambda _: None, tension: float | None = None
+) -> EqualTensionPath:
+    """The path to first yield, else to the largest tension: service, `tension` [N/m] or map, doubled DOUBLINGS times.
 
     A load step that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
-    records before. `monitor` gets the share done. model: in double precision.
+    records before. `monitor` gets the share done. meshes: one in double precision, or a list, whose rows are means.
     """
-    scene = model.scene
-    wanted = service_tensions(scene, None)
+    path = path_of(meshes)
+    scene = path.scene
+    wanted = service_tensions(scene, tension)
     top = max(largest.largest, *wanted)
     ends = [*_ends(wanted, largest.largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
-    path = LoadPath(model)
     rows: list[Row] = []
-    states: dict[float, PathState] = {}
+    states: dict[float, Any] = {}
     at: dict[float, Row] = {}
     low, missed = 0.0, 0
     for number, high in enumerate(ends):
         before = len(rows)
         try:
-            for record in path.load(
+            for row in path.rows(
                 under_tension(scene, high), levels_between(scene, low, high), part_of(monitor, number, len(ends))
             ):
-                rows.append(row_of(record))
-                if record.load_factor < 1.0 and rows[-1].stress_max_Pa > scene.wire.yield_stress:
+                rows.append(row)
+                if row.load_factor < 1.0 and row.stress_max_Pa > scene.wire.yield_stress:
                     return EqualTensionPath(rows, states, at, YIELDED)
         except Diverged as error:
             missed += 1
@@ -97,21 +99,21 @@ def load_equally(model: Mesh, largest: EqualTension, monitor: Callable[[float], 
 
 
 def with_state_at(
-    model: Mesh, path: EqualTensionPath, tension: float, monitor: Callable[[float], None] = lambda _: None
+    meshes: Any, path: EqualTensionPath, tension: float, monitor: Callable[[float], None] = lambda _: None
 ) -> EqualTensionPath:
     """The path with its state at `tension` [N/m], from the next smaller tension.
 
     The path continues to this tension beyond its end, or up to the strength of the wire. Without the state where the mesh does
-    not converge. model: of the path.
+    not converge. meshes: of the path.
     """
     if tension in path.states:
         return path
-    scene, rows = model.scene, list[Row]()
     low = max((one for one in path.states if one < tension), default=0.0)
-    way, ended, is_found = LoadPath(model, path.states.get(low, AS_KNITTED)), path.ended, False
+    way, rows, ended, is_found = path_of(meshes, path.states.get(low)), list[Row](), path.ended, False
+    scene = way.scene
     try:
-        for record in way.load(under_tension(scene, tension), levels_between(scene, low, tension), monitor):
-            rows.append(row_of(record))
+        for row in way.rows(under_tension(scene, tension), levels_between(scene, low, tension), monitor):
+            rows.append(row)
             if rows[-1].stress_max_Pa > scene.wire.tensile_strength:
                 ended = BROKEN
                 break
@@ -185,7 +187,8 @@ def service_points(
         left = LEFT if row is not None and is_other(shown, row) else ""
         why = ", ".join(part for part in (YIELDED if shown.stress_max_Pa > scene.wire.yield_stress else "", left) if part)
         strains, stage = (shown.strain_weft, shown.strain_warp), "" if row is None else row.stage
-        points.append(ServicePoint(tension, strains, shown.active_percent, shown.stress_max_Pa, why, stage, not left))
+        figures = strains, shown.active_percent, shown.stress_max_Pa
+        points.append(ServicePoint(tension, *figures, why, stage, not left, shown if own is None else Row()))
     return points
 
 

@@ -13,6 +13,7 @@ from ..runner.answers import Answers
 from ..runner.answers_table import answer_findings
 from ..runner.branches import Jump as RowJump
 from ..runner.strength import exceeded_text
+from ..runner.variants import first_meshes
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..scene.units import tidy
@@ -89,6 +90,22 @@ class Findings:
         return self.requested is not None or self.card is not None
 
     @property
+    def has_means(self) -> bool:
+        """Whether rows and answers under equal tensions are means over meshes."""
+        return bool(self.path.rows) and "p10_stress_max_Pa" in self.path.rows[0]
+
+    @property
+    def of_meshes(self) -> str:
+        """The meshes of answers and service tensions, in words; empty where the scene has one mesh."""
+        count = first_meshes(self.scene.variants)
+        return "" if count == 1 else f"means of {count} meshes" if self.has_means else "of one mesh of even loops"
+
+    @property
+    def the_mesh(self) -> str:
+        """The mesh of pictures, openings and heat, at the begin of a sentence."""
+        return "One mesh of even loops" if self.of_meshes else "The mesh"
+
+    @property
     def by_tension(self) -> bool:
         """Whether the map prescribes tensions."""
         return any(row.by_tension for row in self.rows)
@@ -125,7 +142,8 @@ class Findings:
     def answer_lines(self) -> Iterator[Finding]:
         """The answers under equal tensions, for a terminal."""
         if self.answers is not None:
-            yield Finding("equal tensions", f"followed {self.path.end_text}", short=True)
+            of = f"; {self.of_meshes}" if self.of_meshes else ""
+            yield Finding("equal tensions", f"followed {self.path.end_text}{of}", short=True)
             yield from answer_findings(self.answers, self.scene.wire.yield_stress, failed=self.path.failed)
         if self.heat_note:
             yield Finding("heat", self.heat_note)

@@ -19,6 +19,11 @@ DIFFERENCE_TOLERANCE = 2e-5
 ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
 
 
+def tolerances_of(scene: Scene) -> list[float]:
+    """Residual tolerances of a material card, to be tried one after the other: the scene's comes last."""
+    return [DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, scene.solver.residual_tolerance]
+
+
 def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
     """The mesh of `scene` in double precision, converged enough for differences of states. Raises `ModelError`, `KnitError`."""
     return mesh_of(exact(scene, tolerance))

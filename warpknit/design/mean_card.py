@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
@@ -14,14 +14,14 @@ from ..results.row import Row
 from ..runner.history import row_of
 from ..runner.variants import Spread, first_meshes, spread_of
 from ..scene import Scene, Stage
-from ..solve.variant_models import VariantModels, last_records
+from ..solve.variant_models import VariantModels
 from .card import MaterialCard, find_card
 from .card_files import card_values
-from .fine_states import DIFFERENCE_TOLERANCE, exact
-from .load_path import PathState, part_of, under_strain, under_tension
+from .fine_states import exact, tolerances_of
+from .load_path import FEWEST, MeshesPath, mean_of, part_of, under_strain, under_tension
 
 AHEAD = 1.01  # of the load of a card: the way on, along which a mesh with friction or yield is loaded
-FEWEST = 2  # cards, of a mean
+BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
 OF_ONE = ("jumps", "branch")  # texts on the path of one mesh
 
 
@@ -34,13 +34,18 @@ class MeanCard:
     spread: Mapping[str, Spread]  # of each value of a card, by name
     softest: MaterialCard  # of the least C11 + C22
     stiffest: MaterialCard
+    loading: Sequence[Row]  # mean states from the meshes as knitted to the card and beyond
 
 
-def loads_of_card(scene: Scene, row: Row, tension: float | None) -> tuple[Stage, Stage]:
-    """The strains of a state, and a little more of its load: of a `tension` [N/m] both ways, or else of the strains."""
+def loads_of_card(scene: Scene, row: Row, tension: float | None) -> tuple[Stage, Stage, Stage]:
+    """Loads at a state, a little ahead of it, and BEYOND it.
+
+    The load is a `tension` [N/m] both ways, or else the strains.
+    """
     strains = np.array([[row.strain_weft, row.shear], [0.0, row.strain_warp]])
-    here, ahead = (under_strain(scene, np.eye(2) + factor * strains) for factor in (1.0, AHEAD))
-    return here, ahead if tension is None else under_tension(scene, AHEAD * tension)
+    here, *more = (under_strain(scene, np.eye(2) + factor * strains) for factor in (1.0, AHEAD, BEYOND))
+    ahead, beyond = more if tension is None else (under_tension(scene, factor * tension) for factor in (AHEAD, BEYOND))
+    return here, ahead, beyond
 
 
 def find_mean(
@@ -48,29 +53,51 @@ def find_mean(
 ) -> MeanCard | None:
     """The mean over the cards of the meshes under a load; None where fewer than FEWEST of them converge.
 
-    base: card of the mesh of even loops, whose texts the mean has. `monitor` is called with the share that is done.
+    base: card of the mesh of even loops, whose texts the mean has. `monitor` is called with the share that is done. A rougher
+    tolerance is tried where fewer than half of the meshes have a card.
     """
-    fine = exact(scene, DIFFERENCE_TOLERANCE)
-    meshes, cards = list(_loaded(fine, load)), []
-    for number, (model, state, row) in enumerate(meshes):
-        with suppress(Diverged):
-            here, ahead = loads_of_card(fine, row, tension)
-            cards.append(find_card(model, state, here, part_of(monitor, number, len(meshes)), ahead=ahead)[0])
+    wanted = first_meshes(scene.variants)
+    for tolerance in tolerances_of(scene):
+        cards, loading = _cards(meshes_of(scene, tolerance), load, tension, monitor)
+        if len(cards) >= max(FEWEST, 0.5 * wanted):
+            break
     if len(cards) < FEWEST:
         return None
     values = [{name: value for name, value, _unit, _meaning in card_values(card)} for card in cards]
     common = [name for name in values[0] if all(name in each for each in values)]
     spread = {name: spread_of([each[name] for each in values]) for name in common}
     ordered = sorted(cards, key=lambda card: float(np.trace(card.stiffness[:2, :2])))
-    return MeanCard(_mean(base, cards), len(cards), spread, ordered[0], ordered[-1])
+    return MeanCard(_mean(base, cards), len(cards), spread, ordered[0], ordered[-1], loading)
 
 
-def _loaded(scene: Scene, load: Stage) -> Iterator[tuple[Any, PathState, Row]]:
-    """Model, state and row of each mesh that converges under a load."""
-    variants = VariantModels(replace(scene, stages=(load,), sweep=None))
-    models = [variants.model(number) for number in variants.take(first_meshes(scene.variants))]
-    for place, record, drive in last_records(models):
-        yield models[place], PathState((load,), drive.snapshot()), row_of(record)
+def meshes_of(scene: Scene, tolerance: float) -> list[Any]:
+    """Models of the first meshes of `[variants]`.
+
+    They are in double precision, with this residual tolerance at most.
+    """
+    variants = VariantModels(replace(exact(scene, tolerance), stages=scene.stages[:1], sweep=None))
+    return [variants.model(number) for number in variants.take(first_meshes(scene.variants))]
+
+
+def _cards(
+    meshes: Sequence[Any], load: Stage, tension: float | None, monitor: Callable[[float], None]
+) -> tuple[list[MaterialCard], list[Row]]:
+    """Cards of the meshes that converge, and mean states on the way."""
+    way, cards = MeshesPath(meshes), list[MaterialCard]()
+    scene = way.scene
+    try:
+        ends = list(way.beside(load, scene.output.frames, part_of(monitor, 0, 1 + len(meshes))))
+    except Diverged:
+        return [], []
+    loading = [mean_of(records) for records in ends]
+    for number, (record, (place, state)) in enumerate(zip(ends[-1], way.state.items(), strict=True)):
+        with suppress(Diverged):
+            here, ahead, _ = loads_of_card(scene, row_of(record), tension)
+            cards.append(find_card(way.models[place], state, here, part_of(monitor, 1 + number, 1 + len(meshes)), ahead=ahead)[0])
+    with suppress(Diverged):
+        *_, beyond = way.rows(loads_of_card(scene, loading[-1], tension)[2], 1)
+        loading.append(beyond)
+    return cards, loading
 
 
 def _mean(base: Any, cards: Sequence[Any]) -> Any:

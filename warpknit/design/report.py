@@ -9,10 +9,11 @@ from __future__ import annotations
 import json
 import time
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,13 +50,13 @@ from .equal_tension import (
 )
 from .fe import CODES
 from .findings import Findings
-from .fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact_model, states_at
+from .fine_states import exact_model, states_at, tolerances_of
 from .heat import heat, later_temperatures, tension_held
-from .load_path import LoadPath, PathState, part_of, under_strain, under_tension
-from .mean_card import find_mean, loads_of_card
+from .load_path import LoadPath, PathState, part_of, under_tension
+from .mean_card import find_mean, loads_of_card, meshes_of
 from .opening_size import openings
 from .report_files import write_files
-from .service import branches_at, equal_tension, is_other, map_cell, two_equilibria
+from .service import EqualTension, branches_at, equal_tension, is_other, map_cell, two_equilibria
 
 STATES = "report_states.npz"
 UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
@@ -66,23 +67,19 @@ class KeptStates:
     """Results of a report that do not depend on the requested tension."""
 
     curves: list[Row]
-    path: EqualTensionPath
+    path: EqualTensionPath  # of one mesh of even loops
+    means: EqualTensionPath = EqualTensionPath()  # over the meshes of [variants], without their states; empty without them
 
 
 def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
     """Write the file into `out`."""
-    path = states.path
-    numbers = {id(row): number for number, row in enumerate(path.rows)}
     about = {
         "made_by": _made_by(scene),
         "curves": [vars(point) for point in states.curves],
-        "rows": [vars(row) for row in path.rows],
-        "tensions": list(path.states),
-        "row_at": [numbers[id(path.at[tension])] for tension in path.states],
-        "ended": path.ended,
+        **{name: _path_table(getattr(states, name)) for name in ("path", "means")},
     }
     arrays = {"about": np.array(json.dumps(about, default=lambda value: value.item()))}
-    for number, state in enumerate(path.states.values()):
+    for number, state in enumerate(states.path.states.values()):
         arrays |= {f"{number}_{name}": value for name, value in state.kept.items()}
     write_arrays(out / STATES, arrays)
 
@@ -95,16 +92,28 @@ def read_states(scene: Scene, out: Path) -> KeptStates | None:
         about = json.loads(str(arrays.pop("about")))
         if about["made_by"] != _made_by(scene):
             return None
-        rows, tensions = [Row(**row) for row in about["rows"]], about["tensions"]
-        stages = [under_tension(scene, tension) for tension in tensions]
+        path, means = (_path_from(about[name]) for name in ("path", "means"))
+        stages = [under_tension(scene, tension) for tension in path.at]
         states = {
             tension: PathState(tuple(stages[: number + 1]), strip_prefix(f"{number}_", arrays))
-            for number, tension in enumerate(tensions)
+            for number, tension in enumerate(path.at)
         }
-        at = {tension: rows[number] for tension, number in zip(tensions, about["row_at"], strict=True)}
-        return KeptStates([Row(**point) for point in about["curves"]], EqualTensionPath(rows, states, at, about["ended"]))
+        return KeptStates([Row(**point) for point in about["curves"]], replace(path, states=states), means)
     except UNUSABLE:
         return None
+
+
+def _path_table(path: EqualTensionPath) -> dict[str, object]:
+    """A path without its states."""
+    numbers = {id(row): number for number, row in enumerate(path.rows)}
+    at = [(tension, numbers[id(row)]) for tension, row in path.at.items()]
+    return {"rows": [vars(row) for row in path.rows], "at": at, "ended": path.ended}
+
+
+def _path_from(table: Mapping[str, Any]) -> EqualTensionPath:
+    """The path of such a table."""
+    rows = [Row(**row) for row in table["rows"]]
+    return EqualTensionPath(rows, {}, {tension: rows[number] for tension, number in table["at"]}, table["ended"])
 
 
 def _made_by(scene: Scene) -> list[str]:
@@ -114,7 +123,6 @@ def _made_by(scene: Scene) -> list[str]:
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
 SEARCHES = ("equal tensions", "heat")  # of these, whose length is not known before
 WAY = 0.6  # of the time of a card: the way to the optimum
-BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
 
 
 def write_report(
@@ -150,31 +158,40 @@ def write_report(
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     largest = equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)
+    several = scene.variants.count > 1
     monitor = begin("tension-strain curves")
     kept = read_states(scene, out)
-    curves = tension_strain(model, weft, warp, monitor) if kept is None else kept.curves
+    curves = [] if kept is None else kept.curves
+    if not curves:
+        meshes = meshes_of(scene, scene.solver.residual_tolerance) if several else model
+        curves = tension_strain(meshes, weft, warp, monitor)
     jumps = find_jumps(model, rows)
     optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
     monitor = begin("equal tensions")
-    path = EqualTensionPath() if kept is None else kept.path
+    path, means = (EqualTensionPath(), EqualTensionPath()) if kept is None else (kept.path, kept.means)
+    parts = 2 + several
     if not path.rows and (largest.largest > 0.0 or tension is not None):
-        path = load_equally(double, largest, part_of(monitor, 0, 2))
-    if kept is None or path is not kept.path:
-        write_states(scene, out, KeptStates(curves, path))
+        path = load_equally(double, largest, part_of(monitor, 0, parts))
+    if several and path.rows and (not means.rows or (tension is not None and tension not in means.at)):
+        means = _mean_path(scene, largest, tension, part_of(monitor, 2, parts))
+    if kept is None or (path, means) != (kept.path, kept.means):
+        write_states(scene, out, KeptStates(curves, path, means))
     if tension is not None:
-        path = with_state_at(double, path, tension, part_of(monitor, 1, 2))
+        path = with_state_at(double, path, tension, part_of(monitor, 1, parts))
     found_jumps = jumps_under_tension(double, path.rows)
-    answers = None if len(path.rows) < 2 else answers_of(double, path.rows, found_jumps)
+    shown = replace(path, rows=means.rows, at=means.at, ended=means.ended) if means.rows else path
+    shown_jumps = [] if means.rows else found_jumps  # of means there are none
+    answers = None if len(shown.rows) < 2 else answers_of(double, shown.rows, shown_jumps)
     monitor = begin("material card")
     card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(monitor, 0, 2))
     mean = None
-    if card is not None and scene.variants.count > 1:
+    if card is not None and several:
         mean = find_mean(scene, _load_of_card(scene, optimum, tension), tension, card, part_of(monitor, 1, 2))
-        card = card if mean is None else mean.card
+        card, loading = (card, loading) if mean is None else (mean.card, mean.loading)
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
-        card = replace(card, ahead=ahead_of_card(card, yields, found_jumps))
-    service = service_points(scene, path, found_jumps, tension, card)
+        card = replace(card, ahead=ahead_of_card(card, yields, shown_jumps))
+    service = service_points(scene, shown, shown_jumps, tension, None if means.rows else card)
     best = None if answers is None else answers.best
     held = tension_held(path, tension, None if best is None else mean_tension(best))
     heated, no_heat = heat(scene, path, held, begin("heat"))
@@ -189,8 +206,8 @@ def write_report(
         jumps=jumps,
         requested=tension,
         equal_tension=largest,
-        path=path,
-        path_jumps=found_jumps,
+        path=shown,
+        path_jumps=shown_jumps,
         answers=None
         if answers is None
         else answers.changed(
@@ -216,6 +233,15 @@ def write_report(
     found = found if found.earlier_kept else replace(found, file_notes=write_files(found, out))
     ends = [*begins.values(), time.perf_counter()][1:]
     return replace(found, times={name: end - start for (name, start), end in zip(begins.items(), ends, strict=True)})
+
+
+def _mean_path(scene: Scene, largest: EqualTension, tension: float | None, monitor: Callable[[float], None]) -> EqualTensionPath:
+    """Means over the meshes of `[variants]` under equal tensions, without their states; empty where they do not converge."""
+    meshes = meshes_of(scene, scene.solver.residual_tolerance)
+    path = load_equally(meshes, largest, monitor, tension)
+    if tension is not None:
+        path = with_state_at(meshes, path, tension)
+    return replace(path, states={})
 
 
 def _card(
@@ -253,9 +279,7 @@ def _card(
         else:
             raise Diverged(unreached_text(scene, path, tension or 0.0))
         here = rows[-1] if row is None else row
-        load, ahead = loads_of_card(scene, here, tension)
-        strains = np.array([[here.strain_weft, here.shear], [0.0, here.strain_warp]])
-        beyond = under_strain(scene, np.eye(2) + BEYOND * strains) if tension is None else under_tension(scene, BEYOND * tension)
+        load, ahead, beyond = loads_of_card(scene, here, tension)
         card, mesh = _card_from(scene, begin, load, ahead, lambda share: monitor(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         if tension is None:
@@ -307,7 +331,8 @@ def _card_from(
 
     Raises `Diverged`.
     """
-    for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE):
+    *finer, tolerance = tolerances_of(scene)
+    for one in finer:
         with suppress(Diverged):
-            return find_card(exact_model(scene, tolerance), begin, load, monitor, ahead=ahead)
-    return find_card(exact_model(scene, scene.solver.residual_tolerance), begin, load, monitor, ahead=ahead)
+            return find_card(exact_model(scene, one), begin, load, monitor, ahead=ahead)
+    return find_card(exact_model(scene, tolerance), begin, load, monitor, ahead=ahead)

@@ -111,7 +111,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
     mesh_section(page, found, figures)
     map_section(page, found, figures["map"])
-    curve_section(page, found.curves, figures["curves"])
+    curve_section(page, found, figures["curves"])
     card_section(page, found)
     openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
     electric_section(page, found.scene, found.tensioned, figures["resistance"])

@@ -15,7 +15,6 @@ from ..base.text import alike, celsius, engineering, exact, percent, short_perce
 from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
 from ..results.finding import Finding, ResultWarning
-from ..results.row import Row
 from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
 from ..runner.variants import Spread
@@ -120,9 +119,15 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
         return
     lines = answer_findings(answers, scene.wire.yield_stress, failed=path.failed)
     page.table([(line.name, line.text) for line in lines])
-    of_one = "These are answers of one mesh of even loops; the map below is a mean. " if scene.variants.count > 1 else ""
+    of = (
+        f"These answers are {found.of_meshes}; a class closes where half of the meshes have closed it. "
+        if found.has_means
+        else ""
+    )
+    if found.of_meshes and not found.has_means:
+        of = f"These answers are {found.of_meshes}; the map below is a mean. "
     page.text(
-        f"{of_one}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} load levels,"
+        f"{of}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} load levels,"
         f" {path.end_text}. Another load path, as in a run or the map, may give other results. A, B, ... are classes of"
         " contacts of one shape, from the tightest lens on. A place where two wires touch counts as two pairs, one for"
         " each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
@@ -136,7 +141,8 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     if "heat" in figures:
         page.figure(
             figures["heat"],
-            "The mesh while its temperature changes as in each [[path]]: under a held tension, and held in a frame that"
+            f"{found.the_mesh} while its temperature changes as in each [[path]]:"
+            " under a held tension, and held in a frame that"
             + (
                 f" expands by {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion)."
                 if scene.model.frame_expansion
@@ -186,8 +192,8 @@ def mesh_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
     if "mesh" in figures:
         page.figure(
             figures["mesh"],
-            "The mesh at the tension of the card: stress of the wires at the nodes, active and open contacts. A star marks the"
-            " largest stress, which may lie between two nodes, under a contact.",
+            f"{found.the_mesh} at the tension of the card: stress of the wires at the nodes, active and open contacts. A star"
+            " marks the largest stress, which may lie between two nodes, under a contact.",
         )
 
 
@@ -217,18 +223,20 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
         page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))
     page.text(
         "The optimum is the pair of loads of the map, equal or not, with the most active contacts while the wire stays"
-        " below its elastic limit. For a mesh with the same tension in weft and warp, use the best tension above."
+        " below its elastic limit. The best tension above is under equal tensions: the middle of the widest range with the most"
+        " active contacts. Use it for a mesh with the same tension in weft and warp."
     )
     for warning in optimum_warnings(optimum, jumps):
         page.warning(warning)
+    lines = [((point.name, point.strain, point.active, point.stress), point.range_texts) for point in found.service]
     page.table(
-        [(point.name, point.strain, point.active, point.stress) for point in found.service],
+        [row for line, ranges in lines for row in ((line, ("eight in ten meshes", *ranges)) if ranges else (line,))],
         ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
     )
-    if scene.variants.count > 1:
+    if found.of_meshes:
         page.text(
-            "The map is the mean over meshes with scattered loops; the service tensions and all results below are for one"
-            f" of even loops.{scatter_text(found.rows, optimum)}"
+            f"The map is the mean over meshes with scattered loops; the service tensions are {found.of_meshes}."
+            f" Openings, contact resistances and pictures are of one mesh of even loops.{scatter_text(found.rows, optimum)}"
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
@@ -270,8 +278,9 @@ def _whole_steps(strain: float) -> float:
     return math.copysign(math.ceil(abs(strain) / SWEEP_STEP - 1e-9) * SWEEP_STEP, strain)
 
 
-def curve_section(page: Page, curves: Sequence[Row], figure: Path) -> None:
+def curve_section(page: Page, found: Findings, figure: Path) -> None:
     """Tension-strain curves."""
+    curves = found.curves
     page.heading("Tension against strain")
     page.figure(
         figure,
@@ -280,7 +289,8 @@ def curve_section(page: Page, curves: Sequence[Row], figure: Path) -> None:
     )
     for warning in missing_points(curves):
         page.warning(warning)
-    page.text("The values are in tension_strain.csv.")
+    of = f" They are {found.of_meshes}." if found.of_meshes else ""
+    page.text(f"The values are in tension_strain.csv.{of}")
 
 
 def _shown(name: str, value: float, unit: str) -> tuple[str, str]:

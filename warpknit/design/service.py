@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,6 +27,7 @@ class ServicePoint:
     why: str = ""  # there is no state, or what limits it
     stage: str = ""  # of the state
     resolved: bool = True  # whether the path under equal tensions has the same state
+    ranges: Row = field(default_factory=Row)  # of eight in ten meshes: p10_NAME and p90_NAME of the figures; of one mesh none
 
     @property
     def name(self) -> str:
@@ -39,6 +40,18 @@ class ServicePoint:
         return self.why if self.strains is None else " / ".join(percent(strain) for strain in self.strains)
 
     @property
+    def range_texts(self) -> tuple[str, str, str] | None:
+        """Ranges of eight in ten meshes of strain, active contacts and stress, as texts; None of one mesh."""
+        if "p10_stress_max_Pa" not in self.ranges:
+            return None
+
+        def of(name: str, shown: Callable[[float], str]) -> str:
+            return " to ".join(shown(self.ranges[f"{end}_{name}"]) for end in ("p10", "p90"))
+
+        strains = " / ".join(of(f"strain_{side}", percent) for side in SIDES)
+        return strains, of("active_percent", lambda share: percent(0.01 * share)), of("stress_max_Pa", _stress_text)
+
+    @property
     def active(self) -> str:
         """Share of active contacts, as text."""
         return "-" if self.strains is None else percent(0.01 * self.active_percent)
@@ -47,6 +60,10 @@ class ServicePoint:
     def stress(self) -> str:
         """Largest wire stress, as text."""
         return "-" if self.strains is None else engineering(self.stress_max, "Pa") + (f", {self.why}" if self.why else "")
+
+
+def _stress_text(stress: float) -> str:
+    return engineering(stress, "Pa")
 
 
 @dataclass(frozen=True)
