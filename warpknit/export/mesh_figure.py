@@ -255,10 +255,9 @@ def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shap
 
 def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, peak: Peak | None) -> None:
     """Add the numbers of active and open contacts (and in the rhombus), and the largest stress."""
-    kind = "bodies" if layout.body_radius else "places of contact"
     handles = [] if peak is None else [_peak_handle(peak)]
     for chosen, name, _, look in _kinds(frame) if layout.body_count else ():
-        label, is_drawn = f"{name} {kind}: {np.count_nonzero(chosen)}", name == "active" or shows_open
+        label, is_drawn = f"{name} clasps: {np.count_nonzero(chosen)}", name == "active" or shows_open
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
         handles.append(Line2D([], [], label=label if is_drawn else f"{label}, not drawn", **shown))
     if count := frame.elsewhere_force.size:
@@ -320,7 +319,7 @@ def _spacing(position: NDArray[Any], count: int) -> float:
 
 
 def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, LineLook], ...]:
-    """Active and open bodies: which, the name, the width of the edge over the size of the mark, and its look."""
+    """Active and open clasps: which, the name, the width of the edge over the size of the mark, and its look."""
     active = frame.body_active
     mark: LineLook = {"linestyle": "none", "marker": "o"}
     halo = [withStroke(linewidth=3.0, foreground="white")]
