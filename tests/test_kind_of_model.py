@@ -108,14 +108,14 @@ def test_a_kind_that_is_given_stays(kind: str) -> None:
     [
         ({"solver": {"multipliers": False}}, {}, "no multipliers"),
         ({"solver": {"drive": "ramp"}}, {"ranks": 2}, '`solver.drive = "ramp"` with `mpirun`'),
-        ({"panel": {"focal_length": "1 m"}}, {}, "held on a paraboloid"),
+        ({"panel": {"focal_length": "1 m"}}, {"ranks": 2}, "held on a paraboloid with `mpirun`"),
         ({"model": {"body_radius": "3 um"}}, {}, "own body radius"),
         ({"hook": {}, "contact": {"treatment": "ring"}}, {}, "contact treatment"),
         ({"hook": {}}, {"command": "error"}, "two hooked wires with `run --error`"),
         (
-            {"solver": {"multipliers": False}, "panel": {"focal_length": "1 m"}, "wire": {"poissons_ratio": 0.4}},
+            {"solver": {"multipliers": False}, "model": {"body_radius": "3 um"}, "wire": {"poissons_ratio": 0.4}},
             {},
-            "no multipliers, held on a paraboloid",  # a key without effect in the planar model does not exclude it
+            "own body radius, no multipliers",  # a key without effect in the planar model does not exclude it
         ),
     ],
 )

@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from reference.flat_panel import flat_map, held_rim
 from reference.planar import planar_scene
 from warpknit import measure
-from warpknit.measure.observables import PanelMap
 from warpknit.measure.surface import find_surface
 from warpknit.measure.tiles import Tiles
-from warpknit.mesh.rim import Rim, build_rim
+from warpknit.mesh.rim import build_rim
 from warpknit.planar.observables import find_panel_map, read
 from warpknit.scene import Cord
 from warpknit.scene.outline import Outline, disc, rectangle, turned
@@ -79,26 +79,6 @@ def test_a_uniform_motion_is_a_uniform_map(outline: str) -> None:
     assert np.all(found.inside > 0.99) == (outline == "rectangle")
     change = found.gradient[found.known] - reading.gradient
     assert change == pytest.approx(np.broadcast_to(slope, change.shape), abs=1e-12)
-
-
-def flat_map(outline, spacing: float, tension: np.ndarray) -> PanelMap:
-    count = np.ceil(outline.size / spacing).astype(int)
-    low = outline.low
-    shape = tuple(count.tolist())
-    everywhere = np.broadcast_to(tension, (*shape, 2, 2)).copy()
-    return PanelMap(
-        low=low, tile=outline.size / count, inside=np.ones(shape), gradient=np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy(),
-        nominal=everywhere, tension=everywhere, active_percent=np.zeros(shape), stress_max=np.zeros(shape),
-    )  # fmt: skip
-
-
-def held_rim(outline, spacing: float, given: np.ndarray | None = None, cord: Cord | None = None) -> Rim:
-    count = round(outline.length / spacing)
-    arc = outline.length * np.arange(count) / count
-    given = np.ones(count, dtype=bool) if given is None else given
-    from scipy.sparse import csr_matrix
-
-    return Rim(outline, arc, outline.place(arc), given, csr_matrix((0, count)), cord)
 
 
 @pytest.mark.parametrize("tension", [np.eye(2), 7.0 * np.eye(2)])

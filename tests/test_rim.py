@@ -56,19 +56,37 @@ def test_a_cord_of_given_tension_bends_as_a_string() -> None:
     assert tension.min() == pytest.approx(0.5, rel=1e-9)
 
 
-def test_the_stiffness_of_the_cord_is_the_derivative_of_its_forces() -> None:
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_stiffness_of_the_cord_is_the_derivative_of_its_forces(axes: int) -> None:
+    """In the plane and out of it, of free stations: the outline is straight between the given ones."""
     _, rim = corded_rim()
     rng = np.random.default_rng(3)
-    moved = 1e-6 * rng.normal(size=rim.place.shape)
+    moved = 1e-6 * rng.normal(size=(len(rim.arc), axes))
     matrix = rim.cord_stiffness(np.diag([1.1, 1.05]), moved)
     step = 1e-9
-    for k in rng.integers(0, moved.size, 6):
+    free = np.flatnonzero(np.repeat(~rim.given, axes))
+    for k in free[rng.integers(0, len(free), 6)]:
         there = moved.ravel().copy()
         there[k] += step
-        change = rim.cord_forces(np.diag([1.1, 1.05]), there.reshape(-1, 2))[0] - rim.cord_forces(np.diag([1.1, 1.05]), moved)[0]
+        change = (
+            rim.cord_forces(np.diag([1.1, 1.05]), there.reshape(-1, axes))[0] - rim.cord_forces(np.diag([1.1, 1.05]), moved)[0]
+        )
         column = matrix[:, k].toarray().ravel()
         taut = np.abs(column) > 1e-4 * np.abs(column).max()
         assert -change.ravel()[taut] / step == pytest.approx(column[taut], rel=1e-3, abs=1e-3 * np.abs(column).max())
+
+
+def test_a_raised_cord_is_straight_between_net_nodes_and_has_its_tension() -> None:
+    """A cord on straight lines between net nodes of any height pulls along these lines with T, at the net nodes alone."""
+    _, rim = corded_rim()
+    height = 1e-3 * np.random.default_rng(5).normal(size=int(rim.given.sum()))
+    moved = np.zeros((len(rim.arc), 3))
+    moved[:, 2] = rim.chords @ height
+    assert moved[rim.given, 2] == pytest.approx(height, abs=1e-15)
+    force, tension = rim.cord_forces(np.diag([1.1, 1.05]), moved)
+    assert tension == pytest.approx(rim.cord.tension, rel=1e-12)
+    assert np.abs(force[~rim.given]).max() < 1e-12 * rim.cord.tension
+    assert np.abs(force[rim.given, 2]).max() > 0.01 * rim.cord.tension
 
 
 @cache

@@ -32,7 +32,7 @@ QUICK = ("model.nodes_per_loop=24", "solver.preset=draft", "output.frames=1", "l
 @pytest.mark.parametrize(
     ("override", "line"),
     [
-        ("panel.focal_length=1 m", "panel.focal_length: "),
+        ("solver.multipliers=false", "solver.multipliers: "),
         ("contact.body_mass=0.1", "contact.body_mass: 0.1"),
     ],
 )

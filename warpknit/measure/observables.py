@@ -28,6 +28,15 @@ LEAST_SHARE = 0.5  # smallest share of a tile inside the outline with values
 
 
 @dataclass(frozen=True)
+class SheetPlaces:
+    """Mean places of the wires of each stitch, from the panel's centre."""
+
+    cell: np.ndarray  # (2,) [m] size of a cell at rest
+    rest: np.ndarray  # (cell, 2) [m]
+    now: np.ndarray  # (cell, 3) [m]; out of the plane from where they are at rest
+
+
+@dataclass(frozen=True)
 class PanelMap:
     """Values on tiles (column, row); nan where less than LEAST_SHARE of the tile is mesh."""
 
@@ -39,6 +48,7 @@ class PanelMap:
     tension: np.ndarray  # (column, row, 2, 2) [N/m] force per current width
     active_percent: np.ndarray  # of the pairs of the tile
     stress_max: np.ndarray  # [Pa]
+    sheet: SheetPlaces | None = None  # None: of a mesh that stays in its plane
 
     @property
     def known(self) -> np.ndarray:

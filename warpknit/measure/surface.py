@@ -3,7 +3,8 @@
 A mesh under tension has next to no bending stiffness over many loops and carries no pressure: div(N grad w) = 0, with N the
 tension of the panel's map (tiles.py) and w = r^2/(4 f) where the edge is held; between net nodes the edge hangs on its
 cord, which pulls it straight. What is left of the paraboloid is w less r^2/(4 f): the pillowing. Linear triangles on the strained
-panel; slopes are taken to be small (their square against the strain of the mesh).
+panel; slopes are taken to be small (their square against the strain of the mesh). A mesh that leaves its plane has heights of its
+own, the mean of the wires of each stitch.
 """
 
 from __future__ import annotations
@@ -79,23 +80,38 @@ def find_surface(
     """Shape of a panel with its edge on z = r^2/(4 focal_length) [m] about its centre.
 
     rim, gradient (2, 2) and the displacement of the stations (station, 2) [m] define the edge; `middle` (2,) [m] is the middle of
-    the panel as knitted.
+    the panel as knitted. A mesh that leaves its plane has the heights of its wires and of its stations (station, 3) [m].
     """
-    tile, known = map_.tile, map_.known
-    inner = map_.place[known]
+    sheet, edge = map_.sheet, rim.place - middle
+    inner, spacing = (map_.place[map_.known], map_.tile) if sheet is None else (sheet.rest, sheet.cell)
     distance = rim.outline.nearest(inner + middle)[1]
-    inner = inner[rim.outline.contains(inner + middle) & (distance > CROWDED * tile.min())]
-    edge = rim.place - middle
-    rest = np.concatenate([edge, inner])
+    is_inside = rim.outline.contains(inner + middle) & (distance > CROWDED * spacing.min())
+    rest = np.concatenate([edge, inner[is_inside]])
     triangle = Delaunay(rest).simplices
-    centre = rest[triangle].mean(axis=1)
-    triangle = triangle[rim.outline.contains(centre + middle)]
-    triangle = triangle[triangle_areas(rest, triangle) > 1e-9 * tile.prod()]
+    triangle = triangle[rim.outline.contains(rest[triangle].mean(axis=1) + middle)]
+    triangle = triangle[triangle_areas(rest, triangle) > 1e-9 * map_.tile.prod()]
     point = rest @ gradient.T
-    point[: len(edge)] += stations
-    nodes, n_edge = len(point), len(edge)
+    point[: len(edge)] += stations[:, :2]
+    if sheet is not None:
+        point[len(edge) :] = sheet.now[is_inside, :2]
     wanted = np.sum(point**2, axis=1) / (4.0 * focal_length)
+    if sheet is not None:
+        return PanelSurface(point, triangle, np.concatenate([stations[:, 2], sheet.now[is_inside, 2]]), wanted)
+    return PanelSurface(point, triangle, _membrane_height(map_, rim, gradient, stations, rest, point, triangle, wanted), wanted)
 
+
+def _membrane_height(
+    map_: PanelMap,
+    rim: Rim,
+    gradient: np.ndarray,
+    stations: np.ndarray,
+    rest: np.ndarray,
+    point: np.ndarray,
+    triangle: np.ndarray,
+    wanted: np.ndarray,
+) -> np.ndarray:
+    """[point] [m] heights under the tension of the map; the first points are the stations of the rim."""
+    nodes, n_edge = len(point), len(rim.arc)
     # tension of the nearest tile with a value
     tension = _tension_at(map_, rest[triangle].mean(axis=1))
     area = triangle_areas(point, triangle)
@@ -123,7 +139,7 @@ def find_surface(
     height = np.where(held, wanted, 0.0)
     height[free] = spsolve(matrix[free][:, free].tocsc(), -(matrix[free] @ height))
     height[~held & ~used] = wanted[~held & ~used]
-    return PanelSurface(point, triangle, height, wanted)
+    return height
 
 
 def _tension_at(map_: PanelMap, place: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ class Record:
     dissipated: float  # [J] since the start, by damping of a ramp, friction and yield; else 0
     membrane_residual: float  # out-of-balance membrane stress over the tension; 0 where converged
     edge_work: float  # [J] work of pulls at the edge, cords and uneven thermal strain
-    stations: np.ndarray  # (station, 2) [m] displacement of the rim (rim.py); empty where it follows the load
+    stations: np.ndarray  # (station, 2 or 3) [m] displacement of the rim (rim.py); empty where it follows the load
     observables: Observables
     world: int = 0  # of many side by side
 

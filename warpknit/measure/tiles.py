@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from . import pair_active
-from .observables import LEAST_SHARE, MeshModel, Observables, PanelMap
+from .observables import LEAST_SHARE, MeshModel, Observables, PanelMap, SheetPlaces
 from .strain import rotation
 
 FEWEST_TILES = 12  # area of a panel in tiles above which it has a map
@@ -74,11 +74,18 @@ class Tiles:
             total[:, a, b] += np.bincount(where, values[:, a, b], minlength=len(total))
 
 
-def panel_map_of(r: Observables, tiles: Tiles, virial: np.ndarray, stress_max: np.ndarray, body_moved: np.ndarray) -> PanelMap:
+def panel_map_of(
+    r: Observables,
+    tiles: Tiles,
+    virial: np.ndarray,
+    stress_max: np.ndarray,
+    body_moved: np.ndarray,
+    sheet: SheetPlaces | None = None,
+) -> PanelMap:
     """The map of a panel, from values of its tiles.
 
     virial (tile, 2, 2) [J]: nominal stress times area; stress_max [tile] [Pa]; body_moved (body, 2) [m]: displacement of the
-    bodies from the affine prediction.
+    bodies from the affine prediction; sheet: of a mesh that may leave its plane.
     """
     model, shape, share = r.model, tiles.shape, tiles.share
     panel, known = model.panel, share >= LEAST_SHARE
@@ -103,7 +110,7 @@ def panel_map_of(r: Observables, tiles: Tiles, virial: np.ndarray, stress_max: n
         percent = shown(100.0 * active / pairs)
     gradient = np.where(known[..., None, None], gradient, np.nan)
     low = tiles.low - panel.low - 0.5 * panel.size
-    return PanelMap(low, tiles.size, share, gradient, nominal, tension, percent, shown(stress_max))
+    return PanelMap(low, tiles.size, share, gradient, nominal, tension, percent, shown(stress_max), sheet)
 
 
 def _slopes(moved: np.ndarray, tile: np.ndarray) -> np.ndarray:

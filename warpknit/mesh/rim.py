@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -31,10 +32,11 @@ class LoadPoint:
     temperature_gradient: tuple[float, float] = (0.0, 0.0)  # [K/m]
     stations: np.ndarray | None = None  # (station, 2) [m] displacement of the rim (rim.py) from the affinely mapped outline
     tension: np.ndarray | None = None  # (2,) [N/m] wanted in weft and warp, nan where the strain is given
+    raised: float = 0.0  # share of the height of the paraboloid (`panel.focal_length`) at which the edge is held
 
     def is_as_knitted(self, reference_temperature: float) -> bool:
         """Whether this is the unloaded state at a temperature [K]."""
-        moved = self.stations is not None and bool(self.stations.any())
+        moved = self.raised > 0.0 or (self.stations is not None and bool(self.stations.any()))
         even = not any(self.temperature_gradient) and self.temperature == reference_temperature
         return np.array_equal(self.gradient, np.eye(2)) and even and not moved and self.tension is None
 
@@ -98,6 +100,11 @@ class Rim:
             moved += share[:, None] * np.array(pull.by)
         return moved
 
+    @cached_property
+    def chords(self) -> sparse.csr_matrix:
+        """(station, given station) weights with which the outline is straight between given stations."""
+        return replace(self, arc=self.arc[self.given], place=self.place[self.given]).weights(self.arc)
+
     def strain(self, moved: np.ndarray) -> float:
         """Largest strain of the outline between two stations that are moved by (station, 2) [m]."""
         apart = np.linalg.norm(np.roll(self.place, -1, axis=0) - self.place, axis=1)
@@ -106,41 +113,43 @@ class Rim:
     # --- the cord ---
 
     def cord_forces(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (station, 2) [N] and tensions [N] behind each station of the cord. Stations are displaced by `moved` (station,
-        2) [m] from the outline under the deformation gradient (2, 2).
+        """Forces (station, n) [N] and tensions [N] behind each station of the cord.
+
+        Stations are displaced by `moved` (station, n) [m] from the outline under the deformation gradient (2, 2): n = 2 in its
+        plane, 3 also out of it.
         """
         _, tension, unit = self._cord(gradient, moved)
         pull = tension[:, None] * unit
         return pull - np.roll(pull, 1, axis=0), tension
 
     def cord_stiffness(self, gradient: np.ndarray, moved: np.ndarray) -> sparse.csr_matrix:
-        """(2 station, 2 station) [N/m] derivative of minus the forces by the displacements."""
+        """(n station, n station) [N/m] derivative of minus the forces by the displacements (station, n) [m]."""
         assert self.cord is not None
         length, tension, unit = self._cord(gradient, moved)
-        n = len(self.arc)
+        n, axes = moved.shape
         along = unit[:, :, None] * unit[:, None, :]
         stiffness = self.cord.stiffness / length
         across = np.maximum(tension / length, SOFT * stiffness)
-        k = stiffness[:, None, None] * along + across[:, None, None] * (np.eye(2) - along)
+        k = stiffness[:, None, None] * along + across[:, None, None] * (np.eye(axes) - along)
         here, there = np.arange(n), (np.arange(n) + 1) % n
         rows, columns, values = [], [], []
         for a, b, sign in ((here, here, 1.0), (there, there, 1.0), (here, there, -1.0), (there, here, -1.0)):
-            for i in range(2):
-                for j in range(2):
-                    rows.append(2 * a + i)
-                    columns.append(2 * b + j)
-                    values.append(sign * k[:, i, j])
+            for i, j in np.ndindex(axes, axes):
+                rows.append(axes * a + i)
+                columns.append(axes * b + j)
+                values.append(sign * k[:, i, j])
         matrix = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return sparse.csr_matrix(matrix, shape=(2 * n, 2 * n))
+        return sparse.csr_matrix(matrix, shape=(axes * n, axes * n))
 
     def _cord(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lengths on the outline [m], tensions [N] (none where slack) and directions (station, 2) of the cord behind each
-        station."""
+        """Lengths on the outline [m], tensions [N] (none where slack) and directions (station, n) of the cord behind each
+        station. Out of its plane, the outline is straight between the given stations."""
         assert self.cord is not None
-        straight = np.roll(self.place, -1, axis=0) @ gradient.T - self.place @ gradient.T
-        natural = np.hypot(straight[:, 0], straight[:, 1])
-        edge = straight + np.roll(moved, -1, axis=0) - moved
-        length = np.hypot(edge[:, 0], edge[:, 1])
+        height = self.chords @ moved[self.given, 2:]
+        outline, away = np.hstack([self.place @ gradient.T, height]), np.hstack([moved[:, :2], moved[:, 2:] - height])
+        straight = np.roll(outline, -1, axis=0) - outline
+        edge = straight + np.roll(away, -1, axis=0) - away
+        natural, length = np.linalg.norm(straight, axis=1), np.linalg.norm(edge, axis=1)
         tension = np.maximum(self.cord.tension + self.cord.stiffness * (length / natural - 1.0), 0.0)
         return natural, tension, edge / length[:, None]
 

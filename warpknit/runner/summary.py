@@ -251,7 +251,7 @@ def _map_table(m: PanelMap, mean_gradient: np.ndarray) -> Columns:
 
 
 def cord_values(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[str, float]:
-    """Summary of the cords, from the displacement (station, 2) [m] of the stations; empty without cords."""
+    """Summary of the cords, from the displacement (station, 2 or 3) [m] of the stations; empty without cords."""
     if not rim.is_free:
         return {}
     tension = rim.cord_forces(gradient, stations)[1]
@@ -274,8 +274,8 @@ def cord_summary(record: Record) -> PanelValues | None:
 
 
 def _stations(record: Record, rim: Rim) -> np.ndarray:
-    """(station, 2) [m] displacement of the rim, zero where it is fixed."""
-    return record.stations if len(record.stations) else np.zeros((len(rim.arc), 2))
+    """(station, 2 or 3) [m] displacement of the rim, zero where it is fixed."""
+    return record.stations if len(record.stations) else np.zeros((len(rim.arc), 3))
 
 
 def report_panel(record: Record) -> PanelReport | None:
@@ -324,6 +324,6 @@ def report_panel(record: Record) -> PanelReport | None:
             "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),  # slope of the paraboloid at
             # the edge
         }
-    position = (rim.place - model.panel.low - 0.5 * model.panel.size) @ r.stretch.T + stations
+    position = (rim.place - model.panel.low - 0.5 * model.panel.size) @ r.stretch.T + stations[:, :2]
     tables["edge"] = {"x_m": position[:, 0], "y_m": position[:, 1], "held": rim.given.astype(int)}
     return PanelReport(tables, values)

@@ -340,14 +340,14 @@ RULES = (
     *(Rule(trait, ("periodic",), LEAVE_OUT, NO_EDGE) for trait in ("gradient", "pull", "rotation")),
     *(Rule(trait, ("ramp",), LEAVE_OUT, NOT_BUILT) for trait in ("gradient", "pull", "rotation", "cord")),
     Rule("rotation", ("cord",), LEAVE_OUT, "the clamps hang on the cord"),
-    Rule("rotation", ("spatial", "pull"), LEAVE_OUT, NOT_BUILT),
+    *(Rule("rotation", ("spatial", trait), LEAVE_OUT, NOT_BUILT) for trait in ("pull", "focal length")),
+    Rule("focal length", ("spatial", "ramp"), LEAVE_OUT, NOT_BUILT),
     Rule("rotation and pull", ("pull",), LEAVE_OUT, "each of them moves the clamps"),
     Rule("gradient", ("no multipliers",), LEAVE_OUT, "the multipliers apply it"),
     Rule("path", ("sweep",), NO_EFFECT, "a map runs only [load]"),
     # the solver
     Rule("single", ("hook",), "write 'double'", "double precision costs nothing with few nodes"),
     Rule("no multipliers", ("spatial",), "write true", NOT_BUILT),
-    Rule("focal length", ("spatial",), LEAVE_OUT, NOT_BUILT),
     *(Rule(trait, ("relax",), LEAVE_OUT, FICTITIOUS) for trait in ("target time step", "loading time", "mass scaling")),
     Rule("damping", ("relax",), NO_EFFECT, "it applies only to a ramp"),
     Rule("max steps", ("ramp",), NO_EFFECT, "it applies only to a relaxation"),
@@ -363,7 +363,7 @@ RULES = (
     Rule("ramp", ("map",), RELAX, "a map consists of equilibria"),
     Rule("ramp", ("error",), RELAX, "errors are estimated for equilibria only"),
     Rule("spatial", ("error", "hook"), "write 'planar'", "errors of spatial hooks are not known"),
-    *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "wires")),
+    *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "focal length", "wires")),
     Rule("gripped", ("report",), "write 'periodic'", "a card describes endless cloth"),
     *(
         Rule(trait, ("map",), LEAVE_OUT, why)

@@ -42,14 +42,27 @@ class KindOfModel:
     friction: float  # coefficient by default: docs/studies/friction.md
     own_loops: bool  # worlds side by side may have loops, wires and friction of their own
     fades_out: bool  # a mesh starts from one repeat up to an edge of any shape, or one that moves
+    leaves_plane: bool  # nodes move out of the plane
 
 
 KINDS = {
     "planar": KindOfModel(
-        crossing=None, single_positions="32-bit fixed point", has_branches=False, friction=0.0, own_loops=False, fades_out=True
+        crossing=None,
+        single_positions="32-bit fixed point",
+        has_branches=False,
+        friction=0.0,
+        own_loops=False,
+        fades_out=True,
+        leaves_plane=False,
     ),
     "spatial": KindOfModel(
-        crossing=1.3, single_positions="float64", has_branches=True, friction=0.2, own_loops=True, fades_out=False
+        crossing=1.3,
+        single_positions="float64",
+        has_branches=True,
+        friction=0.2,
+        own_loops=True,
+        fades_out=False,
+        leaves_plane=True,
     ),
 }
 

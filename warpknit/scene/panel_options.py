@@ -51,7 +51,10 @@ class PanelOptions(Table):
     )
     cord: Cord | None = key("Cord between the net nodes.", None)
     focal_length: values.PanelLength | None = key(
-        "Focal length of the paraboloid on which the edge is held, with its apex below the middle of the panel.", None
+        "Focal length of the paraboloid on which the edge is held, with its apex below the middle of the panel. In the spatial"
+        " model the first load step raises the edge, and the mesh takes its shape between. The planar model finds the shape from"
+        " the tension of the map.",
+        None,
     )
     tension_threshold: values.Tension | None = key(
         "The summary reports the fraction of the area with a lower tension in weft or warp.", None

@@ -196,8 +196,9 @@ class Scene:
 
     @property
     def has_moving_edge(self) -> bool:
-        """Whether pulls or cords move the edge away from the affine load."""
-        return self.panel.cord is not None or any(stage.pull for stage in self.stages)
+        """Whether the edge moves away from the affine load: by pulls, cords, or out of the plane to a paraboloid."""
+        is_raised = self.panel.focal_length is not None and self.model.of_kind.leaves_plane
+        return is_raised or self.panel.cord is not None or any(stage.pull for stage in self.stages)
 
     @property
     def preset_in_force(self) -> str | None:

@@ -45,11 +45,13 @@ class Correction:
 class Membrane:
     """The coarse grid over a gripped mesh."""
 
-    def __init__(self, mechanics: Mechanics, rim: Rim) -> None:
+    def __init__(self, mechanics: Mechanics, rim: Rim, cell: float | None = None) -> None:
+        """cell: size of its cells [m]; default: REPEATS_A_CELL repeats."""
         self.model, self.rim = mechanics.model, rim
         self.tangent = np.zeros((2, 2, 2, 2))
         size = np.array(self.model.panel.size)
-        self._cells = np.clip(np.array(self.model.scene.knit.repeats) // REPEATS_A_CELL, 1, MAX_CELLS)
+        cells = np.array(self.model.scene.knit.repeats) // REPEATS_A_CELL if cell is None else np.rint(size / cell).astype(int)
+        self._cells = np.clip(cells, 1, MAX_CELLS)
         self._cell = size / self._cells
         self._grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
         self._filled = self._filled_share()
@@ -197,10 +199,10 @@ class Membrane:
         along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
 
-    def solve_across(self, gradient: np.ndarray, stress: np.ndarray) -> Correction | None:
-        """Out-of-plane correction (grid node, 1) of a spatial mesh under tension. None without tension, and where it is so small
-        that it would disturb the contacts more than it balances.
+    def solve_across(self, gradient: np.ndarray, stress: np.ndarray, max_slope: float | None = None) -> Correction | None:
+        """Out-of-plane correction (grid node, 1) of a spatial mesh under tension, by its imbalance; None without tension.
 
+        max_slope: largest of one correction; default: the largest strain of the grid.
         `gradient` (2, 2) of the edge, `stress` (2, 2) [N/m] nominal. The tension S = F^-1 P resists: div(S grad w) + R = 0.
         """
         force, tension = self._grid.gather_across(), np.linalg.solve(gradient, stress)
@@ -216,11 +218,14 @@ class Membrane:
         matrix = pulled + self._bending_stiffness / area * (laplacian @ laplacian)
         displacement = np.zeros(len(force))
         displacement[self._inside] = splu(matrix.tocsc()).solve(force[free])
-        if np.abs(displacement).max() < self._grid.least_lift:
-            return None
         slope = self._gradient(np.repeat(displacement, 2))
-        share = min(1.0, self._grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
+        share = min(1.0, (max_slope or self._grid.max_strain) / max(float(np.abs(slope).max()), 1e-30))
         return Correction(displacement[:, None], np.zeros((0, 2)), share)
+
+    @property
+    def least_lift(self) -> float:
+        """[m] smallest useful out-of-plane correction: smaller ones disturb contacts more than they balance."""
+        return float(self._grid.least_lift)
 
     def lift(self, correction: Correction) -> None:
         """Move the mesh out of its plane with the grid; the clamps stay."""

@@ -304,10 +304,11 @@ class MultilevelRelaxation(Relaxation):
         if moves:
             self._move_as_membrane(membrane, correction)
         lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
-        if lift is not None:
+        lifts = lift is not None and float(np.abs(lift.grid).max()) >= membrane.least_lift
+        if lift is not None and lifts:
             membrane.lift(lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor)))
         self.mechanics.search()
-        return moves or lift is not None
+        return moves or lifts
 
     def _move_as_membrane(self, membrane: Membrane, correction: Correction) -> None:
         """Move the mesh by a correction, or the edge alone once corrections are abandoned."""

@@ -21,6 +21,7 @@ from .drive import Drive
 from .model import build_model, initial_state, mechanics_of
 from .multilevel import MultilevelRelaxation
 from .progress import Progress
+from .raised import RaisedRelaxation
 from .ramp import Ramp
 from .relax import Relaxation
 from .side_by_side import SideBySide
@@ -147,6 +148,8 @@ class Simulation:
         """A relaxation with its smaller meshes; one whose mechanics move the edge has none."""
         model: Model = mechanics.model
         monitored = partial(self._monitored, model=model)
+        if mechanics.rim is not None and model.scene.panel.focal_length is not None:
+            return RaisedRelaxation(mechanics, progress, monitored)
         scene = smaller_scene(model.scene) if mechanics.rim is None and model.cloth is not None else None
         if scene is None:
             if cell is None or not model.scene.has_moving_edge:

@@ -27,7 +27,7 @@ def load_at(
 ) -> LoadPoint:
     """The load at a load factor of a stage that began at `start`.
 
-    Directions driven by tension keep their strain in `gradient` (2, 2).
+    Directions driven by tension keep their strain in `gradient` (2, 2). The first stage raises the edge to its paraboloid.
     """
     start_gradient = np.array(start.gradient).reshape(2, 2)
     turn, first, now = clamp_rotation(start_gradient), stretch(start_gradient), stretch(gradient)
@@ -42,10 +42,11 @@ def load_at(
     before = stage_before(scene, stage_index)
     slope = np.array(before.temperature_gradient if before else (0.0, 0.0))
     slope = (1 - factor) * slope + factor * np.array(stage.temperature_gradient)
-    stations = None
+    stations, raised = None, 0.0
     if rim is not None:
+        raised = 0.0 if scene.panel.focal_length is None else 1.0 if stage_index else factor
         stations = (1 - factor) * rim.pulled(before.pull if before else ()) + factor * rim.pulled(stage.pull)
-    return LoadPoint(target, temperature_at(stage, start, factor), tuple(slope.tolist()), stations)
+    return LoadPoint(target, temperature_at(stage, start, factor), tuple(slope.tolist()), stations, raised=raised)
 
 
 def history_steps(begin: LoadPoint, end: LoadPoint, rim: Rim | None) -> int:

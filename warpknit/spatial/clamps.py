@@ -1,10 +1,11 @@
-"""Clamps of a spatial mesh: moved with the load, pulled, or on cords.
+"""Clamps of a spatial mesh: moved with the load, pulled, on cords, or on a paraboloid.
 
 Stations of an edge stand along the outline (mesh/rim.py). A clamp takes the displacement q interpolated between the two stations
-around it: from rest position c it moves to F c + q. Pulled stations are given. A free station hangs on the cord and carries the
-force of its clamps, R = cord + sum of w f. A damped Newton step moves the free stations by a fraction of K^-1 R, with the
-stiffness K of the cord; the fraction is halved when R has grown. A thin-plate spline through the clamps moves the whole mesh with
-the stations, so that the wires see a smooth strain, as they do when the load changes.
+around it: from rest position c it moves to F c + q. Given stations are pulled, and raised to the height r^2/(4 f) of a
+paraboloid. A free station hangs on the cord and carries the force of its clamps, R = cord + sum of w f. A damped Newton step
+moves the free stations by a fraction of K^-1 R, with the stiffness K of the cord; the fraction is halved when R has grown. A
+thin-plate spline through the clamps moves the whole mesh with the stations, so that the wires see a smooth strain, as they do
+when the load changes. It lays the mesh on the facets between raised net nodes. Clamps keep their direction.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scipy.sparse.linalg import splu
 from ..compute.host import Entries
 from ..compute.launch import Launch, bind
 from ..kernels.rod_clamps import move_clamps
-from ..mesh.rim import Rim, build_rim
+from ..mesh.rim import LoadPoint, Rim, build_rim
 from .model import SpatialModel
 from .rod_step import RodStepper
 
@@ -26,6 +27,7 @@ SMOOTHING = 1e-8  # of the thin-plate spline, over the mesh size: keeps it regul
 MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.7, 0.02  # fraction of a Newton step
 STEP_DECREASE, STEP_INCREASE = 0.5, 1.1
 MAX_MOVE = 2.0  # node spacings, largest displacement of a station in one step
+HEIGHT_ERROR = 1e-3  # of the thickness: largest distance of given stations from the paraboloid
 
 
 class MovingClamps:
@@ -88,17 +90,18 @@ class MovingClamps:
 
 
 class Edge:
-    """Stations of a gripped spatial mesh, pulled or on cords, by the formulas above."""
+    """Stations of a gripped spatial mesh: pulled, raised or on cords."""
 
-    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor")
+    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor", "_raised")
 
     def __init__(self, model: SpatialModel) -> None:
         self.model = model
         self.rim: Rim = build_rim(model.panel, model.scene)
-        self.station_displacement = np.zeros((len(self.rim.arc), 2))  # [station, 2] [m] in addition to the load
+        self.station_displacement = np.zeros((len(self.rim.arc), 3))  # [station, 3] [m] in addition to the load
         self.start, self.target = self.station_displacement, self.station_displacement  # of given stations, over a load level
         self.residual = np.array([np.inf, 1.0])  # [N] rms at free stations: unbalanced force, and force of their clamps
         self._step_factor = MAX_STEP_FACTOR
+        self._raised = 0.0  # share of the height of the paraboloid
         held = model.wires.held_node
         size = float(model.panel.size.max())
         weights = self.rim.clamps.toarray()
@@ -107,24 +110,48 @@ class Edge:
         self._interpolation = plate(place)  # (node, station)
         self._interpolation[held] = np.repeat(weights, 2, axis=0)
 
-    def set_target(self, target: np.ndarray) -> None:
-        """Set the displacement (station, 2) [m] of given stations at the end of the load level."""
-        self.start, self.target = self.station_displacement, target
+    def set_target(self, load: LoadPoint) -> None:
+        """Set the place of given stations at the end of the load level."""
+        self.start, self.target, self._raised = self.station_displacement, self.target_of(load), load.raised
         self.residual = np.array([np.inf, 1.0])
 
+    def target_of(self, load: LoadPoint) -> np.ndarray:
+        """(station, 3) [m] displacement of given stations under a load."""
+        assert load.stations is not None
+        return np.column_stack([load.stations, self._height(load.gradient, load.stations, load.raised)])
+
+    def _height(self, gradient: np.ndarray, moved: np.ndarray, raised: float) -> np.ndarray:
+        """[station] [m] height of the paraboloid, times `raised`, at stations displaced by (station, 2) [m]."""
+        focal_length, panel = self.model.scene.panel.focal_length, self.model.panel
+        if focal_length is None:
+            return np.zeros(len(moved))
+        place = (self.rim.place - panel.low - 0.5 * panel.size) @ gradient.T + moved
+        return raised * np.sum(place**2, axis=1) / (4.0 * focal_length)
+
+    def follow(self, gradient: np.ndarray) -> None:
+        """Raise the target to the paraboloid at another deformation gradient (2, 2)."""
+        height = self._height(gradient, self.target[:, :2], self._raised)
+        if np.abs(height - self.target[:, 2]).max() > HEIGHT_ERROR * self.model.rods.section.thickness:
+            self.target = np.column_stack([self.target[:, :2], height])
+
     def mesh_displacement(self, station_displacement: np.ndarray) -> np.ndarray:
-        """(node, 2) [m] interpolated from stations (station, 2) [m]; held nodes move with their clamps."""
+        """(node, 3) [m] interpolated from stations (station, 3) [m]; held nodes move with their clamps."""
         return np.asarray(self._interpolation @ station_displacement)
 
     def grip_forces(self, force: np.ndarray) -> np.ndarray:
-        """Forces (clamp, 2) [N] of clamps on wires, from forces (node, 3) of wires on nodes."""
-        return -force[self.model.wires.held_node, :2].reshape(-1, 2, 2).sum(axis=1)
+        """Forces (clamp, 3) [N] of clamps on wires, from forces (node, 3) of wires on nodes."""
+        return -force[self.model.wires.held_node].reshape(-1, 2, 3).sum(axis=1)
 
     def move_given(self, share: float) -> np.ndarray:
-        """Move given stations to `share` of the load level; returns the displacement (node, 2) [m] of the mesh."""
-        before = self.station_displacement
-        given = self.start + share * (self.target - self.start) if share < 1.0 else self.target
-        self.station_displacement = np.where(self.rim.given[:, None], given, before)
+        """Move given stations to `share` of the load level; returns the displacement (node, 3) [m] of the mesh.
+
+        Free stations are raised with the straight lines between given ones.
+        """
+        before, given = self.station_displacement, self.rim.given
+        there = self.start + share * (self.target - self.start) if share < 1.0 else self.target
+        self.station_displacement = np.where(given[:, None], there, before)
+        raised = self.rim.chords @ (self.station_displacement - before)[given, 2]
+        self.station_displacement[~given, 2] += raised[~given]
         return self.mesh_displacement(self.station_displacement - before)
 
     @property
@@ -134,7 +161,7 @@ class Edge:
         return bool(np.array_equal(self.station_displacement[given], self.target[given]))
 
     def relax_free(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Move free stations towards equilibrium; returns the displacement (node, 2) [m] of the mesh.
+        """Move free stations towards equilibrium; returns the displacement (node, 3) [m] of the mesh.
 
         force: (node, 3) [N] of the wires on their nodes.
         """
@@ -143,12 +170,12 @@ class Edge:
         return self.mesh_displacement(step)
 
     def unbalanced_forces(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(station, 2) [N] cord force less clamp force; at given stations too, where it is the reaction."""
+        """(station, 3) [N] cord force less clamp force; at given stations too, where it is the reaction."""
         cord, _ = self.rim.cord_forces(gradient, self.station_displacement)
         return np.asarray(cord - self.rim.clamps.T @ self.grip_forces(force))
 
     def _newton_step(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(station, 2) [m] damped step of the free stations; updates the step factor and the residual."""
+        """(station, 3) [m] damped step of the free stations; updates the step factor and the residual."""
         free = np.flatnonzero(~self.rim.given)
         unbalanced = self.unbalanced_forces(gradient, force)[free]
         clamp_force = (self.rim.clamps.T @ self.grip_forces(force))[free]
@@ -156,9 +183,9 @@ class Edge:
         factor = self._step_factor * (STEP_DECREASE if rms > self.residual[0] else STEP_INCREASE)
         self._step_factor = float(np.clip(factor, MIN_STEP_FACTOR, MAX_STEP_FACTOR))
         self.residual = np.array([rms, float(np.sqrt(np.mean(clamp_force**2)))])
-        columns = np.stack([2 * free, 2 * free + 1], axis=1).ravel()
+        columns = (3 * free[:, None] + np.arange(3)).ravel()
         stiffness = sparse.csc_matrix(self.rim.cord_stiffness(gradient, self.station_displacement))[columns][:, columns]
-        step = self._step_factor * splu(sparse.csc_matrix(stiffness)).solve(unbalanced.ravel()).reshape(-1, 2)
+        step = self._step_factor * splu(sparse.csc_matrix(stiffness)).solve(unbalanced.ravel()).reshape(-1, 3)
         largest = float(np.linalg.norm(step, axis=1).max(initial=0.0))
         limit = MAX_MOVE * float(self.model.rods.natural_length.max())
         limited = np.zeros_like(self.station_displacement)
@@ -171,5 +198,5 @@ class Edge:
 
     @property
     def clamp_displacement(self) -> np.ndarray:
-        """(clamp, 2) [m] in addition to the load."""
+        """(clamp, 3) [m] in addition to the load."""
         return np.asarray(self.rim.clamps @ self.station_displacement)

@@ -88,7 +88,7 @@ class SpatialMechanics:
 
     @property
     def stations(self) -> np.ndarray:
-        return np.zeros((0, 2)) if self.edge is None else self.edge.station_displacement
+        return np.zeros((0, 3)) if self.edge is None else self.edge.station_displacement
 
     def compile(self) -> None:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
@@ -135,8 +135,9 @@ class SpatialMechanics:
         displacement = fetch(self.state.displacement).copy()
         displacement[held, :2] = self.model.held_shift(load.gradient, factor)
         if self.edge is not None and load.stations is not None:
-            self.edge.set_target(load.stations)
-            displacement[held, :2] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
+            self.edge.set_target(load)
+            displacement[held, 2] = 0.0
+            displacement[held] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
         store(self.state.displacement, displacement)
 
     @property
@@ -198,7 +199,7 @@ class SpatialMechanics:
                 np.abs(self._thermal_strain(load) - fetch(self._part(self.relaxation.checks.arrays.thermal_strain)))
             )
         if self.edge is not None and load.stations is not None:
-            strain += float(np.abs(load.stations - self.edge.target).max() / np.min(self.model.panel.size))
+            strain += float(np.abs(self.edge.target_of(load) - self.edge.target).max() / np.min(self.model.panel.size))
         return strain
 
     def _thermal_strain(self, load: LoadPoint) -> np.ndarray:
@@ -281,13 +282,15 @@ class SpatialMechanics:
         """
         control = self.state.steering.read()
         move = np.zeros(1)
+        if not loading:
+            edge.follow(self.state.gradient)
         if loading or (control.ramp_steps > 0.0 and not edge.is_at_target):
             move = edge.move_given(control.ramp_step / control.ramp_steps)
         elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
             move = edge.relax_free(self.state.gradient, fetch(self.state.force))
         if np.any(move):
             displacement = fetch(self.state.displacement).copy()
-            displacement[:, :2] += move
+            displacement += move
             store(self.state.displacement, displacement)
             self.search_pairs()
             self.relaxation.reset_damping_estimate(self.rows)

@@ -18,7 +18,7 @@ from ..compute.host import fetch
 from ..compute.steering import Steering
 from ..measure import active_threshold, strain
 from ..measure.drawn_curve import WireCurve
-from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, WireStress
+from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, SheetPlaces, WireStress
 from ..measure.strain import Boundary
 from ..measure.tiles import Tiles, has_map, panel_map_of
 from .bending import bending_moments, clamped_ends
@@ -295,8 +295,10 @@ class SpatialObservables(Boundary):
         return self.node_position[:, :2] - self.model.rods.position[:, :2] @ self.stretch.T
 
     @property
-    def thickness(self) -> float:
-        """[m] thickness of the mesh, from the lowest to the highest fibre."""
+    def thickness(self) -> float | None:
+        """[m] thickness of the mesh, from the lowest to the highest fibre; None of a curved one."""
+        if self.model.scene.panel.focal_length is not None:
+            return None
         height, radius = self.position[:, 2], self.model.rods.wire_radius[self.model.rods.wire_of]
         return float((height + radius).max() - (height - radius).min())
 
@@ -333,7 +335,19 @@ def find_panel_map(r: Any) -> PanelMap:
     tiles.add(virial, tiles.at(place[:, :2]), np.einsum("ca,cb->cab", push[:, :2], (other - place)[:, :2]))
     held = np.einsum("na,nb->nab", r.force[wires.held_node, :2], wires.held_lever)
     tiles.add(virial, here[wires.held_node], held)
-    return panel_map_of(r, tiles, virial, stress_max, _moved(r))
+    return panel_map_of(r, tiles, virial, stress_max, _moved(r), _sheet_places(r))
+
+
+def _sheet_places(r: Any) -> SheetPlaces:
+    """Mean places of the wires in cells of a stitch."""
+    rods, panel, knit = r.model.rods, r.model.panel, r.model.scene.knit
+    middle, cell = panel.low + 0.5 * panel.size, np.array([knit.wale_spacing, knit.course_spacing])
+    rest = rods.position[:, :2] - middle
+    now = r.position - np.append(r.gradient @ middle, 0.0) - rods.position * [0.0, 0.0, 1.0]
+    _, here = np.unique(np.floor(rest / cell), axis=0, return_inverse=True)
+    length = np.bincount(here, rods.node_length)
+    mean = np.stack([np.bincount(here, rods.node_length * values) / length for values in np.hstack([rest, now]).T], axis=1)
+    return SheetPlaces(cell, mean[:, :2], mean[:, 2:])
 
 
 def _moved(r: Any) -> np.ndarray:
