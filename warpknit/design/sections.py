@@ -129,8 +129,8 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     page.text(
         f"{of}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} load levels,"
         f" {path.end_text}. Another load path, as in a run or the map, may give other results. A, B, ... are classes of"
-        " contacts of one shape, from the tightest lens on. A place where two wires touch counts as two pairs, one for"
-        " each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
+        " contacts of one shape, from the tightest lens on. A clasp, where two wires hook each other, has two pairs,"
+        " one for each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
         f" knitted: the load alone causes its stress. First yield is at an {limit_text(scene)}."
     )
     page.figure(
@@ -188,7 +188,7 @@ def mesh_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
     for note in found.notes:
         page.text(note[0].upper() + note[1:] + ".")
     if "knit" in figures:
-        page.figure(figures["knit"], "The mesh as knitted, in plan view, and its places of contact.")
+        page.figure(figures["knit"], "The mesh as knitted, in plan view, with its clasps.")
     if "mesh" in figures:
         page.figure(
             figures["mesh"],
