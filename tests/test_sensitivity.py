@@ -8,11 +8,13 @@ import pytest
 from warpknit import load_run, load_scene
 from warpknit.results.row import Row
 from warpknit.runner.interrupts import Interrupts
-from warpknit.runner.other_model import SpatialMeans, _spatial
+from warpknit.runner.monitor import Monitor
+from warpknit.runner.other_model import SpatialMeans, _spatial, spatial_means
 from warpknit.runner.run import run_scene
 from warpknit.runner.sensitivity import Sensitivity, changes_of
 from warpknit.scene import Scene
 from warpknit.scene.presets import PRESETS
+from warpknit.studies.sweep import run_map
 
 STRAINS = {"strain_weft": 0.03, "strain_warp": 0.03}
 FIGURES = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
@@ -72,7 +74,7 @@ def test_changes_and_errors_are_those_of_runs_of_the_same_meshes(tmp_path):
     total = np.sqrt(of_nodes**2 + of_friction**2 + of_meshes**2)
     errors = run.summary["quality"]["estimated_errors"]
     assert run.summary["quality"]["estimated_error"] == pytest.approx(total.max(), rel=1e-9)
-    assert errors["tension"] == pytest.approx(total[:2].max(), rel=1e-9)
+    assert errors["tension"] == pytest.approx(total[:2].max(), rel=1e-9) and errors["strain"] is None
     assert (errors["nodes"], errors["friction"]) == pytest.approx((of_nodes.max(), of_friction.max()), rel=1e-9)
 
 
@@ -83,6 +85,18 @@ def test_an_error_of_second_order_is_found_from_fewer_nodes():
     sensitivity = Sensitivity(scene, "cpu", rows, 1e-3)
     change = sensitivity._change(rows, {number: row_of(1.0 + 3.0 / 20**2) for number in (0, 1)})
     assert sensitivity.estimate({"nodes": change}).nodes == pytest.approx(3.0 / 28**2 / (1.0 + 3.0 / 28**2), rel=1e-12)
+
+
+def test_where_tension_drives_the_error_of_the_strain_has_its_name():
+    """The largest of the sides that tension drives; deviations of one in 101 of two meshes are 0.01/sqrt(2) over sqrt(2)."""
+    rows = {k: row_of(1.0).changed(strain_weft=0.1 + 0.001 * k, strain_warp=0.2 + 0.001 * k) for k in (0, 1)}
+    for load, expected in (
+        ({"tension_weft": "1 N/m", "tension_warp": "1 N/m"}, 0.0005 / 0.2005),
+        ({"tension_weft": "1 N/m", "strain_warp": 0.2}, 0.0005 / 0.2005),
+        ({"strain_weft": 0.1, "strain_warp": 0.2}, None),
+    ):
+        found = Sensitivity(scene_of(load=load), "cpu", rows, 1e-3).estimate({})
+        assert found.strain == (None if expected is None else pytest.approx(expected, rel=1e-9))
 
 
 def test_without_friction_nothing_is_said_of_it():
@@ -102,7 +116,39 @@ def test_an_interrupt_leaves_the_results_without_their_error(tmp_path, monkeypat
     assert result.exit_code == 130 and not result.goes_on and not (tmp_path / "variants").exists()
     summary = load_run(tmp_path).summary
     assert summary["stop_reason"] == "steady" and summary["quality"]["estimated_error"] is None
-    assert run_scene(scene, out=tmp_path, device="cpu", resume=True).exit_code == 0  # the results are there
+
+
+def test_a_resumed_run_has_the_estimated_error_of_one_in_one_go(tmp_path, monkeypatch):
+    """Interrupted on the way, and again while the error is estimated."""
+    scene = scene_of(variants={"count": 3, "standard_error": 0.0})
+    assert run_scene(scene, out=tmp_path / "whole", device="cpu").exit_code == 0
+    check, changes, interrupts = Monitor._check, Sensitivity.changes, Interrupts()
+    checks: list[object] = []
+
+    def interrupt_once(self, progress):
+        checks.append(progress)
+        if len(checks) == 30:
+            self.interrupts.request()
+        check(self, progress)
+
+    def interrupted(self, monitor):
+        interrupts.request()
+        monitor(None)
+
+    monkeypatch.setattr(Monitor, "_check", interrupt_once)
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu").exit_code == 130
+    monkeypatch.setattr("warpknit.runner.monitor.Interrupts", lambda: interrupts)
+    monkeypatch.setattr(Sensitivity, "changes", interrupted)
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 130
+    assert load_run(tmp_path / "parts").summary["quality"]["estimated_error"] is None
+    monkeypatch.setattr(Sensitivity, "changes", changes)
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 0
+    whole, parts = (load_run(tmp_path / name).summary for name in ("whole", "parts"))
+    for name in ("quality", "variants", "warnings", "message", "stop_reason", "mesh"):
+        assert parts[name] == whole[name]
+    done = (tmp_path / "parts" / "summary.json").stat().st_mtime_ns
+    assert run_scene(scene, out=tmp_path / "parts", device="cpu", resume=True).exit_code == 0
+    assert (tmp_path / "parts" / "summary.json").stat().st_mtime_ns == done
 
 
 def test_memory_that_runs_out_leaves_the_results_without_their_error(tmp_path, monkeypatch):
@@ -161,7 +207,7 @@ def test_a_planar_scene_in_space_keeps_its_loops_and_has_the_nodes_of_its_preset
 
 def test_planar_meshes_are_compared_too(tmp_path, monkeypatch):
     means = SpatialMeans(meshes=3, **dict.fromkeys(("strain_weft", "strain_warp", *FIGURES), 1.0))
-    monkeypatch.setattr("warpknit.runner.recorder.spatial_means", lambda _scene, _watch: means)
+    monkeypatch.setattr("warpknit.runner.estimates.spatial_means", lambda _scene, _watch: means)
     model = {"kind": "planar", "boundary": "periodic", "nodes_per_loop": 12}
     run_scene(scene_of(model=model, variants={"count": 2, "standard_error": 0.0}), out=tmp_path, device="cpu")
     summary = load_run(tmp_path).summary
@@ -189,3 +235,27 @@ def test_a_planar_tile_is_compared_with_meshes_of_the_spatial_model(tmp_path, mo
     monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 3e5)  # it takes more
     run_scene(of("planar"), out=tmp_path / "planar", device="cpu", force=True)
     assert "spatial_model" not in load_run(tmp_path / "planar").summary
+
+
+def test_a_planar_map_is_compared_with_spatial_meshes_at_its_largest_load(tmp_path, monkeypatch):
+    """The same means as of a run at that load."""
+    table = {
+        "wire": {"material": "molybdenum", "diameter": "30 um"},
+        "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
+        "model": {"boundary": "periodic", "kind": "planar"},
+        "load": STRAINS,
+        "solver": {"preset": "draft"},
+        "output": {"frames": 2, "usd": False, "figures": False},
+        "sweep": {"strain_weft": [0.01, 0.03], "strain_warp": [0.03]},
+    }
+    monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 1e7)
+    result = run_map(load_scene(table), out=tmp_path)
+    assert result.exit_code == 0 and result.summary is not None
+    single = load_scene({name: part for name, part in table.items() if name != "sweep"})
+    expected, found = spatial_means(single, lambda _steps: None), result.summary.spatial_model
+    assert found.load == [0.03, 0.03] and {name: found[name] for name in vars(expected)} == vars(expected)
+    assert found.planar.stress_max_Pa == max(float(value) for value in load_run(tmp_path).tables["map"]["stress_max_Pa"])
+    written = load_run(tmp_path).summary
+    assert written["spatial_model"]["tension_warp_N_per_m"] == expected.tension_warp_N_per_m
+    monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 1e5)  # it takes more
+    assert "spatial_model" not in run_map(load_scene(table), out=tmp_path, force=True).summary.json()

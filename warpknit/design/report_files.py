@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +14,11 @@ from .. import __version__, measure
 from ..base.files import write_aside, write_table
 from ..base.text import celsius
 from ..measure.stress_peak import peak_position
-from ..results.row import columns_of, write_json
+from ..results.row import Row, columns_of, write_json
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text
 from ..studies.contact_map import axes_of, grid, optimum_note
+from .card import MaterialCard
 from .card_files import earlier_state, write_card
 from .equal_tension import jump_text
 from .fe import FILES, missing_cards, write_fe_cards
@@ -43,11 +45,8 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     write_table(out / "tension_strain.csv", table)
     if found.card is not None:
         before = earlier_state(out)
-        fe_cards = write_fe_cards(
-            found.card, found.loading, found.scene, found.where, out, codes=found.codes, warnings=found.model_warnings
-        )
         several = () if found.mean is None else (found.mean.spread, found.mean.meshes)
-        write_card(found.card, found.scene, found.where, out, found.model_warnings, fe_cards, *several)
+        fe_cards = _write_cards(found, found.card, found.loading, found.where, out, *several)
         write_ends(found, out)
         notes = list(missing_cards(fe_cards))
         if before not in (None, found.where):
@@ -72,8 +71,16 @@ def write_ends(found: Findings, out: Path) -> None:
     for end, card in (("softest", found.mean.softest), ("stiffest", found.mean.stiffest)):
         where, folder = f"{found.where}, {end} of {found.mean.meshes} meshes", out / end
         folder.mkdir()
-        fe_cards = write_fe_cards(card, (), found.scene, where, folder, codes=found.codes, warnings=found.model_warnings)
-        write_card(card, found.scene, where, folder, found.model_warnings, fe_cards)
+        _write_cards(found, card, (), where, folder)
+
+
+def _write_cards(
+    found: Findings, card: MaterialCard, loading: Sequence[Row], where: str, out: Path, *several: Any
+) -> dict[str, str]:
+    """Write a card and its files for FE codes; return the name of each, or why there is none."""
+    fe_cards = write_fe_cards(card, loading, found.scene, where, out, codes=found.codes, warnings=found.model_warnings)
+    write_card(card, found.scene, where, out, found.model_warnings, fe_cards, *several)
+    return fe_cards
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import ModelError, SceneError
 from ..knit.lapping import KnitError
 from ..mesh.layout import mesh_nodes
-from ..results.row import Row, Values
+from ..results.row import Values
 from ..scene import Scene
 from ..scene.presets import PRESETS
-from ..solve.simulate import Progress, Simulation
-from ..solve.variant_models import VariantModels
+from ..solve.variant_models import VariantModels, last_records
 from .history import row_of
 
 MESHES = 3
@@ -38,21 +38,28 @@ class _TooLong(Exception):
     """The comparison needs more node-steps than it may take."""
 
 
-def spatial_means(scene: Scene, monitor: Callable[[Progress], None]) -> SpatialMeans | None:
+def spatial_means(scene: Scene, monitor: Callable[[int], None], pair: tuple[float, float] | None = None) -> SpatialMeans | None:
     """Means of the spatial model; None for it, for meshes that are no tiles, and where it does not come to an end in time.
 
-    monitor: called at every check, may raise to stop.
+    monitor: called at every check with the time steps so far, may raise to stop. pair: a load of [sweep]; default: the scene's.
     """
     other = _spatial(scene)
     if other is None:
         return None
+    if pair is not None and other.sweep is not None:
+        other = replace(other, stages=(other.sweep.stage(other.stages[0], pair),), sweep=None)
+
+    def check(steps: int) -> None:
+        monitor(steps)
+        if steps * models[0].node_count > NODE_STEPS:
+            raise _TooLong
+
     try:
         if MESHES * mesh_nodes(other) * FEWEST_STEPS > NODE_STEPS:
             return None
         variants = VariantModels(other)
         models = [variants.model(number) for number in variants.take(MESHES)]
-        simulation = Simulation(models[0], worlds=models)
-        ends = _ends(simulation, models[0].node_count, monitor)
+        ends = [row_of(record) for _place, record in last_records(models, check)]
     except (KnitError, ModelError, _TooLong):
         return None
     if len(ends) < MESHES:
@@ -88,16 +95,3 @@ def _spatial(scene: Scene) -> Scene | None:
         )
     except SceneError:
         return None
-
-
-def _ends(simulation: Simulation, nodes: int, monitor: Callable[[Progress], None]) -> list[Row]:
-    """The last row of each mesh that converges."""
-
-    def check(progress: Progress) -> None:
-        monitor(progress)
-        if nodes * sum(drive.progress.steps for drive in simulation.drives) > NODE_STEPS:
-            raise _TooLong
-
-    simulation.monitor = check
-    last = {record.world: row_of(record) for record in simulation.run()}
-    return [row for world, row in last.items() if world not in simulation.failures]

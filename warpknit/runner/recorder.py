@@ -8,28 +8,24 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import measure
 from ..base.files import write_table
 from ..compute.memory import available_memory
-from ..errors import INTERRUPTED, ModelError, OutOfResources, RunDirectoryError
-from ..knit.lapping import KnitError
+from ..errors import OutOfResources, RunDirectoryError
 from ..measure import MeshModel
 from ..measure.table import Record
-from ..results.finding import ResultWarning
 from ..results.frame import Frame, WireLayout, state_file
 from ..results.row import Columns, Row, write_json
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from .branches import with_work
 from .checkpoint import Checkpoint
+from .estimates import Estimator, how_sure
 from .history import row_of, with_slides, with_sums, write_history
-from .interrupts import Interrupted
 from .monitor import LoopResult, Monitor
-from .other_model import spatial_means
 from .probes import Probes
 from .progress_display import Display
 from .run_directory import CommandResult, write_scene
@@ -151,27 +147,14 @@ class Recorder:
                 self._export(summary)
         if code:
             return CommandResult(code, summary, message)
-        code, message, estimate = self._how_sure(message)
-        if estimate != Estimate():
+        estimator = self.estimator
+        if estimator is not None:
+            self.display.stage("estimated error", number=1, of=1)
+        code, interrupted, estimate = how_sure(self.scene, estimator, self.monitor.interrupts)
+        message = interrupted or message
+        if code or estimate != Estimate():
             summary = self._write_summary(reason, message, estimate)
         return CommandResult(code, summary, message, goes_on=self.scene.reflection is not None)
-
-    def _how_sure(self, message: str) -> tuple[int, str, Estimate]:
-        """Exit code, message and estimated error of a finished run, whose results are complete; an interrupt leaves them so."""
-        estimate = Estimate()
-        try:
-            self.monitor.interrupts.check()
-            estimate = self._estimate()
-            with self.monitor.interrupts.handled():
-                spatial = spatial_means(self.scene, lambda _progress: self.monitor.interrupts.check())
-            return 0, message, replace(estimate, spatial_model=spatial)
-        except Interrupted:
-            if self._estimates and estimate == Estimate():
-                estimate = Estimate(warning=ResultWarning("W45", "The error was not estimated: interrupted."))
-            return INTERRUPTED, "interrupted; the results are complete", estimate
-        except (MemoryError, OutOfResources, ModelError, KnitError) as error:
-            lacks = f"The error was not estimated: {str(error) or 'memory ran out'}."
-            return 0, message, replace(estimate, warning=estimate.warning or ResultWarning("W45", lacks))
 
     # --- records ---
 
@@ -180,15 +163,10 @@ class Recorder:
         return self.monitor.run(self._write_record)
 
     @property
-    def _estimates(self) -> bool:
-        """Whether the error of a finished run is estimated."""
-        return self.error_estimator is not None
-
-    def _estimate(self) -> Estimate:
-        """Estimated error of the last record. Raises `Interrupted`."""
-        if self.error_estimator is None or self._last is None:
-            return Estimate()
-        return self.error_estimator(self._last)
+    def estimator(self) -> Estimator | None:
+        """Estimates the error of the last record of a finished run; None where it is not asked for."""
+        find, last = self.error_estimator, self._last
+        return None if find is None or last is None else lambda _check: find(last)
 
     def _write_record(self, record: Record) -> None:
         """Write state, USD frame, maps and last the row of a record."""

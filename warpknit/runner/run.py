@@ -24,6 +24,7 @@ from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.simulate import Simulation
 from .checkpoint import Checkpoint, has_checkpoint
+from .estimates import COMPLETE, estimated_again
 from .monitor import Monitor
 from .probes import Probe, Probes
 from .progress_display import Display
@@ -67,9 +68,12 @@ def run_scene(
     ranks, own = ranks or One(), Probes(probes)
     refuse(scene, "run", ranks=ranks.count)
     finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force, own.names))
-    if finished is not None:
-        return finished
+    if finished is not None and (finished.message != COMPLETE or not ranks.is_first):
+        return CommandResult(0, finished)
     name = find_device(device, ranks.place, lambda: mesh_nodes(scene))
+    if finished is not None:
+        with _locked(out, 0.0):
+            return estimated_again(scene, out, finished, name, progress or Display())
     if ranks.count > 1 and device is not None and name != "cpu":
         _log.warning("warning W62: --device %s puts all %d ranks on one GPU; leave it out to use all GPUs of the machine",
                      name, ranks.count)  # fmt: skip
@@ -106,7 +110,7 @@ def run_scene(
         return Recorder(simulation, *where, error_estimator, own).run()
 
 
-def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> CommandResult[Summary | None] | None:
+def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> Summary | None:
     """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used.
 
     A run that was killed may still write its last frame: --resume and --force wait for it, a new run does not.
@@ -117,7 +121,7 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
     if resume and (finished := finished_summary(out, "summary.json", scene.hash, "run")) is not None:
         if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
             raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; run it again with --force")
-        return CommandResult(0, Summary.of(finished))
+        return Summary.of(finished)
     check_directory(out, "run", resume=resume, force=force)
     if resume and not force and holds_killed_run(out):
         refuse_other_scene(out, "run", resolved_toml(scene))

@@ -20,7 +20,6 @@ from ..results.finding import ResultWarning
 from ..results.row import Row, Values
 from ..scene import Scene
 from ..scene.options import Stage
-from ..solve.simulate import Progress
 from ..solve.variant_models import VariantModels, last_records
 from .history import row_of
 from .summary import Estimate
@@ -85,11 +84,11 @@ class Sensitivity:
     def _mesh_values(self, rows: Mapping[int, Row]) -> MeshValues:
         return mesh_values(self.scene.stages[-1].by_tension, list(rows.values()), self.scale)
 
-    def changes(self, monitor: Callable[[Progress], None]) -> dict[str, Change]:
+    def changes(self, monitor: Callable[[int], None]) -> dict[str, Change]:
         """Changes of the means by name, where all meshes run to the end. monitor: called at every check, may raise to stop."""
         found: dict[str, dict[int, Row]] = {}
         every = list(self._meshes())
-        for place, record, _drive in last_records([mesh.model for mesh in every], monitor):
+        for place, record in last_records([mesh.model for mesh in every], monitor):
             found.setdefault(every[place].change, {})[every[place].number] = row_of(record)
         before = {name: self.rows if name == NODES else found.get(NODES, {}) for name in found}
         changes = {name: self._change(before[name], rows) for name, rows in found.items()}
@@ -125,10 +124,12 @@ class Sensitivity:
             parts["friction"] = np.sqrt(np.mean(np.square(friction), axis=0))
         weft, warp, active, stress = np.sqrt(sum(part**2 for part in parts.values())).tolist()
         tension = max(weft, warp)
+        strains = [error for error, name in zip((weft, warp), seen.names, strict=False) if name.startswith("strain")]
         largest = {name: float(part.max()) for name, part in parts.items()}
         return Estimate(
             max(tension, active, stress), 100.0 * active, tension, stress=stress, standard_error=largest["standard_error"],
             nodes=largest.get("nodes"), friction=largest.get("friction"), warning=self._lacking(changes),
+            strain=max(strains, default=None), changes=Values(**changes),
         )  # fmt: skip
 
     def _lacking(self, changes: Mapping[str, Change]) -> ResultWarning | None:

@@ -28,17 +28,17 @@ from .variants import OF_ONE_PATH, Means, variant_warnings
 from .warnings_of import warnings_of
 
 TABLES = ("probes", "panel")  # of a row
-ERRORS = ("active_percent", "tension", "contact_force", "stress", "standard_error", "nodes", "friction")
+ERRORS = ("active_percent", "tension", "contact_force", "stress", "standard_error", "nodes", "friction", "strain")
 Value: TypeAlias = float | str | None
 PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of summary.json
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated errors of the last state of a run."""
+    """Estimated errors of the last state of a run; `changes` of means, which give them."""
 
-    error: float | None = None  # of means: the root of the sum of squares of the last three below; with `run --error`: the
-    # largest of the others with a margin of 30 % and 0.2 %; else null
+    error: float | None = None  # of means: the root of the sum of squares of `standard_error`, `nodes` and `friction`; with
+    # `run --error`: the largest of the others with a margin of 30 % and 0.2 %; else null
     active_percent: float | None = None  # estimated error of the share of active contacts, in percentage points
     tension: float | None = None  # estimated relative error of the tension; of the strain where tension drives
     contact_force: float | None = None  # estimated relative error of the contact forces
@@ -47,7 +47,9 @@ class Estimate:
     standard_error: float | None = None  # part of means: the largest standard error as a fraction
     nodes: float | None = None  # part of means: the largest error of the nodes a loop
     friction: float | None = None  # part of means: the largest change with half and with twice the friction (root mean square)
+    strain: float | None = None  # part of `tension` where tension drives: estimated relative error of the strain; else null
     spatial_model: SpatialMeans | None = None
+    changes: Values | None = None
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,7 @@ class Summary:
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
             device=tree["device"],
+            message=tree["message"],
             jumps=[(before, after) for before, after in tree["jumps"]],
             variants=Means(**vars(valued(tree["variants"]))) if "variants" in tree else None,
             spatial_model=SpatialMeans(**tree["spatial_model"]) if "spatial_model" in tree else None,
@@ -157,6 +160,7 @@ def run_summary(
     last = next((stage for stage in scene.stages if stages and stage.name == stages[-1].stage), scene.stages[0])
     warnings = warnings_of(model, rows)
     if variants is not None:
+        variants = variants if estimate.changes is None else variants.changed(changes=estimate.changes)
         jumps = []
         warnings = [warning for warning in warnings if warning.code not in OF_ONE_PATH]
         warnings += variant_warnings(variants, scene.variants.standard_error)

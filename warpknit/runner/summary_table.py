@@ -107,8 +107,8 @@ def _spatial_finding(other: SpatialMeans) -> Finding:
 
 def _error_text(result: Summary) -> str:
     """The estimated error of each figure; of the strain where tension drives."""
-    estimate, by_tension = result.estimate, any(result.scene.get("by_tension") or ())
-    parts = {"strain" if by_tension else "tension": estimate.tension, "stress": estimate.stress}
+    estimate = result.estimate
+    parts = {"tension" if estimate.strain is None else "strain": estimate.tension, "stress": estimate.stress}
     found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
     active = [] if estimate.active_percent is None else [f"active {estimate.active_percent:.2g} points"]
     return ", ".join(found + active)

@@ -21,11 +21,10 @@ from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 from .branches import with_work
 from .checkpoint import Checkpoint
+from .estimates import SMALL_TENSION, Estimator, MeansEstimator
 from .history import row_of, with_sums, write_history
 from .monitor import LoopResult
 from .recorder import Recorder, frame_of, open_frames
-from .sensitivity import Sensitivity
-from .summary import Estimate
 from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values, spreads, wanted
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ class MeshGroups:
     def follow(self, more: int) -> Simulation:
         """Next simulation, with `more` more meshes, or less."""
         self.note_failures()
-        self.finished_steps += self._group_steps
+        self.finished_steps += self.simulation.steps
         self.simulation = self._next(more)
         return self.simulation
 
@@ -93,13 +92,9 @@ class MeshGroups:
         return len(side_by_side([*models, model])) == 1
 
     @property
-    def _group_steps(self) -> int:
-        return sum(drive.progress.steps for drive in self.simulation.drives)
-
-    @property
     def steps(self) -> int:
         """Time steps of all meshes so far."""
-        return self.finished_steps + self._group_steps
+        return self.finished_steps + self.simulation.steps
 
     @property
     def share(self) -> float:
@@ -176,7 +171,7 @@ class VariantsRecorder(Recorder):
     @property
     def _small_tension(self) -> float:
         """Tension [N/m] whose differences count as differences of tension."""
-        return 1e-3 * tension_scale(self.model)
+        return SMALL_TENSION * tension_scale(self.model)
 
     def _following(self) -> Simulation | None:
         """More meshes, where the means are not known well enough."""
@@ -226,20 +221,11 @@ class VariantsRecorder(Recorder):
         )
 
     @property
-    def _estimates(self) -> bool:
-        return self.variants is not None and self.variants.count > 1 and self.scene.variants.sensitivity
-
-    def _estimate(self) -> Estimate:
-        """Errors of the means, from changes of two of the meshes."""
-        if self.variants is None or not self._estimates:
-            return Estimate()
+    def estimator(self) -> Estimator | None:
+        if self.variants is None or self.variants.count == 1 or not self.scene.variants.sensitivity:
+            return None
         whole = {number: rows[-1] for number, rows in self._whole_members().items()}
-        sensitivity = Sensitivity(self.scene, self.meshes.models.device, whole, self._small_tension)
-        with self.monitor.interrupts.handled():
-            self.display.stage("estimated error", number=1, of=1)
-            changes = sensitivity.changes(lambda _progress: self.monitor.interrupts.check())
-        self.variants = self.variants.changed(changes=Values(**changes))
-        return sensitivity.estimate(changes)
+        return MeansEstimator(self.scene, self.meshes.models.device, whole, self._small_tension)
 
     # --- while it runs
 

@@ -108,6 +108,11 @@ class Simulation:
         return [self.drive] if self.worlds is None else self.worlds.members
 
     @property
+    def steps(self) -> int:
+        """Time steps so far, of all worlds."""
+        return sum(drive.progress.steps for drive in self.drives)
+
+    @property
     def notes(self) -> list[str]:
         """Notes for the user on the mesh and its smaller ones."""
         return self.drive.notes

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from ..errors import ModelError
 from ..knit.lapping import KnitError
 from ..scene import Scene
-from .drive import Drive
 from .model import build_model
 from .simulate import Progress, Record, Simulation
 
@@ -32,20 +32,24 @@ def side_by_side(models: Sequence[Any]) -> list[list[int]]:
     return found
 
 
-def last_records(
-    models: Sequence[Any], monitor: Callable[[Progress], None] = lambda _progress: None
-) -> Iterator[tuple[int, Record, Drive]]:
-    """Place, last record and drive of each model that converges, side by side.
+def last_records(models: Sequence[Any], monitor: Callable[[int], None] = lambda _steps: None) -> Iterator[tuple[int, Record]]:
+    """Place and last record of each model that converges, side by side.
 
-    monitor: called at every check, may raise to stop.
+    monitor: called at every check with the time steps of all models so far, may raise to stop.
     """
+    before = 0
     for places in side_by_side(models):
         simulation = Simulation(models[places[0]], worlds=[models[place] for place in places])
-        simulation.monitor = monitor
+        simulation.monitor = partial(_count_steps, monitor, simulation, before)
         last = {record.world: record for record in simulation.run()}
         for world, place in enumerate(places):
             if world not in simulation.failures:
-                yield place, last[world], simulation.drives[world]
+                yield place, last[world]
+        before += simulation.steps
+
+
+def _count_steps(monitor: Callable[[int], None], simulation: Simulation, before: int, _progress: Progress) -> None:
+    monitor(before + simulation.steps)
 
 
 class VariantModels:

@@ -11,9 +11,9 @@ from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Values, plain, valued
 from ..runner.run_directory import Tree
 from ..runner.summary_table import TIMED, heading, model_findings
-from .contact_map import Jump, Optimum, drift_text, optimum_note
+from .contact_map import Jump, Optimum, drift_text, load_text, optimum_note
 
-OF_SOME = ("report", "reflection", "answers")  # tables that not every map has
+OF_SOME = ("report", "reflection", "answers", "spatial_model")  # tables that not every map has
 LEAST_TOLD = 0.1  # [s] of a stage of a report: a map that was there takes less
 
 
@@ -37,6 +37,9 @@ class MapSummary:
     report: Values | None = None  # times of a report
     reflection: Sequence[Values] | None = None  # of a map with [reflection], see there
     answers: Values | None = None  # of a map with [reflection]: its least tensions
+    spatial_model: Values | None = (
+        None  # of a planar tile: means of the spatial model at the largest load, with `load` and `planar`
+    )
 
     def json(self) -> Tree:
         """All of map.json."""
@@ -80,6 +83,8 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
         yield Finding("  largest wire stress", optimum.stress_max_Pa, "Pa", where=share, short=True)
         for drift in optimum.drift:
             yield Finding(f"  valid {drift.what}", drift_text(drift), short=drift.along == "both")
+    if result.spatial_model is not None:
+        yield _spatial_finding(result.spatial_model, by_tension=result.loads == "tensions")
     steps = f"{solver.cell_steps:,} steps"
     wall = duration(solver.wall_s if report is None else report.wall_s, 3)
     yield from model_findings(result.model, f"{result.model.nodes:,} nodes, {steps}, {wall}")
@@ -89,3 +94,16 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
     else:
         stages = ", ".join(f"{name} {duration(took)}" for name, took in vars(report.stages_s).items() if took >= LEAST_TOLD)
         yield Finding("  wall time", f"{duration(report.wall_s, 3)}: {stages}")
+
+
+def _spatial_finding(other: Values, *, by_tension: bool) -> Finding:
+    """The largest load of a planar map in the spatial model."""
+
+    def text(of: Values) -> str:
+        tension = sides_text((of.tension_weft_N_per_m, of.tension_warp_N_per_m), "N/m")
+        driven = f"{percent(of.strain_weft)} weft, {percent(of.strain_warp)} warp" if by_tension else tension
+        return f"{driven}, {percent(0.01 * of.active_percent)} active, {engineering(of.stress_max_Pa, 'Pa')}"
+
+    where = f"at {load_text(other.load, by_tension)}"
+    found = f"{where}: {text(other)} (mean of {other.meshes} meshes); planar: {text(other.planar)}"
+    return Finding("in the spatial model", found, short=True)

@@ -29,6 +29,8 @@ from ..results.frame import state_file
 from ..results.row import Values, write_json
 from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
+from ..runner.other_model import FIGURES as COMPARED
+from ..runner.other_model import spatial_means
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
 from ..runner.variants import first_meshes, mesh_values, wanted
@@ -162,6 +164,8 @@ class _Mapper:
             finally:
                 self._save()
         summary = self._summary(reason)
+        if code == 0:
+            summary = replace(summary, spatial_model=self._spatial_model())
         if code == 0 and not any(row.active_percent is not None for row in self.rows):
             code, message = 3, f"no {self.sweep.quantity} of the sweep converged: {self.rows[0].message}"
             summary = replace(summary, stop_reason="diverged")
@@ -169,6 +173,23 @@ class _Mapper:
         if self.scene.output.figures and self.rows:
             self._draw(summary)
         return CommandResult(code, summary, message)
+
+    def _spatial_model(self) -> Values | None:
+        """Means of the spatial model at the largest load, and the map there.
+
+        An interrupt leaves them out.
+        """
+        steady = [row for row in self.rows if row.stop_reason == STEADY]
+        if not steady:
+            return None
+        row = max(steady, key=lambda row: sum(row.load))
+        try:
+            with self._interrupts.handled():
+                means = spatial_means(self.scene, lambda _steps: self._interrupts.check(), row.load)
+        except Interrupted:
+            return None
+        planar = Values(**{name: row[name] for name in COMPARED})
+        return None if means is None else Values(**vars(means), load=list(row.load), planar=planar)
 
     @property
     def rows(self) -> list[MapRow]:
