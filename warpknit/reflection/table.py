@@ -74,8 +74,8 @@ class LeastTension(Values):
     """Least tension that reflects as well as all greater ones; null without one. Up to the elastic limit."""
 
     frequency_Hz: float  # frequency of the wave
-    tension_weft_N_per_m: float | None  # the least tension, by the mean of weft and warp, from which on the losses of all records
-    # up to the elastic limit lie within 0.02 dB, of the worse polarisation; null without one
+    tension_weft_N_per_m: float | None  # least mean tension of weft and warp above which the losses of all records lie within
+    # 0.02 dB, for the worse polarisation, up to the elastic limit; null without one
     tension_warp_N_per_m: float | None  # the same in warp
     loss_dB: float | None  # reflection loss at this tension, of the worse polarisation
 

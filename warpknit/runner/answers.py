@@ -91,8 +91,8 @@ class Answers(Values):
     # they stay open
     service: Sequence[Service]  # `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp first
     # reaches it. Each later load step that passes this tension, as on unloading, has an entry of its own
-    first_yield: Event | None  # the first record whose largest stress `stress_max_Pa` is above the yield stress, the records
-    # `between`, and the place of the stress; null if there is none
+    first_yield: Event | None  # the first record with a largest stress `stress_max_Pa` above the yield stress, and the place
+    # of this stress; null if there is none
     first_yield_interior: Event | None  # the same away from the grips, which clamp wires twice; without a place
     largest_stress: Row  # the largest stress of the run, and its place
     largest_tension: Row  # the state of the largest tension

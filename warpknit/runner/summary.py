@@ -206,8 +206,8 @@ def run_summary(
             ranks=model.ranks.count,  # processes under `mpirun`
             node_steps_per_s=steps * model.node_count / wall if wall > 0 else 0.0,  # steps times nodes over the wall time
             mass_scaling=1.0 + model.added_mass,  # mass of a ramp over the real mass
-            axial_softening=model.softening,  # divisor of the axial stiffness that was used in the dynamics at the start of the
-            # run: at most the scene's; in the spatial model bending limits it
+            axial_softening=model.softening,  # divisor of the axial stiffness in the dynamics at the start of the run, at most
+            # the scene's; in the spatial model bending limits it
             preset=scene.solver.preset,  # preset of the settings
             preset_error_percent=scene.preset_error_percent,  # measured error of the preset; null if keys of the scene override
             # its settings

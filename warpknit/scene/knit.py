@@ -56,7 +56,7 @@ class Bar(Table):
     threading: values.Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
     shift: values.Shift = key("Offset of the bar to the right, in needles.", 0)
     loop_scale: values.LoopScale = key(
-        "Factor on the proportions of `[knit.loop]` that make a loop large, for the loops of this bar: bars of different run-in.",
+        "Factor on the size of the loops of this bar (proportions of `[knit.loop]`), for bars of different run-in.",
         1.0,
     )
 
@@ -71,8 +71,8 @@ class Loop(Table):
     """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure and their ranges."""
 
     shape: values.LoopShape = key(
-        "`auto`: `circular-oval` for two bars in opposition with one loop per needle and course and alternating closed and open"
-        " courses, else `general`.",
+        "`auto`: `circular-oval` for two bars in opposition, if each needle and course has one loop and closed and open courses"
+        " alternate. Otherwise `general`.",
         MEAN.shape,
     )
     closed_radius: Annotated[float, proportion(*RANGES["closed_radius"])] = key(
@@ -127,7 +127,7 @@ class Knit(Table):
     scatter: values.Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
         " Deviations stop at 2.5 times this value, and where wires would overlap. So the loops scatter by 5 % less than this"
-        " value, and by up to 25 % less in tight knits at 0.1.",
+        " value. In tight knits at 0.1 they scatter by up to 25 % less.",
         0.0,
     )
     seed: values.Seed = key("Random seed of the scatter.", 0)

@@ -187,8 +187,8 @@ class Solver(Table):
         "Relative residual below which a state is converged.", None, left_out="the preset's"
     )
     max_steps: values.StepCount | None = key(
-        "Relax: a level, or an increment of one that is repeated in smaller increments, that has not converged after this many"
-        " steps ends the run with exit status 3.",
+        "Relax: largest number of steps of a load level, or of an increment of a divided level. A run ends with exit status 3"
+        " if this number is not enough.",
         None,
         left_out="500,000",
     )
@@ -203,7 +203,7 @@ class Output(Table):
 
     frames: values.FrameCount = key(
         "Recorded load levels per load step; each is converged when relaxing. `auto`: few, and more where a class of contacts"
-        " closes, the wire first yields, the mesh snaps to another equilibrium or slack ends; 20 for maps and ramps.",
+        " closes, the wire first yields, slack ends, or at a snap-through. Maps and ramps have 20.",
         AUTO,
     )
     load_tolerance: values.Tolerance = key(
@@ -219,8 +219,8 @@ class Output(Table):
     vtk: values.Flag = key("Write vtk/ at the end.", False)
     figures: values.Flag = key("Draw figures/ at the end.", True)
     service_tension: values.Tension | None = key(
-        "Mean tension of weft and warp at which the answers of a run and the service points of a report give the share of active"
-        " contacts.",
+        "Mean tension of weft and warp in service. Answers of a run and service points of a report give the share of active"
+        " contacts there.",
         None,
         left_out="2, 3.4 and 4.9 N/m, in a run where it reaches them",
     )
@@ -410,7 +410,7 @@ class Variants(Table):
     )
     seed: values.Seed = key("Random seed of the first mesh; the next meshes have the next seeds.", 0)
     sensitivity: values.Flag = key(
-        "Estimate the error of the means (`quality.estimated_error`): two meshes run again with fewer nodes, and with half and"
+        "Estimate the error of the means (`quality.estimated_error`). Two meshes run again with fewer nodes, and with half and"
         " twice the friction. A planar tile is compared with three meshes of the spatial model (`spatial_model`), where that"
         " takes seconds.",
         True,

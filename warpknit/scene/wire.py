@@ -50,8 +50,8 @@ class Wire(Table):
     )
     tensile_strength: values.Strength = key("Tensile strength, for warnings.", None, left_out="the material's")
     hardness: values.Hardness = key(
-        "Hardness of the surface (the plating, if any), for the contact resistance of a report, which is proportional to its"
-        " square root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
+        "Hardness of the surface (the plating, if any). The contact resistance of a report is proportional to its square"
+        " root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
         None,
         left_out="the hardness of the surface metal",
     )

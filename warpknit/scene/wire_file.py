@@ -59,7 +59,7 @@ class WiresTable(Table):
     """[wires], in place of [knit]: a file of centre lines and how it is read."""
 
     file: WireSource = key(
-        "File name relative to the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`, of at most 256"
+        "File name relative to the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`. At most 256"
         " MiB and two million points. In Python also arrays: `warpknit.wires_from_arrays`.",
         compare=False,  # where it is: what is in it is compared
     )
@@ -82,16 +82,16 @@ class WiresTable(Table):
         left_out="20 diameters of the wire",
     )
     interpolation: values.Interpolation = key(
-        "Interpolation between the points of polylines (`.csv`, `.npz`, `.pyp`, linear USD curves, `PL` of a `.bcc`): a smooth"
-        " curve, or straight lines with corners.",
+        "Interpolation between the points of polylines: a smooth curve, or straight lines with corners. Polylines are `.csv`,"
+        " `.npz`, `.pyp`, linear USD curves, and `PL` of a `.bcc`.",
         "spline",
     )
     closed: values.Flag = key(
         "Join the ends of all wires of a `.csv` or `.npz`. A wire whose last point repeats its first is always closed.", False
     )
     period: values.Period | None = key(
-        "Period of a periodic mesh along weft and warp: open wires, whose ends must be whole periods apart, continue in the next"
-        " period. A `.pyp` contains it.",
+        "Period of a periodic mesh along weft and warp. Open wires continue in the next period; their ends must be whole"
+        " periods apart. A `.pyp` contains the period.",
         None,
         left_out="the file's",
     )
