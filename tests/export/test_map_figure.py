@@ -147,7 +147,7 @@ def test_names_of_lines_are_read_at_a_glance(tmp_path, monkeypatch, cells: int, 
 
 
 def test_the_legend_names_what_is_outside_the_map_and_what_limits_the_optimum(tmp_path, monkeypatch):
-    """One service tension has a marker, the other a line of text without one."""
+    """One service tension has its marker in the map, the other a cross that is not in the map."""
     drawn = []
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     marks = Marks(
@@ -158,7 +158,8 @@ def test_the_legend_names_what_is_outside_the_map_and_what_limits_the_optimum(tm
     legend = drawn[0].axes[0].get_legend()
     shown = dict(zip([text.get_text() for text in legend.get_texts()], legend.legend_handles, strict=True))
     (outside,) = [handle for label, handle in shown.items() if label.startswith("2 N/m")]
-    assert outside.get_marker() in ("", "None") and shown["1 N/m"].get_marker() == "o"
+    assert outside.get_marker() == "x" and shown["1 N/m"].get_marker() == "o"
+    assert [line.get_marker() for line in drawn[0].axes[0].get_lines()].count("x") == 0
     (optimum,) = [label for label in shown if label.startswith("optimum")]
     assert quantities(optimum) == ["5.0 %", "5.0 %"] and optimum.endswith(marks.optimum_note)
 
@@ -247,3 +248,31 @@ def test_a_line_of_several_levels_has_the_name_of_the_highest(tmp_path, monkeypa
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     draw(tmp_path / "a.png", np.array([[0.0, 60.0, 60.0]] * 3))
     assert [text.get_text() for text in drawn[0].axes[0].texts if text.get_visible()] == ["50 %"]
+
+
+def test_colours_between_loads_are_those_of_the_lines(tmp_path, monkeypatch):
+    """Where all loads are known and none jumps; else, and for shares, a tile is one load."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    holed = np.where(RISING == RISING[1, 1], np.nan, RISING)
+    jumps = [((STRAINS[0], STRAINS[0]), (STRAINS[1], STRAINS[0]))]
+    for values, unit, pairs in ((RISING, "Pa", []), (RISING, "Pa", jumps), (holed, "Pa", []), (RISING, "% of pairs", [])):
+        marks = Marks(stress=RISING, yield_stress=1e9, optimum=None, jumps=pairs)
+        map_figure(tmp_path / "a.png", STRAINS, STRAINS, values, title="", label="", unit=unit, marks=marks)
+    tiles = [next(one for one in figure.axes[0].collections if isinstance(one, QuadMesh)) for figure in drawn]
+    steps = module.PLACES // (len(STRAINS) - 1)
+    fine = steps * (len(STRAINS) - 1) + 1
+    assert [np.ma.size(one.get_array()) for one in tiles] == [fine**2, 9, 9, 9]
+    values = np.asarray(tiles[0].get_array()).reshape(fine, fine)
+    assert values[::steps, ::steps] == pytest.approx(RISING)
+    assert values[steps // 2, steps // 2] == pytest.approx(RISING[:2, :2].mean())
+
+
+def test_a_map_of_one_value_says_it(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    marks = Marks(stress=RISING, yield_stress=1e9, optimum=None, is_assumed=True)
+    for values in (np.zeros((3, 3)), RISING):
+        map_figure(tmp_path / "a.png", STRAINS, STRAINS, values, title="", label="", unit="%", marks=marks)
+    assert [quantities(text.get_text()) for text in drawn[0].axes[0].texts] == [["0 %"]]
+    assert "(assumed)" in drawn[1].axes[0].get_legend().get_texts()[-1].get_text()

@@ -118,3 +118,23 @@ def test_shares_of_classes_that_are_equal_show_beside_each_other(
     lines = figures[0].axes[0].lines
     assert len(lines) == 1 + count and np.diff([line.get_linewidth() for line in lines]).max() < -0.5
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(lines)
+
+
+def test_compression_is_shaded_and_meshes_have_their_range(tmp_path, monkeypatch) -> None:
+    """Below zero up to the axis, not where tensions scatter about zero."""
+    drawn = []
+    monkeypatch.setattr(design_figures, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    for weft, shaded in (([0.0, -0.5, 1.0], 1), ([0.0, -1e-4, 1.0], 0)):
+        curve = {f"strain_{side}": np.linspace(0.0, 0.1, 3) for side in ("weft", "warp")}
+        curve |= {"tension_weft_N_per_m": np.array(weft), "tension_warp_N_per_m": np.linspace(0.0, 1.0, 3)}
+        curve |= {"stress_max_Pa": np.zeros(3), "jump": np.zeros(3)}
+        curve |= {"p10_tension_weft_N_per_m": np.array(weft) - 0.1, "p90_tension_weft_N_per_m": np.array(weft) + 0.2}
+        design_figures.tension_strain_figure({"equal": curve}, tmp_path / "curves.png", yield_stress=6e8)
+        (axes,) = drawn[-1].axes
+        spans = [patch for patch in axes.patches if str(patch.get_label()).startswith("compressed")]
+        assert len(spans) == shaded
+        (band,) = axes.collections
+        assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.2)
+    span = next(patch for patch in drawn[0].axes[0].patches if str(patch.get_label()).startswith("compressed"))
+    low, high = span.get_extents().transformed(drawn[0].axes[0].transData.inverted()).intervaly
+    assert low < drawn[0].axes[0].get_ylim()[0] and high == pytest.approx(0.0, abs=1e-9)

@@ -139,6 +139,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     marks = Marks(
         stress=grid(found.rows, "stress_max_Pa", weft, warp),
         yield_stress=limit,
+        is_assumed="wire.yield_stress" in found.scene.assumed,
         optimum=load,
         jumps=found.jumps,
         optimum_note=optimum_note(load, found.jumps, found_again=found.found_again),

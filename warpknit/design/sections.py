@@ -106,6 +106,7 @@ def _row(cells: Sequence[str], headings: int) -> str:
     return "<tr>" + "".join(f"<{kind}>{html.escape(cell)}</{kind}>" for kind, cell in zip(kinds, cells, strict=True)) + "</tr>"
 
 
+BAND = " Bands: eight in ten of the meshes."
 SWEEP_STEP = 0.02  # strain of a map that a page proposes
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
@@ -133,10 +134,12 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
         " one for each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
         f" knitted: the load alone causes its stress. First yield is at an {limit_text(scene)}."
     )
+    band = BAND if found.has_means else ""
     page.figure(
         figures["tension"],
-        "Active contacts and largest wire stress against equal tensions in weft and warp. Green: best tension (dotted) and how"
-        " far it is valid; grey: snap-through to another equilibrium.",
+        "Active contacts and largest wire stress against equal tensions in weft and warp. The best tension is in the"
+        " middle of its valid range, the widest with the most active contacts below yield. Grey: snap-through to another"
+        f" equilibrium.{band}",
     )
     if "heat" in figures:
         page.figure(
@@ -284,8 +287,9 @@ def curve_section(page: Page, found: Findings, figure: Path) -> None:
     page.heading("Tension against strain")
     page.figure(
         figure,
-        "Tension in weft and warp. Shaded: wire beyond its elastic limit, where the curves may leave the picture. Dotted: jump to"
-        " another equilibrium.",
+        "Tension in weft and warp. Orange: wire beyond its elastic limit, where the curves may leave the picture. Grey:"
+        " compressed, where a real mesh wrinkles. Dotted: snap-through to another equilibrium."
+        + (BAND if found.has_means else ""),
     )
     for warning in missing_points(curves):
         page.warning(warning)

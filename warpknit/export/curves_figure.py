@@ -130,6 +130,15 @@ def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: 
         axes.plot(abscissa[point - 1 : point + 1], values[point - 1 : point + 1], color=look["color"], **JUMP_STYLE)
 
 
+def draw_range(
+    axes: Axes, abscissa: NDArray[Any], columns: Columns, name: str, colour: str, factor: float, rows: Any = slice(None)
+) -> None:
+    """Draw the range of eight in ten meshes of a column, times a factor; nothing without such a range."""
+    if f"p10_{name}" in columns:
+        low, high = (factor * columns[f"{end}_{name}"][rows] for end in ("p10", "p90"))
+        axes.fill_between(abscissa, low, high, color=colour, alpha=BAND, linewidth=0.0, gid=MESHES)
+
+
 def band_handles(figure: Figure) -> list[Patch]:
     """Legend entries for the bands of several meshes."""
     is_drawn = any(one.get_gid() == MESHES for axes in figure.axes for one in axes.collections)
@@ -233,9 +242,8 @@ def curves_figure(
     banded = ([("", GREEN, "active_percent")], sides, stress_columns(columns), forces)
     for axes, names in zip(panels, banded, strict=False):
         for _, colour, name in names:
-            if f"p10_{name}" in columns:
-                ends = [scales[name] * column(f"{end}_{name}") for end in ("p10", "p90")]
-                _draw_band(axes, abscissa, stages, colour, ends)
+            for _, rows in stages:
+                draw_range(axes, abscissa[rows], columns, name, colour, scales[name], rows)
     for axes, (label, curves), smallest in zip(panels, panel_curves, least, strict=True):
         draw_curves(axes, abscissa, stages, curves, jumped, least=smallest, beneath=touches and axes is panels[0])
         axes.set_ylabel(label)
@@ -260,18 +268,6 @@ def curves_figure(
         axes.set_xlabel(abscissa_label)
     stage_legend(figure, _stage_names(columns, stages), title)
     return save_figure(figure, path)
-
-
-def _draw_band(
-    axes: Axes,
-    abscissa: NDArray[Any],
-    stages: Sequence[tuple[str, slice]],
-    colour: str,
-    ends: Sequence[NDArray[Any]],
-) -> None:
-    """Draw the range of eight in ten meshes about a mean, between its `ends`."""
-    for _, rows in stages:
-        axes.fill_between(abscissa[rows], ends[0][rows], ends[1][rows], color=colour, alpha=BAND, linewidth=0.0, gid=MESHES)
 
 
 def _draw_count(

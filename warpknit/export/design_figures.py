@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.curves_figure import draw_line, jump_handles
+from warpknit.export.curves_figure import band_handles, draw_line, draw_range, jump_handles
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
 from warpknit.results.row import Columns, Row, Values
 
@@ -33,6 +33,7 @@ LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
 LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.4, 1.4, 7.0  # [pt] of the last class, of each before it, which it may lie on, at most
 LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one stands beside the best tension
+LEAST_COMPRESSION = 1e-3  # of the largest tension: less is scatter about zero
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, LineLook] = {
@@ -73,6 +74,8 @@ def tension_figure(
     classes = [one.name for one in answers.contacts]
     widths = np.linspace(min(LAST_CLASS + WIDER_CLASS * len(classes), WIDEST_CLASS), LAST_CLASS, 1 + len(classes)).tolist()
     draw_line(contacts, abscissa, active, jumped, color=GREEN, linewidth=widths[0], label="all contacts")
+    draw_range(contacts, abscissa, history, "active_percent", GREEN, 1.0, shown)
+    draw_range(stress, abscissa, history, "stress_max_Pa", BLUE, to_stress, shown)
     if len(classes) > 1:
         for number, name in enumerate(classes):
             again, colour = divmod(number, len(CLASS_COLOURS))
@@ -99,12 +102,14 @@ def tension_figure(
                 0.5 * scale * (one.tension_weft_N_per_m + one.tension_warp_N_per_m) for one in (best, best.low, best.high)
             )
             is_wide = np.log10(high / max(low, scale * begin)) > LEAST_DRIFT * decades
-            label = "best tension" if is_wide else "best tension, its drift within the line"
+            label = "best tension" if is_wide else "best tension, its valid range within the line"
             axes.axvline(here, color=GREEN, linestyle=":", linewidth=1.4, zorder=0.8, label=label)
             if is_wide:
-                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="its drift")
+                axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="valid range")
         plain(axes)
-    figure.legend(handles=_handles(figure), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
+    figure.legend(
+        handles=[*_handles(figure), *band_handles(figure)], loc="outside upper center", ncols=6, frameon=False, fontsize="small"
+    )
     return save_figure(figure, path)
 
 
@@ -144,7 +149,9 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
         strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
         for side, look in SIDES.items():
-            values = scale * curve[f"tension_{side}_N_per_m"]
+            name = f"tension_{side}_N_per_m"
+            values = scale * curve[name]
+            draw_range(axes, strain, curve, name, look["color"], scale)
             draw_line(axes, strain, values, curve["jump"] > 0.0, label=f"tension in {side}", **look)
         beyond = np.nonzero(curve["stress_max_Pa"] > yield_stress)[0]
         if len(beyond):
@@ -152,6 +159,10 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
             there = [first, beyond[0]]
             begin = np.interp(yield_stress, curve["stress_max_Pa"][there], strain[there])
             axes.axvspan(float(begin), strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
+        if bottom < -LEAST_COMPRESSION * top:
+            axes.axhspan(
+                2.0 * scale * bottom, 0.0, color="#E4E4E4", linewidth=0.0, zorder=0, label="compressed: a real mesh wrinkles"
+            )
         axes.set_title(TITLES[load], fontsize="medium")
         axes.set_xlabel("strain [%]")
         plain(axes)
@@ -159,7 +170,7 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     first.set_ylabel(f"tension [{unit}]")
     room = ROOM * scale * (top - bottom)
     first.set_ylim(scale * bottom - room, scale * top + room)
-    handles = [*_handles(figure), *jump_handles(figure)]
+    handles = [*_handles(figure), *jump_handles(figure), *band_handles(figure)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import cycle
 from pathlib import Path
 from textwrap import fill
@@ -42,6 +42,9 @@ LEAST_LINE = 0.75  # cells: shorter pieces of lines between jumps are left out
 LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
 NAME_ROOM = 3.0  # [pt] about the name of a line
 PLACES_APART = 2.0  # [pt] along a line, where its name may stand
+PLACES = 200  # of colours and lines between the loads, along a side
+LOAD_SIZE = 9.0  # [pt2] of the dot at a load
+ON_COLOURS: dict[str, Any] = {"linewidth": 3.0, "foreground": "white"}
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
@@ -55,6 +58,7 @@ class Marks:
 
     stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
+    is_assumed: bool = field(default=False, kw_only=True)  # whether the scene leaves it out
     optimum: tuple[float, float] | None  # load, weft and warp
     # others: label, load, and the value there; without a load they are outside the map, and in the legend alone
     places: tuple[tuple[str, tuple[float, float] | None, float], ...] = ()
@@ -78,8 +82,9 @@ def map_figure(
     """Draw `values` (warp, weft) over loads, which are strains or (`by_tension`) tensions [N/m]; nan stays blank.
 
     unit: of the values, which are in SI; percent otherwise. Shares (SHARES) have colours from 0 to 100, and lines along the edges
-    of cells. Lines of other quantities and of the elastic limit go between the cells' middles; colours of forces end at the
-    largest below the elastic limit. A tile is one cell, half of it at the edges. `warnings` stand on top.
+    of cells. Lines of other quantities and of the elastic limit go between the loads, and colours too where all loads are known
+    and no jumps. Colours of forces end at the largest below the elastic limit. A tile is one cell, half of it at the edges.
+    `warnings` stand on top.
     """
     x, y = np.asarray(weft, dtype=float), np.asarray(warp, dtype=float)
     of_load = scale_of("N/m", x, y) if by_tension else (100.0, "%")
@@ -91,15 +96,25 @@ def map_figure(
     if unit in FORCES:
         factor, unit = scale_of(unit, np.array([low, top]))
         known, low, top = factor * known, factor * low, factor * top
-    tiles = axes.pcolormesh(_edges(x), _edges(y), known, cmap="viridis", vmin=low, vmax=top)
+    look: dict[str, Any] = {"cmap": "viridis", "vmin": low, "vmax": top}
+    loads: list[Any] = []
+    if percent or known.mask.any() or marks.jumps or min(values.shape) < 2:
+        tiles = axes.pcolormesh(_edges(x), _edges(y), known, **look)
+    else:  # colours between the loads, as the lines
+        tiles = axes.pcolormesh(*_between(x, y, known), shading="nearest", **look)
+        dots: dict[str, Any] = {"color": "white", "linewidths": 0.0}
+        loads = [axes.scatter(*np.meshgrid(x, y), s=LOAD_SIZE, zorder=1.2, label="loads of the map", **dots)]
     bar = figure.colorbar(tiles, ax=axes, pad=0.02, extend="max" if known.count() and float(known.max()) > top else "neither")
     bar.set_label(f"{label} [{unit}]")
     if known.mask.all():
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
+    elif float(known.min()) == float(known.max()):
+        one = f"{float(known.min()):.3g} {unit}{'' if known.mask.any() else ' at every load'}"
+        axes.text(0.5, 0.5, one, transform=axes.transAxes, ha="center", va="center", path_effects=[withStroke(**ON_COLOURS)])
     names = {}
     if known.count() and min(values.shape) > 1:
         names = _draw_levels(axes, bar, x, y, known if percent else _smooth(known, x, y, marks, of_load[0]), top, percent)
-    handles = _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
+    handles = loads + _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
         handles.append(Patch(facecolor="#E8E8E8", edgecolor="#909090", label="not converged, or not run"))
@@ -151,7 +166,9 @@ def _draw_levels(
         same = {level: [level] for level in _levels_apart(axes, x, y, known, [some[0] for some in same.values()])}
     names = {some[-1]: f"{some[-1]:g}{' %' if percent else ''}" for some in same.values()}  # of several levels the highest
     # a share that reaches a line is on its upper side
-    shown = _steps(x, y, known + REACHES * high) if percent else (x, y, known)
+    shown = (x, y, known) if known.mask.any() else _between(x, y, known)
+    if percent:
+        shown = _steps(x, y, known + REACHES * high)
     drawn = axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9)
     bar.add_lines(drawn)
     if not percent:
@@ -164,6 +181,7 @@ def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
     cell = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
     kept = []
     for path in drawn.get_paths():
+        path.should_simplify = False
         parts = [np.asarray(part) for part in path.to_polygons(closed_only=False)]
         kept.append([part for part in parts if np.array_equal(part[0], part[-1]) or _length(part / cell) >= LEAST_LINE])
     drawn.set_paths([Line.make_compound_path(*map(Line, parts)) for parts in kept])
@@ -265,7 +283,7 @@ def _draw_marks(
     known = np.ma.masked_invalid(marks.stress)
     stress, above = _smooth(known, x, y, marks, of_load[0]), np.argwhere((known > marks.yield_stress).filled(fill_value=False))
     scale, unit = scale_of("Pa", np.array([marks.yield_stress]))
-    limit = f"the elastic limit, {scale * marks.yield_stress:.3g} {unit}"
+    limit = f"the elastic limit, {scale * marks.yield_stress:.3g} {unit}{' (assumed)' if marks.is_assumed else ''}"
     if min(stress.shape) > 1 and stress.count() and float(stress.min()) < marks.yield_stress < float(stress.max()):
         style = {"colors": LIMIT_COLOUR, "linewidths": LIMIT_WIDTH}
         if _drop_stubs(axes.contour(x, y, stress, levels=[marks.yield_stress], **style), x, y):
@@ -279,7 +297,7 @@ def _draw_marks(
             axes.add_patch(Rectangle(corner, *size, zorder=1.5, **style))
         handles.append(Patch(label=f"cells above {limit}", **style))
     elif known.count():
-        handles.append(Line2D([], [], linestyle="none", label=f"all below {limit}"))
+        handles.append(Patch(facecolor="none", edgecolor="#404040", label=f"no cell above {limit}"))
     if marks.jumps:
         style = {
             "color": "black",
@@ -299,10 +317,10 @@ def _draw_marks(
     for (label, load, value), marker in zip(inside, cycle(PLACE_MARKERS), strict=False):
         style = {"marker": marker, "markersize": 9, "markeredgecolor": "black", "markeredgewidth": 1.6, "linestyle": "none"}
         style["color"] = tuple(colour_of(value))
-        axes.plot(of_load[0] * load[0], of_load[0] * load[1], zorder=5, **style)
+        axes.plot(of_load[0] * load[0], of_load[0] * load[1], zorder=5, clip_on=False, **style)
         handles.append(Line2D([], [], label=label, **style))
     outside = [f"{label}, outside the map" for label, load, _ in marks.places if load is None]
-    return handles + [Line2D([], [], linestyle="none", label=label) for label in outside]
+    return handles + [Line2D([], [], color="black", marker="x", linestyle="none", label=label) for label in outside]
 
 
 def _edge_between(x: NDArray[Any], y: NDArray[Any], one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
@@ -321,6 +339,19 @@ def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor:
     for cell in {tuple(cell) for pair in marks.jumps for cell in pair}:
         shown[np.argmin(np.abs(y - factor * cell[1])), np.argmin(np.abs(x - factor * cell[0]))] = np.ma.masked
     return shown
+
+
+def _between(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
+    """Places between the loads, and bilinear values there."""
+    across, up = (_places_between(loads) for loads in (x, y))
+    rows = np.array([np.interp(across, x, row) for row in np.ma.getdata(values)])
+    return across, up, np.array([np.interp(up, y, column) for column in rows.T]).T
+
+
+def _places_between(loads: NDArray[Any]) -> NDArray[Any]:
+    """About PLACES along a side, with the loads among them."""
+    steps = max(1, PLACES // (len(loads) - 1))
+    return np.interp(np.arange(steps * (len(loads) - 1) + 1) / steps, np.arange(len(loads)), loads)
 
 
 def _edges(middle: NDArray[Any]) -> NDArray[Any]:

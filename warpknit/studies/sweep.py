@@ -362,6 +362,7 @@ class _Mapper:
         marks = Marks(
             stress=column("stress_max_Pa"),
             yield_stress=self.scene.wire.yield_stress,
+            is_assumed="wire.yield_stress" in self.scene.assumed,
             optimum=load,
             jumps=summary.jumps,
             optimum_note=optimum_note(load, summary.jumps),
