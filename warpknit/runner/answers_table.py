@@ -240,7 +240,8 @@ def _best(answers: Answers, failed: bool) -> Iterator[Finding]:
         return
     away = " away from the grips" if is_at_grips(best.stress_max_Pa, best.stress_with_grips_Pa) else ""
     stage = f" in {best.stage!r}" if best.stages > 1 else ""
-    found = f"{percent(0.01 * best.active_percent, 0)} active (the maximum of this load), {engineering(best.stress_max_Pa, 'Pa')}{away}"
+    active = f"{percent(0.01 * best.active_percent, 0)} active (the maximum of this load)"
+    found = f"{active}, {engineering(best.stress_max_Pa, 'Pa')}{away}"
     of_mean = " (mean)" if " / " in _tension(best) else ""
     yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, failed)}", short=True)
     share = f"stress{away} at {percent(best.stress_over_limit, 0)} of yield"
