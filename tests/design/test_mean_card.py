@@ -6,17 +6,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from warpknit.design.card import find_card
-from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, exact
+from warpknit.design.card import MaterialCard, find_card
+from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact
 from warpknit.design.load_path import LoadPath, under_tension
-from warpknit.design.mean_card import find_mean, loads_of_card
+from warpknit.design.mean_card import BEYOND, find_mean, loads_of_card
 from warpknit.design.report_files import write_ends
+from warpknit.errors import Diverged
 from warpknit.runner.history import row_of
 from warpknit.runner.run_directory import clear
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.variant_models import VariantModels
 
 TENSION = 1.0  # [N/m]
+CARD = MaterialCard(
+    strain_weft=0.1, strain_warp=0.1, tension_weft=1.0, tension_warp=1.0, stiffness=np.eye(3), asymmetry=0.0, step_difference=0.0,
+    expansion=np.zeros(3), areal_mass=0.01, stress_max=1e8, active_percent=50.0, temperature=293.15,
+)  # fmt: skip
 
 
 def scene_of(friction: float) -> Scene:
@@ -57,6 +62,26 @@ def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
         assert mean.card.history is not None and cards[0].history is not None and cards[1].history is not None
         loading = 0.5 * (cards[0].history.loading + cards[1].history.loading)
         assert mean.card.history.loading == pytest.approx(loading, rel=1e-3, abs=0.05)
+
+
+def test_a_rougher_tolerance_is_tried_where_the_fine_one_does_not_converge(monkeypatch):
+    """Meshes have their cards at the second tolerance; their path is that of the card, in levels of a run."""
+    tried: list[float] = []
+
+    def find(model, state, load, monitor, *, ahead):
+        tried.append(model.scene.solver.residual_tolerance)
+        if tried[-1] < ROUGH_TOLERANCE:
+            raise Diverged("no progress")
+        return replace(CARD, stress_max=float(len(tried))), None
+
+    monkeypatch.setattr("warpknit.design.mean_card.find_card", find)
+    scene = scene_of(0.0)
+    mean = find_mean(scene, under_tension(scene, TENSION), TENSION, CARD)
+    assert tried == 2 * [DIFFERENCE_TOLERANCE] + 2 * [ROUGH_TOLERANCE]
+    assert mean is not None and (mean.meshes, mean.card.stress_max) == (2, 3.5)
+    tensions = [row.tension_weft_N_per_m for row in mean.loading]
+    expected = [0.0, 0.5 * TENSION, TENSION, BEYOND * TENSION]
+    assert tensions == pytest.approx(expected, rel=0.01, abs=0.01 * TENSION)
 
 
 def test_ends_of_an_earlier_card_are_removed(tmp_path):
