@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from warpknit.export import design_figures
+from warpknit.export import curves_figure, design_figures
 from warpknit.results.row import Values, columns_of, valued
 
 pytestmark = pytest.mark.usefixtures("pictures")
@@ -138,3 +138,19 @@ def test_compression_is_shaded_and_meshes_have_their_range(tmp_path, monkeypatch
     span = next(patch for patch in drawn[0].axes[0].patches if str(patch.get_label()).startswith("compressed"))
     low, high = span.get_extents().transformed(drawn[0].axes[0].transData.inverted()).intervaly
     assert low < drawn[0].axes[0].get_ylim()[0] and high == pytest.approx(0.0, abs=1e-9)
+
+
+def test_compression_in_a_run_is_shaded(tmp_path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: drawn.append(figure) or path)
+    for least in (-0.3, -1e-6):
+        rows = [
+            {"stage": "load", "load_factor": share, "strain_weft": 0.1 * share, "strain_warp": 0.0, "active_percent": 0.0}
+            | {"tension_weft_N_per_m": share, "tension_warp_N_per_m": least * share, "stress_max_Pa": 1e8 * share}
+            | {"temperature_K": 293.15, "residual": 1e-5, "contact_force_max_N": share, "jump": 0.0}
+            | {f"energy_{name}_J": share for name in ("bend", "stretch", "contact", "kinetic")}
+            for share in (0.0, 0.5, 1.0)
+        ]
+        curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
+    patches = [[patch.get_label() for patch in figure.axes[1].patches] for figure in drawn]
+    assert patches == [[curves_figure.COMPRESSED], []]

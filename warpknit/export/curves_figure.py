@@ -40,6 +40,7 @@ JUMP = "snap-through to another equilibrium"
 JUMP_STYLE: LineLook = {"linestyle": ":", "linewidth": 1.2, "gid": JUMP}  # no state is interpolated over a jump
 WIDER_MARK, WIDER_MARKS = 0.8, 3  # [pt] of a load step more than of the next, which may cover it; number before the last
 LEGEND_WIDTH, HANDLE_WIDTH = 11.5, 9  # characters of a legend to an inch, and of the line before a name
+COMPRESSED, LEAST_COMPRESSION = "compressed: a real mesh wrinkles", 1e-3  # of the largest tension: less is scatter about zero
 MESHES, BAND = "mean and eight in ten of the meshes", 0.15  # of its opacity
 STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ("-", "o"),
@@ -137,6 +138,16 @@ def draw_range(
     if f"p10_{name}" in columns:
         low, high = (factor * columns[f"{end}_{name}"][rows] for end in ("p10", "p90"))
         axes.fill_between(abscissa, low, high, color=colour, alpha=BAND, linewidth=0.0, gid=MESHES)
+
+
+def shade_compression(axes: Axes, tensions: Sequence[NDArray[Any]]) -> None:
+    """Shade negative tension, where a real mesh wrinkles; nothing where tensions are only about zero."""
+    values = np.concatenate(tensions)
+    values = values[np.isfinite(values)]
+    if values.min(initial=0.0) < -LEAST_COMPRESSION * values.max(initial=0.0):
+        low, high = axes.get_ylim()
+        axes.axhspan(2.0 * min(low, float(values.min())), 0.0, color="#E4E4E4", linewidth=0.0, zorder=0, label=COMPRESSED)
+        axes.set_ylim(low, high)
 
 
 def band_handles(figure: Figure) -> list[Patch]:
@@ -253,6 +264,10 @@ def curves_figure(
     for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
         if not any(np.any(values < 0.0) for *_, values in curves):
             axes.set_ylim(bottom=0.0)
+    if across[1] is tensions:
+        shade_compression(panels[1], [values for *_, values in tensions])
+        if any(patch.get_label() == COMPRESSED for patch in panels[1].patches):
+            panels[1].text(0.02, 0.02, COMPRESSED, transform=panels[1].transAxes, color=GREY, fontsize="small")
     if yield_stress is not None and stress[0][2].max(initial=0.0, where=np.isfinite(stress[0][2])) > 0.0:
         limit = yield_stress * scale_of("Pa", column("stress_max_Pa"))[0]
         label = f"elastic limit, {engineering(yield_stress, 'Pa')}"

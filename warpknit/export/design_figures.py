@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.curves_figure import band_handles, draw_line, draw_range, jump_handles
+from warpknit.export.curves_figure import band_handles, draw_line, draw_range, jump_handles, shade_compression
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
 from warpknit.results.row import Columns, Row, Values
 
@@ -33,7 +33,6 @@ LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
 LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.4, 1.4, 7.0  # [pt] of the last class, of each before it, which it may lie on, at most
 LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one stands beside the best tension
-LEAST_COMPRESSION = 1e-3  # of the largest tension: less is scatter about zero
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, LineLook] = {
@@ -159,10 +158,6 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
             there = [first, beyond[0]]
             begin = np.interp(yield_stress, curve["stress_max_Pa"][there], strain[there])
             axes.axvspan(float(begin), strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
-        if bottom < -LEAST_COMPRESSION * top:
-            axes.axhspan(
-                2.0 * scale * bottom, 0.0, color="#E4E4E4", linewidth=0.0, zorder=0, label="compressed: a real mesh wrinkles"
-            )
         axes.set_title(TITLES[load], fontsize="medium")
         axes.set_xlabel("strain [%]")
         plain(axes)
@@ -170,6 +165,8 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     first.set_ylabel(f"tension [{unit}]")
     room = ROOM * scale * (top - bottom)
     first.set_ylim(scale * bottom - room, scale * top + room)
+    for axes in np.atleast_1d(panels):
+        shade_compression(axes, [scale * values for values in tensions])
     handles = [*_handles(figure), *jump_handles(figure), *band_handles(figure)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
