@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from reference.in_words import codes, in_words, quantities
-from warpknit.design.card import MaterialCard
+from warpknit.design.card import History, MaterialCard
 from warpknit.design.card_files import card_values, card_warnings, strength_values
 from warpknit.design.findings import Findings
 from warpknit.scene import load_scene
@@ -66,3 +66,13 @@ def test_prestress_may_hold_what_the_stiffness_does_not():
 
 def test_a_card_says_which_temperature_it_holds_for():
     assert ("temperature", 293.15, "K") in [values[:3] for values in card_values(CARD)]
+
+
+def test_the_card_of_further_loading_has_its_tangent():
+    """Its stiffness is the symmetric part, its error the largest asymmetry over the largest entry."""
+    tangent = np.array([[4.0, 1.0, 0.0], [2.0, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    card = replace(CARD, history=History(tangent, 0.01, np.zeros(3)))
+    loading = card.of_loading
+    assert loading is not None and loading.history is None and CARD.of_loading is None
+    assert np.array_equal(loading.stiffness, [[4.0, 1.5, 0.0], [1.5, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    assert loading.difference == pytest.approx(0.25) and loading.tension_weft == card.tension_weft

@@ -10,7 +10,7 @@ from warpknit.design.card import MaterialCard, find_card
 from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, exact
 from warpknit.design.load_path import LoadPath, under_tension
 from warpknit.design.mean_card import BEYOND, find_mean, loads_of_card
-from warpknit.design.report_files import write_ends
+from warpknit.design.report_files import write_other_cards
 from warpknit.errors import Diverged
 from warpknit.runner.history import row_of
 from warpknit.runner.run_directory import clear
@@ -84,11 +84,11 @@ def test_a_rougher_tolerance_is_tried_where_the_fine_one_does_not_converge(monke
     assert tensions == pytest.approx(expected, rel=0.01, abs=0.01 * TENSION)
 
 
-def test_ends_of_an_earlier_card_are_removed(tmp_path):
-    for end in ("softest", "stiffest"):
-        (tmp_path / end).mkdir()
-        (tmp_path / end / "material_card.csv").touch()
-    write_ends(SimpleNamespace(mean=None), tmp_path)
+def test_other_cards_of_an_earlier_report_are_removed(tmp_path):
+    for name in ("softest", "stiffest", "loading"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "material_card.csv").touch()
+    write_other_cards(SimpleNamespace(mean=None, card=None), tmp_path)
     assert not any(tmp_path.iterdir())
 
 

@@ -87,6 +87,16 @@ class MaterialCard:
     history: History | None = None  # with friction or yield
 
     @property
+    def of_loading(self) -> MaterialCard | None:
+        """The card for further loading: the symmetric part of its tangent as the stiffness; None without a history."""
+        if self.history is None:
+            return None
+        tangent, difference = self.history.loading, self.history.difference
+        asymmetry = float(np.abs(tangent - tangent.T).max() / np.abs(tangent).max())
+        symmetric = 0.5 * (tangent + tangent.T)
+        return replace(self, stiffness=symmetric, asymmetry=asymmetry, step_difference=difference, history=None)
+
+    @property
     def row(self) -> Row:
         """Strains, active contacts and largest stress by their names in history.csv."""
         strains = {"strain_weft": self.strain_weft, "strain_warp": self.strain_warp}

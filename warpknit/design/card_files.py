@@ -97,7 +97,7 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
     if card.history is not None and card.difference > AGREEMENT:
         size, change = percent(2.0 * card.difference_step, 2), percent(card.difference, 0)
         text = f"The stiffness of the material card depends on the size of a cycle: by {change} for cycles of {size} strain."
-        yield ResultWarning("W52", text, "For larger changes of load use loading_C.")
+        yield ResultWarning("W52", text, "For larger changes of load use the card in loading/.")
     elif card.difference > AGREEMENT:
         yield ResultWarning(
             "W52",

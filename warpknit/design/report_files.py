@@ -47,7 +47,7 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
         before = earlier_state(out)
         several = () if found.mean is None else (found.mean.spread, found.mean.meshes)
         fe_cards = _write_cards(found, found.card, found.loading, found.where, out, *several)
-        write_ends(found, out)
+        write_other_cards(found, out)
         notes = list(missing_cards(fe_cards))
         if before not in (None, found.where):
             notes.append(f"replaced: the earlier material card, for {before}; --out keeps both")
@@ -62,16 +62,18 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def write_ends(found: Findings, out: Path) -> None:
-    """Write the cards of the softest and the stiffest mesh, each in a folder."""
-    for end in ("softest", "stiffest"):
-        shutil.rmtree(out / end, ignore_errors=True)
-    if found.mean is None:
-        return
-    for end, card in (("softest", found.mean.softest), ("stiffest", found.mean.stiffest)):
-        where, folder = f"{found.where}, {end} of {found.mean.meshes} meshes", out / end
-        folder.mkdir()
-        _write_cards(found, card, (), where, folder)
+def write_other_cards(found: Findings, out: Path) -> None:
+    """Write the cards of the softest mesh, of the stiffest, and of further loading, each in a folder."""
+    cards = {"softest": None, "stiffest": None, "loading": None if found.card is None else found.card.of_loading}
+    if found.mean is not None:
+        cards |= {"softest": found.mean.softest, "stiffest": found.mean.stiffest}
+    for name, card in cards.items():
+        shutil.rmtree(out / name, ignore_errors=True)
+        if card is None:
+            continue
+        (out / name).mkdir()
+        of = "further loading" if name == "loading" or found.mean is None else f"{name} of {found.mean.meshes} meshes"
+        _write_cards(found, card, (), f"{found.where}, {of}", out / name)
 
 
 def _write_cards(

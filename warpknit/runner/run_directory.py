@@ -23,7 +23,7 @@ OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "wires.npz", "layou
         "variants", "variants.csv", "map.csv", "map.json", "map_details.csv", "reflection.csv", "reflection.npz",
         "trade.csv", "trade_knobs.csv", "trade.json",
         "report.html", "answers.json", "fit.json", "material_card.csv", "material_card.json", "tension_strain.csv",
-        "report_states.npz", "softest", "stiffest",
+        "report_states.npz", "softest", "stiffest", "loading",
         "material_card_nastran.bdf", "material_card_abaqus.inp", "material_card_calculix.inp", "material_card_ansys.inp",
         "material_card_lsdyna.k", "material_card_radioss.inc")  # fmt: skip
 SUMMARIES = {"summary.json": "run", "map.json": "map", "trade.json": "trade"}

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from .. import __version__
-from ..base.text import duration, engineering, percent, sides_text
+from ..base.text import counted, duration, engineering, percent, sides_text
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Values, plain, valued
 from ..runner.run_directory import Tree
@@ -63,7 +63,9 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
     cells, solver, optimum, report = result.cells, result.solver, result.optimum, result.report
     meshes = "" if result.variants == 1 else f", up to {result.variants} meshes each"
     yield heading(
-        result.scene.name, f"{cells.steady} of {cells.wanted} pairs of {result.loads} converged{meshes}", result.stop_reason
+        result.scene.name,
+        f"{cells.steady} of {counted(cells.wanted, 'pair')} of {result.loads} converged{meshes}",
+        result.stop_reason,
     )
     limit = engineering(result.wire.yield_stress_Pa, "Pa")
     assumed = f" (assumed {limit})" if result.wire.yield_stress_assumed else ""
