@@ -63,7 +63,7 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
 
 
 def write_other_cards(found: Findings, out: Path) -> None:
-    """Write the cards of the softest mesh, of the stiffest, and of further loading, each in a folder."""
+    """Write further cards, each in a folder: softest mesh, stiffest mesh, further loading."""
     cards = {"softest": None, "stiffest": None, "loading": None if found.card is None else found.card.of_loading}
     if found.mean is not None:
         cards |= {"softest": found.mean.softest, "stiffest": found.mean.stiffest}
