@@ -13,7 +13,6 @@ from ..runner.answers import Answers
 from ..runner.answers_table import answer_findings
 from ..runner.branches import Jump as RowJump
 from ..runner.strength import exceeded_text
-from ..runner.variants import first_meshes
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..scene.units import tidy
@@ -92,13 +91,17 @@ class Findings:
     @property
     def has_means(self) -> bool:
         """Whether rows and answers under equal tensions are means over meshes."""
-        return bool(self.path.rows) and "p10_stress_max_Pa" in self.path.rows[0]
+        return bool(self.path.rows) and "meshes" in self.path.rows[0]
 
     @property
     def of_meshes(self) -> str:
         """The meshes of answers and service tensions, in words; empty where the scene has one mesh."""
-        count = first_meshes(self.scene.variants)
-        return "" if count == 1 else f"means of {count} meshes" if self.has_means else "of one mesh of even loops"
+        if self.scene.variants.count == 1:
+            return ""
+        if not self.has_means:
+            return "of one mesh of even loops"
+        least, most = (find(row.meshes for row in self.path.rows) for find in (min, max))
+        return f"means of {most} meshes" if least == most else f"means of {least} to {most} meshes"
 
     @property
     def the_mesh(self) -> str:

@@ -155,9 +155,9 @@ def path_of(meshes: Any, state: Any = None) -> LoadPath | MeshesPath:
 
 
 def mean_of(records: Sequence[Record]) -> Row:
-    """The row of a record; of several meshes the mean row, with the ranges of eight in ten."""
+    """The row of a record; of several meshes the mean row with ranges of eight in ten, and the number of `meshes`."""
     rows = [row_of(record) for record in records]
-    return rows[0] if len(rows) == 1 else mean_row([row.changed(variant=None) for row in rows], 0)
+    return rows[0] if len(rows) == 1 else mean_row([row.changed(variant=None, meshes=len(rows)) for row in rows], 0)
 
 
 def ends_beside(models: Sequence[Any], states: Sequence[PathState], stages: Sequence[Stage]) -> list[Record]:
