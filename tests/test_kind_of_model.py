@@ -140,7 +140,7 @@ def test_what_the_planar_model_lacks_is_spatial(tables: dict, command: str) -> N
 
 
 PLANAR_SCENES = ("atlas_", "contact_map", "friction_cycle", "heat", "overload", "panel_million", "reflector_panel", "hook_")
-SPATIAL_SCENES = ("ka_band",)
+SPATIAL_SCENES = ("ka_band", "reflector_facet")
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)

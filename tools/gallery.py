@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,8 @@ PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "galle
 LIMIT, LONG = 60.0, 1800.0  # [s] planned or run, of scenes that are not named and of those that are
 WIDTH, HEIGHT = 560, 320  # [pixels] at least
 FIGURES = ("reflection_tension", "contact_map", "hook", "mesh", "panel")  # the first one that a run has; of a facet, the panel
+
+COMMAND = "#     "  # before a command in the comment of a scene
 
 HEAD = """# Gallery
 
@@ -47,28 +50,34 @@ def main(chosen: list[str]) -> None:
 def entry(path: Path, place: str, time: str) -> str:
     """The section of a scene."""
     top = path.read_text(encoding="utf-8").split("\n\n")[0].splitlines()
-    comment = " ".join(line.lstrip("# ") for line in top if line.startswith("#"))
+    comment = " ".join(line.lstrip("# ") for line in top if line.startswith("# ") and not line.startswith(COMMAND))
     comment = re.sub(r"docs/([\w/]+\.md)", r"[docs/\1](\1)", comment)
     shown = (PICTURES / f"{path.stem}.png").exists()
     picture = f"![{path.stem}](images/gallery/{path.stem}.png)\n\n" if shown else ""
-    command = f"```bash\nwarpknit {command_of(path)} {place}\n```"
+    command = f"```bash\n{command_of(path)}\n```"
     return f"## {path.stem}\n\n{comment}\n\n{command}\n\n{picture}Time: {time}\n"
 
 
 def command_of(path: Path) -> str:
-    return "map" if re.search(r"^\[sweep\]", path.read_text(encoding="utf-8"), re.MULTILINE) else "run"
+    """The command of a scene: the one in its first comment, as of a large panel that has a smaller one, or a plain one."""
+    text = path.read_text(encoding="utf-8")
+    if given := re.search(rf"^{COMMAND}(warpknit .*)$", text, re.MULTILINE):
+        return given[1]
+    command = "map" if re.search(r"^\[sweep\]", text, re.MULTILINE) else "run"
+    return f"warpknit {command} {path.relative_to(ROOT).as_posix()}"
 
 
 def picture_of(path: Path, picture: Path, limit: float) -> str | None:
     """Run a scene and keep a small copy of its picture; its time in words. None of a scene that takes longer than `limit` [s]."""
     with tempfile.TemporaryDirectory() as folder:
-        planned = json.loads(warpknit("plan", str(path), "--json").stdout or "{}").get("wall_s")
+        command, _, *settings = shlex.split(command_of(path))[1:]
+        planned = json.loads(warpknit("plan", str(path), *settings, "--json").stdout or "{}").get("wall_s")
         if planned is None or planned > limit:
             return None
         options = ["--device", "cpu", "--out", folder, "--force", "--set", "output.usd=false"]
         start = time.monotonic()
         try:
-            done = warpknit(command_of(path), str(path), *options, timeout=2 * limit)
+            done = warpknit(command, str(path), *settings, *options, timeout=2 * limit)
         except subprocess.TimeoutExpired:
             return None
         if done.returncode:

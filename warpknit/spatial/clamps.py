@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 from scipy import sparse
-from scipy.interpolate import RBFInterpolator
+from scipy.interpolate import RBFInterpolator, RectBivariateSpline
 from scipy.sparse.linalg import splu
 
 from ..compute.host import Entries
@@ -23,6 +23,7 @@ from ..mesh.rim import LoadPoint, Rim, build_rim
 from .model import SpatialModel
 from .rod_step import RodStepper
 
+LEAST_CELLS = 4  # of the grid on which the thin-plate spline is evaluated, in each direction
 SMOOTHING = 1e-8  # of the thin-plate spline, over the mesh size: keeps it regular where clamps coincide
 MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.7, 0.02  # fraction of a Newton step
 STEP_DECREASE, STEP_INCREASE = 0.5, 1.1
@@ -92,7 +93,7 @@ class MovingClamps:
 class Edge:
     """Stations of a gripped spatial mesh: pulled, raised or on cords."""
 
-    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor", "_raised")
+    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor", "_last_rms", "_raised")
 
     def __init__(self, model: SpatialModel) -> None:
         self.model = model
@@ -100,20 +101,22 @@ class Edge:
         self.station_displacement = np.zeros((len(self.rim.arc), 3))  # [station, 3] [m] in addition to the load
         self.start, self.target = self.station_displacement, self.station_displacement  # of given stations, over a load level
         self.residual = np.array([np.inf, 1.0])  # [N] rms at free stations: unbalanced force, and force of their clamps
-        self._step_factor = MAX_STEP_FACTOR
+        self._step_factor, self._last_rms = MAX_STEP_FACTOR, np.inf  # and the unbalanced force [N] before the last step
         self._raised = 0.0  # share of the height of the paraboloid
-        held = model.wires.held_node
-        size = float(model.panel.size.max())
-        weights = self.rim.clamps.toarray()
-        place = model.rods.position[:, :2] / size
-        plate = RBFInterpolator(model.panel.clamp_position / size, weights, kernel="thin_plate_spline", smoothing=SMOOTHING)
-        self._interpolation = plate(place)  # (node, station)
-        self._interpolation[held] = np.repeat(weights, 2, axis=0)
+        size, place = float(model.panel.size.max()), model.rods.position[:, :2]
+        plate = RBFInterpolator(
+            model.panel.clamp_position / size, self.rim.clamps.toarray(), kernel="thin_plate_spline", smoothing=SMOOTHING
+        )
+        low, high, spacing = place.min(axis=0), place.max(axis=0), self.rim.outline.length / len(self.rim.arc)
+        counts = np.maximum(np.ceil((high - low) / spacing).astype(int), LEAST_CELLS) + 1
+        self._axes = [np.linspace(low[axis], high[axis], counts[axis]) for axis in (0, 1)]
+        grid = np.stack(np.meshgrid(*self._axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        self._on_grid = plate(grid / size)  # (grid node, station)
 
     def set_target(self, load: LoadPoint) -> None:
         """Set the place of given stations at the end of the load level."""
         self.start, self.target, self._raised = self.station_displacement, self.target_of(load), load.raised
-        self.residual = np.array([np.inf, 1.0])
+        self.residual, self._last_rms = np.array([np.inf, 1.0]), np.inf
 
     def target_of(self, load: LoadPoint) -> np.ndarray:
         """(station, 3) [m] displacement of given stations under a load."""
@@ -136,7 +139,13 @@ class Edge:
 
     def mesh_displacement(self, station_displacement: np.ndarray) -> np.ndarray:
         """(node, 3) [m] interpolated from stations (station, 3) [m]; held nodes move with their clamps."""
-        return np.asarray(self._interpolation @ station_displacement)
+        place, moved = self.model.rods.position, np.zeros((self.model.rods.node_count, 3))
+        for axis, values in enumerate((self._on_grid @ station_displacement).T):
+            if values.any():
+                surface = RectBivariateSpline(*self._axes, values.reshape([len(one) for one in self._axes]))
+                moved[:, axis] = surface.ev(place[:, 0], place[:, 1])
+        moved[self.model.wires.held_node] = np.repeat(self.rim.clamps @ station_displacement, 2, axis=0)
+        return moved
 
     def grip_forces(self, force: np.ndarray) -> np.ndarray:
         """Forces (clamp, 3) [N] of clamps on wires, from forces (node, 3) of wires on nodes."""
@@ -175,14 +184,12 @@ class Edge:
         return np.asarray(cord - self.rim.clamps.T @ self.grip_forces(force))
 
     def _newton_step(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(station, 3) [m] damped step of the free stations; updates the step factor and the residual."""
+        """(station, 3) [m] damped step of the free stations; updates the step factor."""
         free = np.flatnonzero(~self.rim.given)
         unbalanced = self.unbalanced_forces(gradient, force)[free]
-        clamp_force = (self.rim.clamps.T @ self.grip_forces(force))[free]
         rms = float(np.sqrt(np.mean(unbalanced**2)))
-        factor = self._step_factor * (STEP_DECREASE if rms > self.residual[0] else STEP_INCREASE)
-        self._step_factor = float(np.clip(factor, MIN_STEP_FACTOR, MAX_STEP_FACTOR))
-        self.residual = np.array([rms, float(np.sqrt(np.mean(clamp_force**2)))])
+        factor = self._step_factor * (STEP_DECREASE if rms > self._last_rms else STEP_INCREASE)
+        self._step_factor, self._last_rms = float(np.clip(factor, MIN_STEP_FACTOR, MAX_STEP_FACTOR)), rms
         columns = (3 * free[:, None] + np.arange(3)).ravel()
         stiffness = sparse.csc_matrix(self.rim.cord_stiffness(gradient, self.station_displacement))[columns][:, columns]
         step = self._step_factor * splu(sparse.csc_matrix(stiffness)).solve(unbalanced.ravel()).reshape(-1, 3)
@@ -191,6 +198,13 @@ class Edge:
         limited = np.zeros_like(self.station_displacement)
         limited[free] = step * min(1.0, limit / max(largest, 1e-300))
         return limited
+
+    def measure(self, gradient: np.ndarray, force: np.ndarray) -> None:
+        """Measure the balance of the free stations; force: (node, 3) [N] of the wires on their nodes."""
+        free = ~self.rim.given
+        clamp_force = (self.rim.clamps.T @ self.grip_forces(force))[free]
+        unbalanced = self.unbalanced_forces(gradient, force)[free]
+        self.residual = np.array([np.sqrt(np.mean(values**2)) for values in (unbalanced, clamp_force)])
 
     def residual_ratio(self, tolerance: float) -> float:
         """Unbalanced force at free stations over `tolerance` times the force of their clamps."""

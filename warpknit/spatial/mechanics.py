@@ -284,9 +284,12 @@ class SpatialMechanics:
         move = np.zeros(1)
         if not loading:
             edge.follow(self.state.gradient)
+            if edge.rim.is_free:
+                edge.measure(self.state.gradient, fetch(self.state.force))
+        unmet = edge.residual_ratio(self.model.scene.solver.residual_tolerance)
         if loading or (control.ramp_steps > 0.0 and not edge.is_at_target):
             move = edge.move_given(control.ramp_step / control.ramp_steps)
-        elif edge.rim.is_free and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
+        elif unmet >= 1.0 and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
             move = edge.relax_free(self.state.gradient, fetch(self.state.force))
         if np.any(move):
             displacement = fetch(self.state.displacement).copy()
@@ -294,7 +297,7 @@ class SpatialMechanics:
             store(self.state.displacement, displacement)
             self.search_pairs()
             self.relaxation.reset_damping_estimate(self.rows)
-        return max(ratio, edge.residual_ratio(self.model.scene.solver.residual_tolerance))
+        return max(ratio, unmet)
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
