@@ -4,7 +4,8 @@ The hash works on rest coordinates F^-1 x, scaled so that a cell is 1 wide and t
 the grid wraps as the tile does. A segment forms a pair with every periodic image of another within reach, so a pair consists of
 two segments and the shift of the second. The segment with the smaller number keeps the pair; of the images of the segment
 itself, those with a positive shift count. Segments of one wire with an arc separation below `min_arc_separation` are left out, by
-arc length and not by number, so that segments shorter than the thickness do not push each other apart. Pairs are counted before
+arc length and not by number, so that segments shorter than the thickness do not push each other apart. So are two clamped
+segments: nothing moves there, and the chords of a coarse mesh may overlap where a cut takes two wires. Pairs are counted before
 the list is filled, so it never overflows.
 """
 
@@ -12,6 +13,7 @@ from typing import Any
 
 import warp as wp
 
+from .banded_mass import HELD_NODE
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
 from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
@@ -100,6 +102,12 @@ def arc_separation(
 
 
 @wp.func
+def is_clamped(i: int, following: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)) -> bool:
+    """Whether a clamp holds both nodes of a segment."""
+    return (held[i] & HELD_NODE) != 0 and (held[following[i]] & HELD_NODE) != 0
+
+
+@wp.func
 def nearest_image_square(between: wp.vec3, cell: wp.vec3, tile: wp.vec3) -> float:
     """Squared distance [m2] of nearest images of two places, from their difference in cells."""
     square = float(0.0)
@@ -170,6 +178,7 @@ def find_segment_pairs(
     # in: wires
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
+    held: wp.array(dtype=wp.int32),
     node_wire: wp.array(dtype=wp.int32),
     node_arc: wp.array(dtype=wp.float64),
     node_radius: wp.array(dtype=wp.float64),
@@ -239,6 +248,7 @@ def find_segment_pairs(
     query = wp.hash_grid_query(grid, place[i], farthest / wp.min(cell[0], wp.min(cell[1], cell[2])))
     j = int(0)
     number = int(0)
+    is_clamp = is_clamped(i, following, held)
     is_left = bool(True)
     while is_left:
         if is_kept:
@@ -249,6 +259,8 @@ def find_segment_pairs(
         else:
             is_left = wp.hash_grid_query_next(query, j)
         if not is_left or j < i or j / world_nodes != world or reach[j] < 0.0:
+            continue
+        if is_clamp and is_clamped(j, following, held):
             continue
         before = found
         contact_distance = length_factor * (node_radius[i] + node_radius[j])

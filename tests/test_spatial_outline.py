@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from warpknit import measure
 from warpknit.planar.state import initial_state
@@ -89,3 +90,27 @@ def test_a_panel_in_space_carries_what_the_planar_one_does(outline, size):
     *_, last = Simulation(model, initial_state(model)).run()
     assert measure.mesh_tension(found) == pytest.approx(measure.mesh_tension(last.observables), rel=0.03)
     assert measure.interior_stress(found) == pytest.approx(measure.interior_stress(last.observables), rel=0.06)
+
+
+@pytest.mark.parametrize("nodes", [20, 28])
+def test_wires_cut_at_one_place_do_not_touch_in_their_clamps(nodes):
+    """A cut may take two wires where they touch. The chords of their clamps overlap, by more than half a wire at 20 nodes a
+    loop; nothing moves there, and no contact is listed between two clamps."""
+    inch, tight = 25.4e-3, ["wire.material=molybdenum", "wire.diameter=30 um", 'knit.bars=[{chain="1-0/1-2"}, {chain="1-2/1-0"}]']
+    spacing = [f"knit.wale_spacing={inch / 26}", f"knit.course_spacing={inch / 30}", f"model.nodes_per_loop={nodes}"]
+    keys = [*SMALL, "panel.outline=hexagon", "panel.size=12 mm", *tight, *spacing]
+    model = build_model(load_scene(SCENES / "atlas_cell_spatial.toml", keys, "draft"))
+    rods, held = model.rods, model.wires.held_node.reshape(-1, 2)
+    share = np.linspace(0.0, 1.0, 41)[:, None]
+    chords = np.concatenate([(1.0 - share) * rods.position[first] + share * rods.position[last] for first, last in held])
+    close = cKDTree(chords).query_pairs(rods.section.thickness, output_type="ndarray") // len(share)
+    assert np.any(close[:, 0] != close[:, 1])
+    simulation = Simulation(model)
+    simulation.compile()
+    simulation.mechanics.search_pairs()
+    simulation.mechanics.stepper.evaluate()
+    near = simulation.mechanics.contact.find_contacts(0.5 * rods.section.thickness)
+    is_held = np.zeros(rods.node_count, dtype=bool)
+    is_held[held[:, 0]] = True
+    assert len(near.first) > 0
+    assert not np.any(is_held[near.first] & is_held[near.second])
