@@ -21,9 +21,9 @@ from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.transfer import state_variables
 from warpknit.scene import load_scene
-from warpknit.solve.membrane import Correction
+from warpknit.solve.membrane import CORRECTION_CHECKS, Correction
 from warpknit.solve.model import build_model, mechanics_of
-from warpknit.solve.multilevel import CORRECTION_CHECKS, MEMBRANE_TOLERANCE, MultilevelRelaxation
+from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 

@@ -18,9 +18,9 @@ from warpknit.runner.branches import with_work
 from warpknit.runner.history import row_of, with_sums
 from warpknit.runner.summary import run_summary
 from warpknit.scene import load_scene
-from warpknit.solve.membrane import Correction
+from warpknit.solve.membrane import Aitken, Correction
 from warpknit.solve.model import build_model, initial_state, mechanics_of
-from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, Aitken, MultilevelRelaxation
+from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 from warpknit.spatial import transfer
@@ -367,3 +367,22 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
         drive._correct_as_membrane(membrane, 10.0)
         assert drive.progress.imbalance == pytest.approx(tolerances)
         assert moved == pytest.approx(parts * [share])
+
+
+def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It moves its edge itself and has no smaller mesh; one repeat gives the stiffness. The equilibrium is the one without
+    corrections, with its cords in balance."""
+    panel = ("model.boundary=gripped", "panel.outline=hexagon", "panel.size=16 mm", "contact.friction=0", "panel.grip_pitch=8 mm")
+    changes = (*panel, 'panel.cord={tension="50 mN", stiffness="50 N"}', "solver.residual_tolerance=0.01")
+    alone, drive, _ = solved(*changes)
+    assert not isinstance(drive, MultilevelRelaxation)
+    monkeypatch.setattr("warpknit.mesh.layout.MEMBRANE", 1)
+    mechanics, drive, _ = solved(*changes, "output.usd=false")
+    assert isinstance(drive, MultilevelRelaxation) and drive.smaller is None and drive.membrane is not None
+    assert drive.membrane.tangent.any() and drive.rim is mechanics.rim and mechanics.edge is not None
+    assert drive.progress.imbalance <= 1.0
+    assert mechanics.edge.residual_ratio(0.01) <= 1.0
+    (tension, active), (expected, share) = observed(mechanics), observed(alone)
+    assert tension == pytest.approx(expected, rel=MEMBRANE_TOLERANCE)
+    assert active == pytest.approx(share, abs=2.0)
+    assert mechanics.stations == pytest.approx(alone.stations, abs=0.05 * np.abs(alone.stations).max())

@@ -13,9 +13,9 @@ from warpknit.mesh.rim import build_rim
 from warpknit.runner.summary import report_panel
 from warpknit.scene import load_scene
 from warpknit.scene.outline import regular
+from warpknit.solve.lift import LIFT_TOLERANCE
 from warpknit.solve.model import build_model
 from warpknit.solve.progress import Progress
-from warpknit.solve.raised import LIFT_TOLERANCE
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.clamps import HEIGHT_ERROR
 

@@ -95,6 +95,7 @@ def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
 RATIO = 3  # repeats of a mesh over the smaller one
 LEAST = 8  # repeats of the smaller mesh, at least
 WORTH = 1.5  # ratio from which a smaller mesh pays
+MEMBRANE = 400  # repeats from which corrections as a membrane pay
 
 
 def _smaller_side(repeats: int) -> int:
@@ -125,6 +126,13 @@ def smaller_scene(scene: Scene) -> Scene | None:
     if smaller == repeats:
         return None
     return of_repeats(scene, *smaller)
+
+
+def is_membrane(scene: Scene) -> bool:
+    """Whether a mesh is corrected as a membrane, without a smaller mesh: a large panel of the spatial model."""
+    is_even = scene.knit.scatter == 0.0 and not scene.depends_on_path and not scene.model.of_kind.fades_out
+    has_own_edge = scene.model.boundary == "gripped" and (scene.panel.outline != "rectangle" or scene.has_moving_edge)
+    return is_even and has_own_edge and math.prod(scene.knit.repeats) >= MEMBRANE
 
 
 def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:

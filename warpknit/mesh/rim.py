@@ -67,6 +67,10 @@ class Rim:
         """Whether any station is free."""
         return not bool(self.given.all())
 
+    def held(self) -> Rim:
+        """The same, held everywhere."""
+        return replace(self, given=np.ones(len(self.arc), dtype=bool), cord=None)
+
     def weights(self, arc: np.ndarray) -> sparse.csr_matrix:
         """(place, station) linear weights of the two stations around places on the outline [m]."""
         n = len(self.arc)

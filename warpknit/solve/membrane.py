@@ -23,6 +23,17 @@ from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
 MAX_CELLS = 96  # cells of the grid in one direction
+CORRECTION_CHECKS = 4  # convergence checks between corrections, at least; a multiple after some that failed
+CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
+MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
+# short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
+SETTLED, SLOW_DECAY = 1.5, 0.8
+FACTORS = (0.1, 1.0)  # of a correction, smallest and largest
+
+
+def is_settled(residual: float, before: float) -> bool:
+    """Whether short waves have decayed. Residuals over their tolerance, of this check and the one before."""
+    return residual > SLOW_DECAY * before or residual < SETTLED
 
 
 @dataclass(frozen=True)
@@ -40,6 +51,33 @@ class Correction:
     def vector(self) -> np.ndarray:
         """All displacements in one array [m]."""
         return np.concatenate([self.grid.ravel(), self.stations.ravel()])
+
+
+class Aitken:
+    """Aitken's relaxation factor of one kind of correction.
+
+    Full corrections overshoot where the stiffness is larger than the one they assume. The factor of the next one follows from the
+    last correction d0, applied with the factor w, and the new one d1:  w -> -w d0 . (d1 - d0)/|d1 - d0|^2
+    """
+
+    KEPT = ("factor", "_last")
+
+    def __init__(self) -> None:
+        self.factor = 1.0  # of the last correction
+        self._last = np.zeros(0)
+
+    def begin(self) -> None:
+        """Forget earlier corrections."""
+        self.factor, self._last = 1.0, np.zeros(0)
+
+    def next_factor(self, correction: np.ndarray, max_factor: float) -> float:
+        """Factor to apply to a correction [any], at most `max_factor`."""
+        last, self._last, share = self._last, correction, 1.0
+        if len(last) == len(correction):
+            change = correction - last
+            share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *FACTORS))
+        self.factor = max_factor * share
+        return self.factor
 
 
 class Membrane:

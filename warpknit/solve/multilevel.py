@@ -21,49 +21,24 @@ from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, load_response, zero_response
 from ..mesh.rim import LoadPoint, Rim, build_rim
 from .convergence import TENSION_FLOOR
-from .membrane import Correction, Membrane
+from .membrane import (
+    CORRECTION_CHECKS,
+    CORRECTION_GAIN,
+    MAX_FAILED_CORRECTIONS,
+    Aitken,
+    Correction,
+    Membrane,
+    is_settled,
+)
 from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
-CORRECTION_CHECKS = 4  # convergence checks between membrane corrections, at least; a multiple after some that failed
-# short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
-SETTLED, SLOW_DECAY = 1.5, 0.8
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
-CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
-MAX_FAILED_CORRECTIONS = 8  # before membrane corrections are abandoned for the level
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
-FACTORS = (0.1, 1.0)  # smallest and largest
-
-
-class Aitken:
-    """Aitken's relaxation factor of one kind of correction.
-
-    Full corrections overshoot where the stiffness is larger than the one they assume. The factor of the next one follows from the
-    last correction d0, applied with the factor w, and the new one d1:  w -> -w d0 . (d1 - d0)/|d1 - d0|^2
-    """
-
-    KEPT = ("factor", "_last")
-
-    def __init__(self) -> None:
-        self.factor = 1.0  # of the last correction
-        self._last = np.zeros(0)
-
-    def begin(self) -> None:
-        """Forget earlier corrections."""
-        self.factor, self._last = 1.0, np.zeros(0)
-
-    def next_factor(self, correction: np.ndarray, max_factor: float) -> float:
-        """Factor to apply to a correction [any], at most `max_factor`."""
-        last, self._last, share = self._last, correction, 1.0
-        if len(last) == len(correction):
-            change = correction - last
-            share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *FACTORS))
-        self.factor = max_factor * share
-        return self.factor
 
 
 class MultilevelRelaxation(Relaxation):
@@ -94,19 +69,21 @@ class MultilevelRelaxation(Relaxation):
         self._stations = np.zeros((0, 2))
         if cell is not None:
             rim = build_rim(self.model.panel, self.scene)
+            if mechanics.rim is not None:  # it moves its edge itself
+                rim = rim.held()
+            elif self.scene.has_moving_edge:
+                self._rim, self.edge_work = rim, EdgeWork()
             self.membrane = Membrane(mechanics, rim)
             self._stations = np.zeros((len(rim.arc), 2))
-            if self.scene.has_moving_edge:
-                self._rim, self.edge_work = rim, EdgeWork()
         self._correction, self._lift = Aitken(), Aitken()
 
     @property
     def rim(self) -> Rim | None:
-        return self._rim
+        return self._rim or super().rim
 
     @property
     def stations(self) -> np.ndarray:
-        return self._stations
+        return self._stations if super().rim is None else super().stations
 
     @property
     def notes(self) -> list[str]:
@@ -226,14 +203,14 @@ class MultilevelRelaxation(Relaxation):
 
     def _move_edge(self, target: LoadPoint) -> None:
         """Move held stations of the rim to prescribed places; the mesh follows as a membrane."""
-        if self.rim is None or self.membrane is None or target.stations is None:
+        if self._rim is None or self.membrane is None or target.stations is None:
             return
-        displacement = np.where(self.rim.given[:, None], target.stations - self.stations, 0.0)
+        displacement = np.where(self._rim.given[:, None], target.stations - self.stations, 0.0)
         if not displacement.any():
             return
         if not self.membrane.tangent.any():
             begin, self._stations = self.stations, self.stations + displacement
-            self.mechanics.move_clamps(self.rim.clamps @ begin, self.rim.clamps @ self.stations)
+            self.mechanics.move_clamps(self._rim.clamps @ begin, self._rim.clamps @ self.stations)
             self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
             return
         remaining = 1.0
@@ -266,13 +243,12 @@ class MultilevelRelaxation(Relaxation):
         return 1e30 if self.membrane is not None and self.membrane.rim.is_free else 0.0
 
     def corrected(self, ratio: float) -> float:
-        progress, membrane = self.progress, self.membrane
+        progress, membrane, ratio = self.progress, self.membrane, super().corrected(ratio)
         if membrane is None or math.isinf(ratio):
             return ratio
         residual = progress.residual / self.scene.solver.residual_tolerance
-        is_slow = residual > SLOW_DECAY * progress.ratio or residual < SETTLED
+        is_due = progress.checks >= progress.next_balance and is_settled(residual, progress.ratio)
         progress.ratio = residual
-        is_due = progress.checks >= progress.next_balance and is_slow
         if is_due and (membrane.rim.is_free or not progress.is_uncorrected):
             progress.next_balance = progress.checks + CORRECTION_CHECKS
             if self._correct_as_membrane(membrane, ratio):  # not converged at a check that has moved it
@@ -303,7 +279,9 @@ class MultilevelRelaxation(Relaxation):
         moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction
         if moves:
             self._move_as_membrane(membrane, correction)
-        lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress) if ratio > 1.0 else None
+        lift = None
+        if ratio > 1.0 and self.lift is None:
+            lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress)
         lifts = lift is not None and float(np.abs(lift.grid).max()) >= membrane.least_lift
         if lift is not None and lifts:
             membrane.lift(lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor)))
@@ -348,9 +326,9 @@ class MultilevelRelaxation(Relaxation):
 
     def _move_clamps(self, correction: Correction) -> None:
         """Move the edge by a correction."""
-        if self.rim is not None:
+        if self._rim is not None:
             self._stations = self.stations + correction.stations
-            clamps = self.rim.clamps @ self.stations
+            clamps = self._rim.clamps @ self.stations
             self.mechanics.move_clamps(clamps, clamps)
 
 

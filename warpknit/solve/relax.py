@@ -29,6 +29,7 @@ from ..mesh.tight_loops import is_tight
 from ..scene import Stage
 from .drive import Drive
 from .equilibrium import ON_THE_WAY, Equilibrium
+from .lift import Lift
 from .progress import Progress
 from .stage_load import history_steps
 
@@ -95,7 +96,7 @@ class Relaxation(Drive):
     """
 
     rate_key = "output.frames"
-    KEPT = (*Drive.KEPT, "_last_gradient", "_before")
+    KEPT = (*Drive.KEPT, "_last_gradient", "_before", "lift")
 
     def __init__(
         self,
@@ -111,6 +112,8 @@ class Relaxation(Drive):
         self._may_cut = self.model.global_model.node_count <= MOST_KEPT
         self.equilibrium = equilibrium or Equilibrium(mechanics.group, [self])
         self.row = row
+        is_raised = mechanics.rim is not None and self.scene.panel.focal_length is not None
+        self.lift = Lift(mechanics, mechanics.rim) if is_raised and mechanics.rim is not None else None
         self._last_gradient: np.ndarray | None = None  # of the previous level
         self._wanted: WantedTension | None = None  # of this level
         self._before: dict[str, np.ndarray] = {}  # the last equilibrium, to return to where an increment fails
@@ -392,12 +395,23 @@ class Relaxation(Drive):
         self._last_gradient = now
         self.mechanics.set_load(load, self.mechanics.load_steps(load, predicted=ratio > 0.0))
 
+    def compile(self) -> None:
+        super().compile()
+        if self.lift is not None:
+            kept = self.snapshot()
+            self.lift.warm_up()
+            self.restore(kept)
+
     def _begin_solving(self, to_ratio: float) -> None:
         self.equilibrium.begin(self.row, to_ratio)
+        if self.lift is not None:
+            self.lift.begin()
 
     def corrected(self, ratio: float) -> float:
         """The residual ratio after corrections beside the time steps."""
-        return ratio
+        if self.lift is None or math.isinf(ratio):
+            return ratio
+        return max(ratio, self.lift.correct(self.progress.checks, self.progress.residual))
 
     # --- failures
 

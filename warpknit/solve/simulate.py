@@ -15,13 +15,12 @@ from ..compute.ranks import One, Ranks
 from ..errors import Diverged, InputError, ModelError
 from ..measure.table import Record
 from ..mechanics.protocols import Mechanics, Model
-from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
+from ..mesh.layout import estimated_nodes, is_membrane, one_repeat, smaller_scene
 from ..scene import Scene
 from .drive import Drive
 from .model import build_model, initial_state, mechanics_of
 from .multilevel import MultilevelRelaxation
 from .progress import Progress
-from .raised import RaisedRelaxation
 from .ramp import Ramp
 from .relax import Relaxation
 from .side_by_side import SideBySide
@@ -153,11 +152,9 @@ class Simulation:
         """A relaxation with its smaller meshes; one whose mechanics move the edge has none."""
         model: Model = mechanics.model
         monitored = partial(self._monitored, model=model)
-        if mechanics.rim is not None and model.scene.panel.focal_length is not None:
-            return RaisedRelaxation(mechanics, progress, monitored)
         scene = smaller_scene(model.scene) if mechanics.rim is None and model.cloth is not None else None
         if scene is None:
-            if cell is None or not model.scene.has_moving_edge:
+            if cell is None or not (model.scene.has_moving_edge or is_membrane(model.scene)):
                 return Relaxation(mechanics, progress, monitored)
             return MultilevelRelaxation(mechanics, progress, monitored, cell=cell)
         smaller = build_model(scene, self._device_of(model, scene), self._ranks_of(model, scene))
@@ -182,9 +179,10 @@ class Simulation:
         """A relaxation of one periodic repeat, for a large gripped mesh, else None."""
         model: Model = mechanics.model
         scene = model.scene
-        if mechanics.rim is not None or model.cloth is None or scene.model.boundary == "periodic":
+        if model.cloth is None or scene.model.boundary == "periodic":
             return None
-        if smaller_scene(scene) is None and not scene.has_moving_edge:
+        has_one = smaller_scene(scene) is not None or scene.has_moving_edge
+        if not is_membrane(scene) and (mechanics.rim is not None or not has_one):
             return None
         repeat = one_repeat(scene)
         cell = build_model(repeat, cls._device_of(model, repeat))
