@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .banded_mass import HELD_NODE
+from .banded_mass import HELD_TURN
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
 from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
@@ -99,12 +99,6 @@ def arc_separation(
     if wp.length_sq(shift - rounds * period) > wp.float64(1.0e-12) * size:
         return NO_COMMON_WIRE
     return separation + rounds * wire_length[wire]
-
-
-@wp.func
-def is_clamped(i: int, following: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)) -> bool:
-    """Whether a clamp holds both nodes of a segment."""
-    return (held[i] & HELD_NODE) != 0 and (held[following[i]] & HELD_NODE) != 0
 
 
 @wp.func
@@ -248,7 +242,6 @@ def find_segment_pairs(
     query = wp.hash_grid_query(grid, place[i], farthest / wp.min(cell[0], wp.min(cell[1], cell[2])))
     j = int(0)
     number = int(0)
-    is_clamp = is_clamped(i, following, held)
     is_left = bool(True)
     while is_left:
         if is_kept:
@@ -258,9 +251,7 @@ def find_segment_pairs(
                 number += 1
         else:
             is_left = wp.hash_grid_query_next(query, j)
-        if not is_left or j < i or j / world_nodes != world or reach[j] < 0.0:
-            continue
-        if is_clamp and is_clamped(j, following, held):
+        if not is_left or j < i or j / world_nodes != world or reach[j] < 0.0 or (held[i] & held[j] & HELD_TURN) != 0:
             continue
         before = found
         contact_distance = length_factor * (node_radius[i] + node_radius[j])

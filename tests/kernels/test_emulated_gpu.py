@@ -70,8 +70,8 @@ EXCESS: dict[str, Resources] = {
     "wire_contact_by_batch.find_followed_contacts[vec3f]": (168, 272, 30720),
     "wire_contact_forces.find_contact_forces[float32, vec3f]": (255, 2096, 2048),
     "wire_contact_forces.find_contact_forces[float64, vec3d]": (255, 2032, 2048),
-    "wire_pairs.find_segment_pairs[vec3d]": (212, 0, 2048),
-    "wire_pairs.find_segment_pairs[vec3f]": (216, 0, 2048),
+    "wire_pairs.find_segment_pairs[vec3d]": (216, 0, 2048),
+    "wire_pairs.find_segment_pairs[vec3f]": (220, 0, 2048),
     "wires.step_wires[float64]": (66, 0, 25888),
 }
 
