@@ -14,6 +14,7 @@ import warp as wp
 
 HELD_NODE = wp.constant(1)  # the node is fixed
 HELD_TURN = wp.constant(2)  # the section of the segment behind the node does not rotate about it
+CLAMPED = wp.constant(4)  # the segment behind the node is in the clamp of a knit, and touches no other clamp
 
 # factors of a node
 PIVOT = wp.constant(0)  # 1/D

@@ -4,16 +4,16 @@ The hash works on rest coordinates F^-1 x, scaled so that a cell is 1 wide and t
 the grid wraps as the tile does. A segment forms a pair with every periodic image of another within reach, so a pair consists of
 two segments and the shift of the second. The segment with the smaller number keeps the pair; of the images of the segment
 itself, those with a positive shift count. Segments of one wire with an arc separation below `min_arc_separation` are left out, by
-arc length and not by number, so that segments shorter than the thickness do not push each other apart. So are two clamped
-segments: nothing moves there, and the chords of a coarse mesh may overlap where a cut takes two wires. Pairs are counted before
-the list is filled, so it never overflows.
+arc length and not by number, so that segments shorter than the thickness do not push each other apart. So are two segments in
+clamps of a knit: nothing moves there, and the chords of a coarse mesh may overlap where a cut takes two wires. Pairs are counted
+before the list is filled, so it never overflows.
 """
 
 from typing import Any
 
 import warp as wp
 
-from .banded_mass import HELD_TURN
+from .banded_mass import CLAMPED
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
 from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
@@ -251,7 +251,7 @@ def find_segment_pairs(
                 number += 1
         else:
             is_left = wp.hash_grid_query_next(query, j)
-        if not is_left or j < i or j / world_nodes != world or reach[j] < 0.0 or (held[i] & held[j] & HELD_TURN) != 0:
+        if not is_left or j < i or j / world_nodes != world or reach[j] < 0.0 or (held[i] & held[j] & CLAMPED) != 0:
             continue
         before = found
         contact_distance = length_factor * (node_radius[i] + node_radius[j])

@@ -52,10 +52,10 @@ def test_contact_force_is_the_gradient_of_its_energy() -> None:
 
 @pytest.mark.parametrize("spacing", [1.0, 0.5])
 def test_two_plies_come_to_rest(spacing: float) -> None:
-    """They touch along a line though they stand at an angle of 34 degrees to each other, so each segment but those in the clamps
-    has its contact, and what is out of balance falls below a millionth of what they press with."""
+    """They touch along a line though they stand at an angle of 34 degrees to each other, so each segment has its contact, and
+    what is out of balance falls below a millionth of what they press with."""
     contact, rest, nodes = plies(spacing)
-    assert (contact.read_contacts().force > 0.0).sum() >= nodes - 1 - 2
+    assert (contact.read_contacts().force > 0.0).sum() >= nodes - 1
     assert residual_of(rest) < 1e-6 * contact.read_contacts().force.sum()
 
 

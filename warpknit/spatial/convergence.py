@@ -10,6 +10,7 @@ import warp as wp
 from .. import measure
 from ..base.text import engineering, place_text
 from ..errors import ModelError
+from ..kernels.banded_mass import HELD_NODE
 from ..measure.strain import strain_text
 from ..mechanics.numerics import ENERGY_FLOOR, FASTEST_DAMPING, FORCE_FLOOR, LOCAL_ALLOWANCE
 from ..wires.overlaps import CLOSEST
@@ -29,6 +30,7 @@ DISTURBANCE, SEED = 0.03, 1  # of the thickness times the residual tolerance: st
 DAMPING = 0.02  # over a step, of the motion that follows
 LEAST_CHECKS, MOST_CHECKS = 8, 80  # convergence checks of that motion
 GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance has grown
+CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
 MOST_LISTED = 20  # places in a message
 LEAST_DIFFERENCE = 0.005  # of the scene's stiffness: a change in three digits
 
@@ -175,6 +177,27 @@ def _intersection_text(wires: list[int], arcs: list[float], place: np.ndarray) -
         return f"the centre lines of wires {wires[0] + 1} and {wires[1] + 1} intersect {near}"
     along = " and ".join(engineering(arc, "m", 4) for arc in sorted(arcs))
     return f"the centre line of wire {wires[0] + 1} intersects itself {near}, {along} along it"
+
+
+def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> None:
+    """Wires that overlap where both are clamped cannot part. Raises `ModelError` on all ranks.
+
+    near: contacts of the strip as knitted, of any gap below zero at least.
+    """
+    held = (rods.held & int(HELD_NODE)) != 0
+    rigid = held & held[rods.following]
+    overlap = near.overlap * (rigid[near.first] & rigid[near.second])
+    worst = int(overlap.argmax()) if len(overlap) else None
+    here = (0.0, 0, 0, np.zeros(3))
+    if worst is not None:
+        wires = strip.wire[rods.wire_of[[near.first[worst], near.second[worst]]]]
+        here = (float(overlap[worst]), *wires.tolist(), rods.position[near.first[worst]])
+    most, first, second, (x, y, _) = max(strip.ranks.everyone(here), key=lambda there: there[0])
+    if most > CLAMPED * rods.section.thickness:
+        raise ModelError(
+            f"{wires_text(first + 1, second + 1)} overlap by {engineering(most, 'm')} where both are clamped, near"
+            f" {place_text(x, y)}; move their ends apart, or set a smaller wire.diameter"
+        )
 
 
 def wires_text(first: int, second: int) -> str:

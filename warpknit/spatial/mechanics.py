@@ -19,7 +19,7 @@ from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import Edge
-from .convergence import overlap_text, refuse_intersecting_centre_lines
+from .convergence import overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .fields import Fields
 from .masses import Masses
 from .model import SpatialModel, segment_thermal_strain
@@ -96,6 +96,7 @@ class SpatialMechanics:
         self.stepper.evaluate(rows=self.rows)
         near = self.contact.read_contacts(0.0, self.world)
         refuse_intersecting_centre_lines(near, self.model.rods, self.strip)
+        refuse_overlapping_clamps(near, self.model.rods, self.strip)
         self.step(2)
         if self.model.ramp is None:
             self.group.check(self.rows, np.ones(1, dtype=int), np.zeros(1, dtype=bool))

@@ -330,7 +330,8 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[
     period = np.array([0.0, panel.size[1], 0.0]) if panel.boundary == "periodic" else None
     rods = along_centre_line(rods_of(section, forms.points, [period] * len(forms.points), tile=wires.tile), forms.line)
     node = rods.nodes_of(forms.form)  # of the form, for each node of the copies
-    copies = rods.holding(node[wires.held_node], node[wires.held_section]).copied(forms.form, forms.origin)
+    sections = node[wires.held_section]
+    copies = rods.holding(node[wires.held_node], sections, clamped=sections).copied(forms.form, forms.origin)
     return copies, replace(fit_rest_curve(rods, forms.line), row=copies.row)
 
 

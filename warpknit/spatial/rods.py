@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.text import short_repr
-from ..kernels.banded_mass import HELD_NODE, HELD_TURN
+from ..kernels.banded_mass import CLAMPED, HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..wires.directors import even_directors, twist
 
@@ -54,7 +54,7 @@ class Rods:
     wire_period: np.ndarray  # (wire, 3) [m] shift of a closed wire from its first node to the node after its last
     position: np.ndarray  # (node, 3) [m] at rest
     director: np.ndarray  # (node, 3) unit vectors normal to the segment: orientation of its section at rest
-    held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN of kernels/banded_mass.py
+    held: np.ndarray  # [node] int, HELD_NODE | HELD_TURN | CLAMPED of kernels/banded_mass.py
     natural_length: np.ndarray  # [node] [m] of the segment, a chord
     natural_arc: np.ndarray  # [node] [m] of the wire along the segment
     row: np.ndarray  # [node] int32: of copies the node of `forms`, else the node itself
@@ -247,11 +247,17 @@ class Rods:
             forms=self.of_rows,
         )
 
-    def holding(self, nodes: np.ndarray | Sequence[int] = (), sections: np.ndarray | Sequence[int] = ()) -> Rods:
-        """A copy with these nodes fixed and these sections fixed against rotation."""
+    def holding(
+        self,
+        nodes: np.ndarray | Sequence[int] = (),
+        sections: np.ndarray | Sequence[int] = (),
+        clamped: np.ndarray | Sequence[int] = (),
+    ) -> Rods:
+        """A copy with these nodes fixed, these sections fixed against rotation, and these segments in clamps of a knit."""
         held = self.held.copy()
         held[np.asarray(nodes, dtype=np.int64)] |= int(HELD_NODE)
         held[np.asarray(sections, dtype=np.int64)] |= int(HELD_TURN)
+        held[np.asarray(clamped, dtype=np.int64)] |= int(CLAMPED)
         return replace(self, held=held)
 
 
