@@ -349,6 +349,16 @@ def test_plan_says_from_which_mesh_a_run_starts() -> None:
     assert not starts(STRIP, "model.boundary=gripped", *cords) and not starts("knit.repeats=[1, 1]")
 
 
+def test_plan_says_what_is_corrected_as_a_membrane() -> None:
+    """A panel of 400 repeats and more; a smaller one is not."""
+    for size, wanted in (("50 mm", True), ("20 mm", False)):
+        scene = load_scene(
+            CELL, [*SCENE, "model.boundary=gripped", "panel.outline=hexagon", f"panel.size={size}", "contact.friction=0"]
+        )
+        found = [line for line in overview_of(scene, "cpu").physics if line.startswith("membrane corrections")]
+        assert bool(found) == wanted
+
+
 def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
     """A correction that moves far for an imbalance within its tolerance is a soft mode and is left alone (it pushed wires
     of a gripped tricot into each other); one of three tolerances is applied in three parts, three times as far as the mesh may

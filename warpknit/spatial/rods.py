@@ -253,7 +253,7 @@ class Rods:
         sections: np.ndarray | Sequence[int] = (),
         clamped: np.ndarray | Sequence[int] = (),
     ) -> Rods:
-        """A copy with these nodes fixed, these sections fixed against rotation, and these segments in clamps of a knit."""
+        """A copy with nodes fixed, and sections fixed against rotation; `clamped`: segments in clamps of a knit."""
         held = self.held.copy()
         held[np.asarray(nodes, dtype=np.int64)] |= int(HELD_NODE)
         held[np.asarray(sections, dtype=np.int64)] |= int(HELD_TURN)
