@@ -40,7 +40,7 @@ class ContactChecks:
         rods = stepper.rods
         self._of_wires = {
             "thickness": wp.float64(rods.section.thickness),
-            "thickest": wp.float64(2.0 * rods.largest_radius),
+            "thickest": wp.float64(max(2.0 * rods.radius_beside, float(rods.of_wires("thickness").max()))),
         }
         stepper.steering.set(weight_square=curve.weight_square, lever=curve.lever)
         # by list of pairs: two alternate
