@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.cases import slow
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import Simulation, build_model, load_scene, measure
 from warpknit.errors import Diverged, InputError
@@ -55,7 +54,8 @@ def closings(scene: Scene) -> tuple[dict[str, tuple[float, float]], int]:
     return found, len(shares)
 
 
-@pytest.mark.parametrize("name", ["atlas", *slow("tricot")])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["atlas", "tricot"])
 def test_classes_close_where_a_hundred_levels_show_it(name: str) -> None:
     """Each class closes within 2 % of the load of where 100 equal levels have it (to 1 %), by far fewer records."""
     (auto, records), (even, _) = closings(knit_scene(name)), closings(knit_scene(name, output={"frames": 100}))

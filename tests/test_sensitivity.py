@@ -47,6 +47,7 @@ def row_of(tension: float) -> Row:
     return Row(strain_weft=0.03, strain_warp=0.03, active_percent=50.0, **values)
 
 
+@pytest.mark.slow
 def test_changes_and_errors_are_those_of_runs_of_the_same_meshes(tmp_path):
     variants = {"count": 3, "standard_error": 0.0, "overshoot": 0.1}
     base = ends(scene_of(variants=variants), tmp_path / "base")

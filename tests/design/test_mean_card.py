@@ -39,6 +39,7 @@ def scene_of(friction: float) -> Scene:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
     scene = scene_of(friction)

@@ -118,6 +118,7 @@ def test_curves_are_means_of_the_curves_of_the_meshes(scene, meshes, monkeypatch
             assert (point[f"p10_{name}"], point[f"p90_{name}"]) == pytest.approx((min(values), max(values)), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_page_shows_means_and_ranges(tmp_path, monkeypatch):
     """The service table, answers.json and the card are of the same meshes."""
     monkeypatch.setattr(curves, "POINTS", 2)

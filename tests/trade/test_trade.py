@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from warpknit.commands.cli import main
 from warpknit.errors import RunDirectoryError
 from warpknit.mechanics.probe_settings import SOFTENING, Setting
-from warpknit.planar import probe_settings
+from warpknit.planar import kind
 from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
@@ -69,13 +69,13 @@ def test_errors_are_points_of_percent_and_shares() -> None:
 @pytest.fixture
 def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarse reference and a handful of points."""
-    monkeypatch.setattr(probe_settings, "REFERENCE", ((math.inf, 24),))
+    monkeypatch.setattr(kind, "REFERENCE", ((math.inf, 24),))
     coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
     monkeypatch.setattr(parameters, "PRESETS", coarse)
     monkeypatch.setattr(study, "RAMP_NODES", 0)
-    monkeypatch.setattr(probe_settings, "COMBINED", ((10, 12), (1000.0,), (0.01,)))
+    monkeypatch.setattr(kind, "COMBINED", ((10, 12), (1000.0,), (0.01,)))
     for name, values in (("NODES", (10,)), ("TOLERANCES", (0.03,)), ("SOFTENINGS", (200.0,))):
-        monkeypatch.setattr(probe_settings, f"VARIED_{name}", values)
+        monkeypatch.setattr(kind, f"VARIED_{name}", values)
     monkeypatch.setattr(parameters, "STIFFNESSES", (4.0,))
     monkeypatch.setattr(parameters, "LEVELS", (2,))
 
@@ -177,7 +177,7 @@ def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:
 @pytest.fixture
 def quick_pilot(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarser mesh counts as true."""
-    monkeypatch.setattr(probe_settings, "FINE", {"periodic": 30})
+    monkeypatch.setattr(kind, "FINE", {"periodic": 30})
     monkeypatch.setattr(probe_run, "LEVELS", 1)
 
 
@@ -187,7 +187,7 @@ def test_setting_within_an_error_is_the_cheapest_that_meets_it(quick_pilot: None
     small = probe_run.ProbeRun(scene)
     loose, missed = probe_run.choose_setting(small, 20.0)
     tight, left = probe_run.choose_setting(small, 2.0)
-    assert loose.nodes_per_loop == probe_settings.NODES[0]
+    assert loose.nodes_per_loop == kind.NODES[0]
     assert loose.nodes_per_loop <= tight.nodes_per_loop
     assert probe_run.error_bound_percent(left) <= 2.0 and probe_run.error_bound_percent(missed) <= 20.0
 
