@@ -116,7 +116,7 @@ class Plan(Overview):
         accuracy, *more_accuracy = self.accuracy.split("; ")
         physics = [sentence.partition(": ") for sentence in self.physics]
         names = dict.fromkeys(name for name, _, _ in physics if name != UNUSED)
-        more = f", then {len(loads) - 1} more load step{'s' * (len(loads) > 2)}" if len(loads) > 1 else ""
+        more = f", then {counted(len(loads) - 1, 'more load step')}" if len(loads) > 1 else ""
         yield Finding(self.scene.name, f"{self.scene.stages[0].text}{more}, on {self.device}", short=True)
         yield from (Finding("  load step", text) for _, text in loads if more)
         for heading, text in self.mesh:
@@ -214,7 +214,7 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
     mesh = (
         ("hook", "two wires, hooked once") if cloth is None else ("knit", _repeat(scene, cloth)),
         ("mesh", f"{about}{nodes:,} nodes{on_wires}"),
-        ("contact", f"{about}{bodies:,} clasp{'s' * (bodies != 1)}, {2 * bodies:,} pairs"),
+        ("contact", f"{about}{counted(bodies, 'clasp')}, {counted(2 * bodies, 'pair')}"),
     )
     return Overview(
         scene=scene,

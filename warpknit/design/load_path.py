@@ -74,9 +74,7 @@ class LoadPath:
         yield from simulation.run()
         self.state = PathState(model.scene.stages, simulation.drive.snapshot())
 
-    def beside(
-        self, stage: Stage, levels: int | str, monitor: Callable[[float], None] = lambda _: None
-    ) -> Iterator[list[Record]]:
+    def beside(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[list[Record]]:
         """The records of `load`, each as a list."""
         return ([record] for record in self.load(stage, levels, monitor))
 
@@ -104,9 +102,7 @@ class MeshesPath:
         scene: Scene = next(iter(self.models.values())).scene
         return scene
 
-    def beside(
-        self, stage: Stage, levels: int | str, monitor: Callable[[float], None] = lambda _: None
-    ) -> Iterator[list[Record]]:
+    def beside(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[list[Record]]:
         """Records of a load step, of all meshes that converge; the path moves to its end.
 
         Raises `Diverged` where fewer than FEWEST meshes converge; `state` is that before the load step.

@@ -64,16 +64,19 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
 
 def write_other_cards(found: Findings, out: Path) -> None:
     """Write further cards, each in a folder: softest mesh, stiffest mesh, further loading."""
-    cards = {"softest": None, "stiffest": None, "loading": None if found.card is None else found.card.of_loading}
+    none: tuple[MaterialCard | None, str] = None, ""
+    cards = {"softest": none, "stiffest": none, "loading": none}  # with the words for their state
+    if found.card is not None:
+        cards["loading"] = found.card.of_loading, "further loading"
     if found.mean is not None:
-        cards |= {"softest": found.mean.softest, "stiffest": found.mean.stiffest}
-    for name, card in cards.items():
+        cards["softest"] = found.mean.softest, f"softest of {found.mean.meshes} meshes"
+        cards["stiffest"] = found.mean.stiffest, f"stiffest of {found.mean.meshes} meshes"
+    for name, (card, state) in cards.items():
         shutil.rmtree(out / name, ignore_errors=True)
         if card is None:
             continue
         (out / name).mkdir()
-        of = "further loading" if name == "loading" or found.mean is None else f"{name} of {found.mean.meshes} meshes"
-        _write_cards(found, card, (), f"{found.where}, {of}", out / name)
+        _write_cards(found, card, (), f"{found.where}, {state}", out / name)
 
 
 def _write_cards(

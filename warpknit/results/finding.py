@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from warpknit.base.text import alike, engineering
+from warpknit.base.text import alike, counted, engineering
 from warpknit.results.warning_kinds import KINDS
 
 __all__ = ["Finding", "ResultTable", "ResultWarning"]
@@ -81,7 +81,7 @@ class ResultTable:
         for warning in shown:
             yield Finding(warning.code or "warning", str(warning).removeprefix(warning.code).strip())
         if more := len(warnings) - len(shown):
-            yield Finding("", f"{more} more warning{'s' * (more > 1)}: --verbose, or {self.file}")
+            yield Finding("", f"{counted(more, 'more warning')}: --verbose, or {self.file}")
 
     def with_lines(self, more: Iterable[Finding]) -> ResultTable:
         """The same with further findings."""

@@ -220,7 +220,7 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWar
     if found := jumps_of(model, rows):
         a, b = found[0]
         more = len(found) - 1
-        others = f", and at {more} more place{'s' * (more > 1)}" if more else ""
+        others = f", and at {counted(more, 'more place')}" if more else ""
         there = f"mean tension {tensions_text(a, b)}"
         if a.temperature_K != b.temperature_K:
             there = f"{celsius(a.temperature_K)} and {celsius(b.temperature_K)}"

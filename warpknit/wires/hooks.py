@@ -18,6 +18,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import cKDTree
 
+from warpknit.base.text import counted
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import MOST_IMAGES, images_of, segments_of
 
@@ -243,10 +244,10 @@ class Places:
         if self.crowded:
             return "not searched: too many crossings in plan view"
         crossings = len(self) - self.hooks
-        others = f"{crossings:,} {'other ' * (self.hooks > 0)}crossing{'s' * (crossings != 1)}"
+        others = counted(crossings, f"{'other ' * (self.hooks > 0)}crossing")
         if not self.hooks:
             return f"no wires hook each other; {others}"
-        hooks = f"{self.hooks:,} clasp{'s' * (self.hooks != 1)}, where two wires hook each other"
+        hooks = f"{counted(self.hooks, 'clasp')}, where two wires hook each other"
         return f"{hooks}; {others}" if crossings else hooks
 
 
