@@ -123,7 +123,7 @@ def test_what_only_the_planar_model_has_is_planar(tables: dict, options: dict, w
     scene = make_scene(tables, **options)
     assert (scene.model.kind, scene.kind_reason) == ("planar", f"only in the planar model: {words}")
     if not options:
-        assert table_of(make_plan(scene, "cpu").table().lines())["  chosen"] == f"only in the planar model: {words}"
+        assert table_of(make_plan(scene, "cpu").table().lines())["  reason"] == f"only in the planar model: {words}"
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_a_plan_shows_the_model_and_why(tricot: Path) -> None:
     for path, kind, reason in ((tricot, "spatial", DEFAULT), (ATLAS, "planar", GIVEN)):
         planned = make_plan(load_scene(path), "cpu")
         shown = table_of(planned.table().lines(verbose=True))
-        assert f"{kind} model" in shown and shown["  chosen"] == reason
+        assert f"{kind} model" in shown and shown["  reason"] == reason
         assert planned.as_dict()["model"] == {"kind": kind, "kind_reason": reason}
     code, said = command("plan", tricot, "--set", "model.kind=planar")
     assert code == 0 and "planar model  " in said and TIGHT_LOOPS in said

@@ -85,7 +85,7 @@ def test_estimated_sizes_of_large_meshes(monkeypatch, boundary):
         ("load.tension_weft=0.1", "strain by tension"),
         ("load.shear=0.1", "shear"),
         ('wire.plating={material="gold", thickness="0.2 um"}', "plating"),
-        ("wire.set_fraction=0.5", "rest curvature"),
+        ("wire.set_fraction=0.5", "natural curvature"),
         ("wire.ends=3", "ends"),
         ('solver.drive="ramp"', "ramp"),
         ('solver.precision="double"', "double precision"),
@@ -137,7 +137,7 @@ def test_physics_that_is_off_is_not_named():
 
 def test_the_load_path_is_said_to_decide_between_equilibria() -> None:
     """Of a mesh; of two hooked wires there is one. A map alone runs no [[path]]."""
-    for scene, said in ((CELL, "a tight mesh may have several, chosen by the load path"), (HOOK, "independent of")):
+    for scene, said in ((CELL, "a tight mesh may have several, and the load path decides"), (HOOK, "independent of")):
         [relaxation] = [text for text in overview_of(load_scene(scene), "cpu").physics if text.startswith("relaxation: ")]
         assert said in relaxation
     swept = {"path[0].temperature": "-100 degC", "sweep": {"strain_weft": [0.1], "strain_warp": [0.1]}}

@@ -169,7 +169,7 @@ def test_a_map_is_a_grid_over_its_strains(tmp_path: Path) -> None:
 def test_a_package_that_is_missing_is_named_with_its_extra(package: str, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """An ImportError still, for those who catch that."""
     monkeypatch.setitem(sys.modules, package, None)
-    line = f'{method}() needs the package {package}, of the extra "notebooks"; pip install -e ".[notebooks]"'
+    line = f'{method}() needs the package {package} (extra "notebooks"); install it: pip install -e ".[notebooks]"'
     table = Table({"strain_weft": np.zeros(1)})
     for source in [table] if method == "to_pandas" else [table, Series(table, States(None))]:
         with pytest.raises(MissingExtra, match=f"^{re.escape(line)}$") as raised:

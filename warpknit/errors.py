@@ -115,7 +115,7 @@ def needing_extra(what: str, extra: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        line = f'{what} needs the package {package}, of the extra "{extra}"; pip install -e ".[{extra}]"'
+        line = f'{what} needs the package {package} (extra "{extra}"); install it: pip install -e ".[{extra}]"'
         raise MissingExtra(line) from error
 
 

@@ -164,7 +164,7 @@ def short_percent(share: float) -> str:
 
 def memory(count: int) -> str:
     """Bytes with a binary prefix."""
-    return f"{count / 2**30:.3g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
+    return f"{float(f'{count / 2**30:.3g}'):,.{ALL_DIGITS}g} GiB" if count >= 2**30 else f"{count / 2**20:.0f} MiB"
 
 
 def duration(seconds: float, digits: int = 2) -> str:

@@ -46,7 +46,8 @@ def main(context: click.Context) -> None:
 
     SCENE is a TOML file, or the name of a scene that ships with warpknit (see `warpknit new --list`).
 
-    Exit status: 0 finished, 2 bad scene, key, value, unit, device or file, 3 diverged, 4 out of memory or disk, 130 interrupted.
+    Exit status: 0 finished, 2 invalid scene, key, value, unit, device or file, 3 diverged, 4 out of memory or disk, 130
+    interrupted.
     """
     if not context.obj.is_first and context.invoked_subcommand != "run":
         context.exit()  # the first rank is enough
@@ -133,7 +134,7 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
 @main.command("map")
 @on_scene(*RESULT_OPTIONS)
 def contact_map(ranks: Ranks, asked: Asked) -> int:
-    """Run the strains of SCENE's [sweep] and write the contact map to DIR."""
+    """Run all loads of [sweep] in SCENE and write the contact map to DIR."""
     loaded, directory = open_scene(asked, "map", ranks)
 
     from warpknit.commands.run import map_command, naming_the_file
@@ -154,7 +155,7 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
     *RESULT_OPTIONS,
 )
 def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
-    """Measure speed against accuracy: run SCENE at many settings, write errors and costs to DIR."""
+    """Run SCENE at many settings and write their errors and costs to DIR."""
     loaded, directory = open_scene(asked, "trade", ranks)
 
     from warpknit.commands.run import naming_the_file
@@ -174,7 +175,7 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
 
 @main.command()
 @on_scene(
-    click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
+    click.option("--out", metavar="DIR", help="Directory of the results.  [default: runs/<scene name>]"),
     click.option("--force", is_flag=True, help="Replace finished results in DIR."),
     QUIET,
     click.option("--cards", metavar="CODE,...", help="FE codes to write the card for, such as nastran,abaqus.  [default: all]"),
@@ -200,7 +201,7 @@ def report(
     areal_mass: str | None,
     cards: str | None,
 ) -> int:
-    """Write SCENE's report for the designer to DIR: contact map, curves, material card, openings, resistance.
+    """Write the design report of SCENE to DIR: contact map, curves, material card, openings, resistance.
 
     A map of the same scene in DIR is reused.
     """
@@ -230,7 +231,7 @@ def report(
 @main.command()
 @on_scene(click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text."))
 def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
-    """Estimate a run of SCENE: nodes, physics and why, memory, time step, steps, time."""
+    """Show the size, physics, memory, steps and time of a run of SCENE."""
     configure_logging(logging.WARNING)
     from warpknit.scene import load_scene
 
@@ -253,7 +254,7 @@ def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help='Another value for a key of [reflection], such as reflection.frequencies="1 to 40 GHz, 50". Repeatable.',
+    help='Set a key of [reflection], such as reflection.frequencies="1 to 40 GHz, 50". Repeatable.',
 )
 @click.argument("run_dir", metavar="DIR")
 def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> int:
@@ -296,9 +297,9 @@ class ExportFormat(click.ParamType):
 
 @main.command()
 @click.argument("run_dir", metavar="RUN_DIR")
-@click.option("--to", type=ExportFormat(), required=True, help="Which files to write.")
+@click.option("--to", type=ExportFormat(), required=True, help="Format of the files.")
 def export(run_dir: str, to: str) -> None:
-    """Write the recorded states of the run in RUN_DIR in another format."""
+    """Write the recorded states of a run in another format."""
     configure_logging(logging.INFO)
     from warpknit.export import export_run
 
@@ -312,7 +313,7 @@ def export(run_dir: str, to: str) -> None:
 @click.option("--port", default=8080, type=click.IntRange(0, 65535), show_default=True, help="First port to try.")
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
-    """Show the records of a run in the browser, until Ctrl-C. Needs the extra `view`."""
+    """Show the records of a run in the browser, until Ctrl-C. Requires `pip install -e ".[view]"`."""
     from warpknit.export.view import open_viewer
 
     viewer = open_viewer(Path(run_dir), host=host, port=port)

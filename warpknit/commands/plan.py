@@ -122,7 +122,7 @@ class Plan(Overview):
         for heading, text in self.mesh:
             yield Finding(heading, text, short=heading in MESH)
         yield Finding(f"{model.kind} model", accuracy, short=True)
-        yield Finding("  chosen", self.scene.kind_reason, short=self.scene.kind_reason not in (GIVEN, DEFAULT))
+        yield Finding("  reason", self.scene.kind_reason, short=self.scene.kind_reason not in (GIVEN, DEFAULT))
         yield from (Finding("  accuracy", text) for text in more_accuracy)
         steps = _about(lambda steps: f"{rounded(steps):,}", self.run)
         one = "" if self._meshes == 1 else f" for each of {self._meshes} meshes"
@@ -159,7 +159,9 @@ class Plan(Overview):
             return ""
         more = MOST * self.scene.variants.count
         return f" for each of {self._meshes} meshes" + (
-            f", up to {more} until the mean is known" if self.scene.variants.standard_error else ""
+            f", up to {more} until the standard error is {percent(self.scene.variants.standard_error)} or less"
+            if self.scene.variants.standard_error
+            else ""
         )
 
     def _time(self, steps: int) -> str:
@@ -272,7 +274,7 @@ def _measured(run: Measured) -> str:
     """On what steps and time were measured."""
     small, stages = run.small, len(run.small.model.scene.stages)
     if run.is_bound:
-        return f"on {small.model.node_count:,} nodes: {small.steps:,} steps came to no load"
+        return f"on {small.model.node_count:,} nodes: {small.steps:,} steps, no load level reached"
     part = "the whole load" if small.place >= stages else f"{percent(small.place / stages, 0)} of the load"
     return f"on {small.model.node_count:,} nodes: {small.steps:,} steps to {part}"
 
@@ -284,7 +286,7 @@ def _repeat(scene: Scene, cloth: Cloth) -> str:
     plan_view = engineering(cloth.stitch_length, "m")
     text += f", {engineering(cloth.wire_length, 'm')} of wire a loop ({plan_view} in plan view)"
     if len(set(links)) > 1:
-        text += f"; chains of {' and '.join(map(str, links))} links, each over and over"
+        text += f"; chains of {' and '.join(map(str, links))} links, each repeated"
     return text
 
 
@@ -299,7 +301,7 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
         yield HOOK_ENDS
     wire, solver = scene.wire, scene.solver
     if wire.set_fraction != 1.0:
-        yield f"rest curvature: {wire.set_fraction:g} of the knitted one, given and not computed from yield, wire.set_fraction"
+        yield f"natural curvature: {wire.set_fraction:g} of the knitted one; given, not computed from yield, wire.set_fraction"
     if wire.plating is not None:
         coat = f"{1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
         yield f"plating: {coat} adds stiffness, mass and thickness, wire.plating"
@@ -310,26 +312,26 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
         names = ", ".join(f"{celsius(stage.temperature)} in {stage.name!r}" for stage in hot)
         yield f"thermal strain: {names}, zero at {celsius(wire.reference_temperature)}"
     if scene.hook is None and any(stage.shear for stage in scene.stages):
-        yield "shear: given in a stage, load.shear"
+        yield "shear: given in a load step, load.shear"
     if any(stage.clamp_rotation for stage in scene.stages):
-        yield "rotated clamps: given in a stage, load.clamp_rotation"
+        yield "rotated clamps: given in a load step, load.clamp_rotation"
     if any(any(stage.by_tension) for stage in scene.stages):
-        yield "strain by tension: a direction is given by tension; its strain moves with the nodes, by what the tension lacks"
+        yield "strain by tension: the load gives the tension of a direction; its strain is solved with the nodes"
     if scene.contact.friction:
         assumed = assumed_text(scene, "contact.friction")
-        yield f"friction: contacts stick up to {scene.contact.friction:g} times their force, contact.friction{assumed}"
+        yield f"friction: contacts stick up to {scene.contact.friction:g} times their normal force, contact.friction{assumed}"
     if wire.plastic:
         yield f"yield: plastic bending above {exact(wire.yield_stress, 'Pa')}, with a permanent set, wire.plastic"
     if scene.depends_on_path:
-        yield "path: strain increments of at most 0.5 %, as results depend on the load history"
+        yield "load history: strain increments of at most 0.5 %, because results depend on it"
     elif solver.drive == "relax":
-        path = "; a tight mesh may have several, chosen by the load path"
+        path = "; a tight mesh may have several, and the load path decides"
         if scene.hook is not None:
             by_plane = scene.contact.treatment == "friction-plane"
             path = f", independent of the load path{' (except by the friction of the plane)' if by_plane else ''}"
         yield f"relaxation: one equilibrium a load level{path}, solver.drive = 'relax'"
     else:
-        yield f"ramp: {engineering(loading_time, 's')} of real time a stage, solver.drive = 'ramp'"
+        yield f"ramp: {engineering(loading_time, 's')} of real time for a load step, solver.drive = 'ramp'"
     if solver.drive == "ramp" and solver.mass_scaling != 1.0:
         yield f"mass scaling: all masses multiplied by {solver.mass_scaling:g}, solver.mass_scaling"
     if solver.drive == "ramp" and solver.target_time_step is not None:

@@ -29,7 +29,7 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
             return error.exit_code, str(error)
         case click.UsageError():
             command = "warpknit" if error.ctx is None or error.ctx.info_name is None else error.ctx.command_path
-            return BAD_INPUT, f"{error.format_message()} See '{command} --help'."
+            return BAD_INPUT, f"{error.format_message().rstrip('. ')}. See '{command} --help'."
         case click.ClickException():
             return BAD_INPUT, error.format_message()
         case KeyboardInterrupt() | click.Abort():
@@ -129,16 +129,16 @@ SCENE_OPTIONS = (
         "overrides",
         multiple=True,
         metavar="KEY=VALUE",
-        help='Another value for a dotted key of the scene, such as wire.diameter="17 um". Repeatable.',
+        help='Set a key of the scene, such as wire.diameter="17 um". Repeatable.',
     ),
     click.argument("scene", metavar="SCENE"),
 )
-QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+QUIET = click.option("--quiet", is_flag=True, help="Print errors only.")
 RESULT_OPTIONS = (
     QUIET,
     click.option("--force", is_flag=True, help="Replace finished results in DIR."),
     click.option("--resume", is_flag=True, help="Continue an interrupted command in DIR."),
-    click.option("--out", metavar="DIR", help="Where the results go.  [default: runs/<scene name>]"),
+    click.option("--out", metavar="DIR", help="Directory of the results.  [default: runs/<scene name>]"),
 )
 
 

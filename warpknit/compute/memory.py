@@ -6,6 +6,7 @@ import numpy as np
 import psutil
 import warp as wp
 
+from ..base.text import memory
 from ..errors import MemoryNeeded
 from ..scene import Scene
 
@@ -34,7 +35,7 @@ def refuse_beyond_memory(size: str, scene: Scene, nodes: int, device: str = "cpu
     """
     needed, available = required_memory(scene, nodes), min(available_memory(), available_memory(device))
     if needed > available or nodes > np.iinfo(np.int32).max:
-        room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
+        room = f"{memory(needed)} of memory, and {memory(available)} are available"
         raise MemoryNeeded(f"{size}: {nodes:.3g} nodes need {room}; use a smaller mesh")
 
 

@@ -99,14 +99,14 @@ class Findings:
         if self.scene.variants.count == 1:
             return ""
         if not self.has_means:
-            return "of one mesh of even loops"
+            return "of one mesh with equal loops"
         least, most = (find(row.meshes for row in self.path.rows) for find in (min, max))
         return f"means of {most} meshes" if least == most else f"means of {least} to {most} meshes"
 
     @property
     def the_mesh(self) -> str:
         """The mesh of pictures, openings and heat, at the begin of a sentence."""
-        return "One mesh of even loops" if self.of_meshes else "The mesh"
+        return "One mesh with equal loops" if self.of_meshes else "The mesh"
 
     @property
     def by_tension(self) -> bool:

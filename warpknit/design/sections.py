@@ -239,7 +239,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     if found.of_meshes:
         page.text(
             f"The map is the mean over meshes with scattered loops; the service tensions are {found.of_meshes}."
-            f" Openings, contact resistances and pictures are of one mesh of even loops.{scatter_text(found.rows, optimum)}"
+            f" Openings, contact resistances and pictures belong to one mesh with equal loops.{scatter_text(found.rows, optimum)}"
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
@@ -339,14 +339,16 @@ def card_section(page: Page, found: Findings) -> None:
     if (mean := found.mean) is None:
         page.table(rows, ("", "value", "unit", "meaning"))
         if scene.variants.count > 1:
-            page.text("The card is of one mesh of even loops: fewer than two meshes of unequal loops converged at its load.")
+            page.text(
+                "The card belongs to one mesh with equal loops: fewer than two meshes with scattered loops converged at its load."
+            )
     else:
         ranges = [_range(mean.spread.get(name), name, unit) for name, _value, unit, _meaning in values]
         wider = [(*row[:2], of, *row[2:]) for row, of in zip(rows, ranges, strict=True)]
         page.table(wider, ("", "value", "range of eight in ten", "unit", "meaning"))
         page.text(
-            f"The card is the mean of {mean.meshes} meshes of unequal loops. The folders softest and stiffest have the cards of"
-            " the meshes with the least and the largest C11 + C22."
+            f"The card is the mean of {mean.meshes} meshes with scattered loops. The folders softest and stiffest have the"
+            " cards of the meshes with the least and the largest C11 + C22."
         )
     page.text(
         definition(card) + " material_card.csv and material_card.json contain the same values, in SI units;"

@@ -130,7 +130,7 @@ class LoopFrame:
                 thinnest = at_most((half - least * spacing) / share, "m")
                 wrong = f"with a wire {engineering(self.diameter, 'm')} thick {meet}"
                 raise KnitError("wire.diameter", wrong, f"use a thickness of at most {thinnest} with these wales and courses")
-            raise KnitError(f"knit.loop.{name}", f"with {given!r} {meet}", f"write at most {at_most(largest, unit)}")
+            raise KnitError(f"knit.loop.{name}", f"at {given!r} {meet}", f"write at most {at_most(largest, unit)}")
 
     def with_room(self, loops: Sequence[LoopProportions]) -> LoopFrame:
         """The frame with other loops, no wider than neighbouring wales allow."""

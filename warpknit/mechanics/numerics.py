@@ -115,6 +115,6 @@ def thread_count(work: int) -> int:
     """Number of threads or processes: WARPKNIT_THREADS or one a core, at most one a piece of work."""
     given = os.environ.get("WARPKNIT_THREADS", "")
     if given and not given.isdecimal():
-        raise InputError(f"WARPKNIT_THREADS: {given!r} is not a whole number of threads; give one")
+        raise InputError(f"WARPKNIT_THREADS: {given!r} is not a number of threads; give a whole number, such as 1")
     wanted = int(given) if given else len(CORES)
     return max(1, min(wanted, len(CORES), work))

@@ -259,17 +259,17 @@ def build_panel(
         low, size = outline.low, outline.size
         strands = cut_strands(cloth, table, outline)
     if not len(strands.thread):
-        raise ModelError("panel.size: no wire crosses the outline; use a larger one")
+        raise ModelError("panel.size: no wire crosses the outline; use a larger outline")
     bodies = _place_bodies(cloth, table, strands, slack)
     if outline is None:
         used = np.arange(len(strands.thread))
     else:
         used = np.unique(bodies.wire)
         if dropped := len(strands.thread) - len(used):
-            notes.append(f"{dropped} cut pieces of wire at the edges {NOT_HELD}; they are dropped")
+            notes.append(f"{dropped} cut pieces of wire at the edges {NOT_HELD}; they are left out")
     if len(bodies.clasp) == 0:
         raise ModelError(
-            f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary; use more, or a larger panel.size"
+            f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary; write more, or a larger panel.size"
         )
     new_index = np.full(len(strands.thread), -1, dtype=np.int64)
     # wires side by side in the mesh are side by side in memory

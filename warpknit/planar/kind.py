@@ -86,7 +86,7 @@ def accuracy(scene: Scene) -> str:
     grips = "; larger for short wires between grips" if scene.model.boundary == "gripped" and scene.hook is None else ""
     return (
         f"{scene.preset_error_text}{grips};"
-        f" {rounded(preset.node_steps):,} node-steps a load level there; run --error PERCENT measures it on this scene"
+        f" {rounded(preset.node_steps):,} node-steps a load level on this tile; run --error PERCENT measures it on this scene"
     )
 
 

@@ -58,7 +58,7 @@ def refuse_lobes(scene: Scene, cell: np.ndarray) -> None:
     if highest >= limit:
         raise InputError(
             f"{scene.path}: reflection.frequencies: {engineering(highest, 'Hz')} is beyond the first grating lobe of a repeat, at"
-            f" {engineering(limit, 'Hz', 4)}; write lower ones, or fewer knit.repeats"
+            f" {engineering(limit, 'Hz', 4)}; write lower frequencies, or fewer knit.repeats"
         )
 
 

@@ -99,7 +99,7 @@ def states_of(directory: Path) -> list[LoadedMesh]:
     if there:
         with np.load(path := state_file(directory, there[0].record)) as file:
             if "contact_force" not in file.files:
-                raise RunDirectoryError(f"{path}: holds no contacts; run the scene again with --force")
+                raise RunDirectoryError(f"{path}: contains no contacts; run the scene again with --force")
     return there
 
 

@@ -26,7 +26,7 @@ class Values(SimpleNamespace):
     """Values by name that do not change: `values.name`, or `values[name]` where the name is computed."""
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
-        raise FrozenInstanceError(f"{name}: values do not change; make others with changed({name}=...)")
+        raise FrozenInstanceError(f"{name}: this value is read-only; make a new object with changed({name}=...)")
 
     def __getitem__(self, name: str) -> Any:
         return self.__dict__[name]

@@ -107,7 +107,7 @@ def unreached_text(answers: Answers) -> str:
     """Largest converged tension of a run that failed, beside the requested one."""
     answers = _without_scatter(answers, answers.tension_tolerance_N_per_m)
     top, asked = answers.largest_tension, answers.asked_tension_N_per_m
-    of_asked = "" if asked is None else f" of the {exact(asked, 'N/m')} that the scene asks for"
+    of_asked = "" if asked is None else f" of the {exact(asked, 'N/m')} in the scene"
     return f"the relaxation converged up to {_tension(top)}{of_asked}, {_strain(top)}"
 
 
@@ -236,11 +236,11 @@ def _best(answers: Answers, failed: bool) -> Iterator[Finding]:
     top = _tension(answers.largest_tension)
     unknown = f"; not known beyond {top}, where the relaxation did not converge" if is_short else ""
     if best is None:
-        yield Finding("best tension", f"none: no state in tension with an active contact is below yield{unknown}", short=True)
+        yield Finding("best tension", f"none: no record has active contacts under tension below yield{unknown}", short=True)
         return
     away = " away from the grips" if is_at_grips(best.stress_max_Pa, best.stress_with_grips_Pa) else ""
     stage = f" in {best.stage!r}" if best.stages > 1 else ""
-    active = f"{percent(0.01 * best.active_percent, 0)} active (the maximum of this load)"
+    active = f"{percent(0.01 * best.active_percent, 0)} active (the most under this load)"
     found = f"{active}, {engineering(best.stress_max_Pa, 'Pa')}{away}"
     of_mean = " (mean)" if " / " in _tension(best) else ""
     yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, failed)}", short=True)

@@ -65,7 +65,8 @@ def cut_cautions(model: MeshModel) -> Iterator[ResultWarning]:
     is_short = length < cloth.stitch_length
     share = float(length[is_short].sum() / max(length.sum(), 1e-300))
     if share >= FRAGMENT_SHARE:
-        text = f"{np.count_nonzero(is_short)} of {len(length)} wires, {percent(share, 0)} of the wire, are shorter than a loop."
+        pieces = f"{np.count_nonzero(is_short)} of {len(length)} wires"
+        text = f"{pieces} ({percent(share, 0)} of the wire length) are shorter than a loop."
         yield ResultWarning("W20", text)
 
 

@@ -232,7 +232,7 @@ class Recorder:
         began = list(rows[0].probes) if rows else self.probes.names
         if began != self.probes.names:
             raise RunDirectoryError(
-                f"{self.out}: the run began with the probes {began}, not {self.probes.names}; give those, or --force"
+                f"{self.out}: the run began with the probes {began}, not {self.probes.names}; give the first ones, or --force"
             )
         self.rows = rows
         if rows:  # those behind it are solved again

@@ -120,7 +120,9 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
             pass
     if resume and (finished := finished_summary(out, "summary.json", scene.hash, "run")) is not None:
         if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
-            raise RunDirectoryError(f"{out}: holds the finished run without the probe {min(missing)}; run it again with --force")
+            raise RunDirectoryError(
+                f"{out}: contains the finished run without the probe {min(missing)}; run it again with --force"
+            )
         return Summary.of(finished)
     check_directory(out, "run", resume=resume, force=force)
     if resume and not force and holds_killed_run(out):

@@ -66,7 +66,7 @@ def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tre
     if summary.get("scene", {}).get("hash") != scene_hash:
         held = _finished(out, name)
         raise RunDirectoryError(
-            f"{out}: holds the {held} of another scene, or of other --set, --preset or --error;"
+            f"{out}: contains the {held} of another scene, or with other --set, --preset or --error;"
             f" {_alternatives(out, command, held)}"
         )
     return summary
@@ -96,7 +96,7 @@ def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None 
     """
     kept = out / "scene.toml"
     if not kept.is_file() or kept.read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: holds the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
+        raise RunDirectoryError(f"{out}: contains the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
 
 
 def write_scene(out: Path, scene: Scene) -> None:
@@ -130,21 +130,25 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, comman
         held = _finished(out, finished[0])
         scene = _read_json(out / finished[0]).get("scene", {}).get("name")
         of_scene = "" if scene is None else f" of scene {scene!r}"
-        raise RunDirectoryError(f"{out}: holds a {held}{of_scene}; {_alternatives(out, command, held)}")
+        raise RunDirectoryError(f"{out}: contains a {held}{of_scene}; {_alternatives(out, command, held)}")
     unfinished = [kind for name, kind in TABLES.items() if (out / name).exists()]
     for kind in unfinished:
         if kind != wanted:
-            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; {_alternatives(out, command, f'interrupted {kind}')}")
+            raise RunDirectoryError(
+                f"{out}: contains an interrupted {kind}; {_alternatives(out, command, f'interrupted {kind}')}"
+            )
         if not resume:
-            raise RunDirectoryError(f"{out}: holds an interrupted {kind}; continue it with --resume, or start over with --force")
+            raise RunDirectoryError(
+                f"{out}: contains an interrupted {kind}; continue it with --resume, or start over with --force"
+            )
     if not resume and holds_killed_run(out):
         held = "run that was killed before its first checkpoint"
-        raise RunDirectoryError(f"{out}: holds a {held}; {_alternatives(out, command, held)}")
+        raise RunDirectoryError(f"{out}: contains a {held}; {_alternatives(out, command, held)}")
     kept = sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) if out.is_dir() else []
     if kept and not _holds_results(out):
         foreign = next((name for name in kept if name not in OUTPUT_NAMES), kept[0])
         raise RunDirectoryError(
-            f"{out}: holds other files ({foreign}); give --out {_free_beside(out, command)} for another directory"
+            f"{out}: contains other files ({foreign}); give --out {_free_beside(out, command)} for another directory"
         )
 
 

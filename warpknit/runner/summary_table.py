@@ -222,7 +222,7 @@ def _earlier_stage(end: Row) -> Iterator[Finding]:
 def model_findings(model: Values, cost: str) -> Iterator[Finding]:
     """Kind of model with cost and reason, and the friction of its wires."""
     yield Finding(f"{model.kind} model", cost, short=True)
-    yield Finding("  chosen", model.kind_reason, short=model.kind_reason not in (GIVEN, DEFAULT))
+    yield Finding("  reason", model.kind_reason, short=model.kind_reason not in (GIVEN, DEFAULT))
     if friction := model.get("friction"):
         yield Finding("  friction", f"{friction:.3g}", sure=assumed_note("contact.friction", bool(model.get("friction_assumed"))))
 

@@ -136,7 +136,7 @@ def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[Result
         median: list[Any] = [panel.get(f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
         uneven = [m is not None and abs(m - t) > UNEVEN * abs(t) for m, t in zip(median, end.tension, strict=True)]
         if np.any(driven & np.array(uneven)):
-            text = f"The edges carry the given tension, half of the panel less than {sides_text(median, 'N/m')}."
+            text = f"The edges carry the given tension. Half of the panel carries less than {sides_text(median, 'N/m')}."
             yield ResultWarning("W09", text)
             return
 
@@ -148,7 +148,9 @@ def _out_of_range(stages: Sequence[Row]) -> Iterator[ResultWarning]:
         text = f"The slope of the paraboloid reaches {steep:.2g} at the edge; the shape is computed for small slopes."
         yield ResultWarning("W10", text)
     if ends := max((end.at_reach_end for end in stages), default=0):
-        yield ResultWarning("W11", f"At the end of their sliding range: {counted(ends, 'active contact')}, with invalid forces.")
+        yield ResultWarning(
+            "W11", f"{counted(ends, 'active contact')} at the end of the sliding range: these forces are not valid."
+        )
 
 
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:

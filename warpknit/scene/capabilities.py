@@ -213,7 +213,7 @@ TRAITS = {
     "hardening": _key("hardening", "wire.hardening", 0.2, Wire.hardening),
     "poisson": Trait("own Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
     "plating": _key("plating", "wire.plating", {"thickness": "0.2 um"}),
-    "even loops": Trait("uniform loops", "knit.scatter", _is("knit.scatter", 0.0)),
+    "even loops": Trait("equal loops", "knit.scatter", _is("knit.scatter", 0.0)),
     "scatter": _key("scattered loops", "knit.scatter", 0.05, 0.0, needs=("knit",)),
     "seed": _key("seed", "knit.seed", 3, 0, needs=("knit",)),
     "variants": _key("variants", "variants.count", 2, 1, needs=("knit",)),
@@ -342,7 +342,7 @@ RULES = (
     Rule("rotation", ("cord",), LEAVE_OUT, "the clamps hang on the cord"),
     *(Rule("rotation", ("spatial", trait), LEAVE_OUT, NOT_BUILT) for trait in ("pull", "focal length")),
     Rule("focal length", ("spatial", "ramp"), LEAVE_OUT, NOT_BUILT),
-    Rule("rotation and pull", ("pull",), LEAVE_OUT, "each of them moves the clamps"),
+    Rule("rotation and pull", ("pull",), LEAVE_OUT, "both move the clamps"),
     Rule("gradient", ("no multipliers",), LEAVE_OUT, "the multipliers apply it"),
     Rule("path", ("sweep",), NO_EFFECT, "a map runs only [load]"),
     # the solver

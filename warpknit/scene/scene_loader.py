@@ -115,8 +115,8 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
         raise scene_error(path, "", f"invalid TOML ({fault})", quoted or expected) from error
     except OSError as error:
         wrong = "a directory" if path.is_dir() else (error.strerror or "unreadable").lower()
-        if (name := nearest_scene(path)) is not None:
-            expected += f", or the name of a scene, such as {name}"
+        name = nearest_scene(path)
+        expected += f", or the name of a scene{f', such as {name}' if name else ' of warpknit new --list'}"
         raise scene_error(path, "", wrong, expected) from error
     except UnicodeDecodeError as error:
         wrong = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"

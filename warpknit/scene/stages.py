@@ -109,7 +109,7 @@ def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[tuple[int |
     for number, (location, table) in enumerate(tables, start=1):
         name = table.name or ("load" if number == 1 else f"stage-{number}")
         if name in names:
-            raise source.refusal((*location, "name"), name, "is the name of another stage", "write another name")
+            raise source.refusal((*location, "name"), name, "is the name of another load step", "write another name")
         names.add(name)
         yield location, name, table
 

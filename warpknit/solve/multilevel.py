@@ -193,7 +193,7 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.search()
             if not self.progress.is_prolonged:
                 self.mechanics.notes.append(
-                    f"at strains of {strain_text(target.gradient)} the mesh was loaded from its own state: the start from a"
+                    f"at strains of {strain_text(target.gradient)} the mesh started from its own state, because a start from a"
                     " smaller mesh would overlap its wires too deeply"
                 )
                 self.mechanics.set_load(begin, 0)

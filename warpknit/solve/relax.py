@@ -440,8 +440,8 @@ class Relaxation(Drive):
         largest = [engineering(float(tension), "N/m") for tension in self.mechanics.group.strains.largest[self.row]]
         strain = [percent(strain, 0) for strain in np.diag(stretch(self.state.gradient)) - 1.0]
         return NotCarried(
-            f"{self._level_text()}: the mesh does not carry this tension (weft strain {strain[0]}, warp strain {strain[1]}); give"
-            f" strains, or at most the largest tension in equilibrium: {largest[0]} in weft, {largest[1]} in warp"
+            f"{self._level_text()}: the mesh does not carry this tension (weft strain {strain[0]}, warp strain {strain[1]}); load"
+            f" by strains, or up to the largest converged tension: {largest[0]} in weft, {largest[1]} in warp"
         )
 
     def exceeded_steps(self) -> Diverged:

@@ -60,7 +60,7 @@ def accuracy(scene: Scene) -> str:
         more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
         return (
             f"{scene.preset_error_text}{more};"
-            f" {rounded(preset.node_steps):,} node-steps a load level there; run --error PERCENT measures it on this scene"
+            f" {rounded(preset.node_steps):,} node-steps a load level on this tile; run --error PERCENT measures it on this scene"
         )
     return (
         f"{scene.model.nodes_per_loop} nodes a loop; on the double atlas tile 20 to 32 nodes miss up to 2.1 % of tension, 48"

@@ -79,7 +79,7 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
         tension = sides_text((optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m), "N/m")
         yield Finding("  tension", tension, short=True)
         yield Finding(
-            "  active contacts", percent(0.01 * optimum.active_percent), where=" (most of the map below yield)", short=True
+            "  active contacts", percent(0.01 * optimum.active_percent), where=" (the most on this map below yield)", short=True
         )
         share = f", {percent(1.0 - optimum.stress_margin, 0)} of yield{assumed}"
         yield Finding("  largest wire stress", optimum.stress_max_Pa, "Pa", where=share, short=True)
