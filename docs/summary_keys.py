@@ -131,13 +131,13 @@ def history_table() -> str:
 
 TEXT = """# Names of the results
 
-Generated from the code that writes them, by `python docs/summary_keys.py`. A unit is the end of a name.
-Measures that a mesh or a model does not have are left out of its files.
+Generated from the code that writes them, by `python docs/summary_keys.py`. A name ends in its unit.
+Measures that do not apply to a mesh or a model are left out of its files.
 [Scenes and results](../scenes.md#output-of-a-run) describes the files.
 
 ## summary.json
 
-The values at the top level are of the last load step. `stages` has the groups from `quality` on for each load step.
+The values at the top level belong to the last load step. `stages` has the groups from `quality` on for each load step.
 
 {summary_table}
 
@@ -145,42 +145,42 @@ The values at the top level are of the last load step. `stages` has the groups f
 
 The section `answers` of `summary.json`. [Definitions](../scenes.md#answers). A state has `strain_weft`, `strain_warp`,
 `tension_weft_N_per_m`, `tension_warp_N_per_m` and `temperature_K`.
-`reflection` is of scenes with `[reflection]`, and also in `map.json`.
+Scenes with `[reflection]` also have `reflection`, here and in `map.json`.
 
 {answers_table}
 
 ## variants
 
-The section `variants` of `summary.json`, of a run with `variants.count` above 1. Each value, such as
+A run with `variants.count` above 1 has the section `variants` in `summary.json`. Each value, such as
 `tension_weft_N_per_m` or `active_percent`, has these keys:
 
 {spread_table}
 
 {means_table}
 
-In `history.csv` the columns `p10_...` and `p90_...` are the same percentiles of each record.
-`variants.csv` has the rows of each mesh.
+In `history.csv` the columns `p10_...` and `p90_...` are these percentiles of each record.
+`variants.csv` has one row for each mesh and record.
 
 ## spatial_model
 
-The section `spatial_model` of `summary.json` belongs to a planar tile. It has
-means of the spatial model under the same load, if they take seconds only.
+A planar tile has the section `spatial_model` in `summary.json`: means of the spatial model under the same load.
+It is left out if this would take more than seconds.
 
 {spatial_table}
 
 ## history.csv and map.csv
 
-The columns of `history.csv`, one row for each record, and of the tables of a map. `x` marks a column.
-Columns with an `A` stand for each class of contact.
+`history.csv` has one row for each record; a map has the tables `map.csv` and `map_details.csv`. `x` or a file name marks the
+columns of each. A name with `A` stands for such a column of each class of contact.
 
 {history_table}
 
 ## reflection.csv
 
 One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)).
-The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state. This is the last
-state of a run. Of a map it is the state at the least tension for the highest frequency. There `loss_open_te_dB`,
-`loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds, null where they were not solved.
+The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state. For a run this is
+the last state. For a map it is the state at the least tension for the highest frequency. In this section `loss_open_te_dB`,
+`loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are the bounds; they are null where they were not solved.
 
 {reflection_table}
 """
@@ -203,21 +203,21 @@ WARNINGS = """# Warnings
 
 Generated from `warpknit/results/warning_kinds.py`, by `python docs/summary_keys.py`.
 
-A warning has a code, a fact and an advice. The three gravest print below the table; `--verbose`, `summary.json` and
+A warning has a code, a fact and an advice. The three most serious are printed below the table; `--verbose`, `summary.json` and
 `map.json` have all.
 
 {contents}
 
-## What is always so
+## General limits
 
-These limits hold for every run of a kind, so no run prints them.
+These limits apply to every run of their kind, so no run prints them.
 
-- **Tight knits have several equilibria.** A tricot or a locknit may find another one under the same load with other nodes or
-  load levels. `warpknit plan --verbose` shows the measured accuracy of the preset. Compare with
+- **Tight knits have several equilibria.** With other nodes or load levels, a tricot or a locknit may find another equilibrium
+  under the same load. `warpknit plan --verbose` shows the measured accuracy of the preset. Compare with
   `model.nodes_per_loop = 40` and other `output.frames`. [Choose the accuracy](../how-to/accuracy.md)
-- **A gripped patch drops cut pieces of wire** without a clasp, or shorter than a quarter of a loop. `--verbose` and
+- **A gripped patch leaves out cut pieces of wire** without a clasp, or shorter than a quarter of a loop. `--verbose` and
   `model.notes` in `summary.json` have their number.
-- **Load levels may take several increments** where a larger one did not converge: `solver.notes`.
+- **A load level may take several increments** where a larger increment did not converge: `solver.notes`.
 - **A map and a material card are at the temperature of `[load]`.** They do not run the load steps of `[[path]]`. For another
   temperature use `--set load.temperature`.
 
@@ -226,7 +226,7 @@ These limits hold for every run of a kind, so no run prints them.
 {sections}
 """
 RANKS = {
-    INVALID: "**Do not use the result** before these are clear:",
+    INVALID: "**Do not use the result** before you have resolved these:",
     LIMITED: "**Use the result with care:**",
     INPUT: "**Check the scene:**",
 }

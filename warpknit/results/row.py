@@ -91,8 +91,8 @@ class Row(Values):
     clamp_rotation_rad: float  # rotation of the clamps
     temperature_K: float  # temperature of the mesh; the middle of a gradient
     pairs: int  # two for each clasp, one for each of its wires
-    active: int  # pairs closed with more than the threshold
-    active_pairs: int  # pairs closed with more than the threshold
+    active: int  # pairs with a force above the threshold
+    active_pairs: int  # pairs with a force above the threshold
     active_percent: float  # share of the active pairs
     bodies: int  # clasps, where two wires hook each other; of wires from a file also where wires cross or come near each other
     active_bodies: int  # clasps with both pairs active
@@ -111,12 +111,12 @@ class Row(Values):
     central_rhombus: Mapping[str, float]  # the counts of the clasps around the complete opening nearest to the centre
     tension_weft_N_per_m: float  # force per current width in weft
     tension_warp_N_per_m: float  # force per current width in warp
-    fragment_tension_weft_N_per_m: float  # part of the tension in weft of wires of less than a loop, which two grips pull apart
-    fragment_tension_warp_N_per_m: float  # part of the tension in warp of wires of less than a loop, which two grips pull apart
+    fragment_tension_weft_N_per_m: float  # part of the weft tension in wires shorter than a loop, between two grips
+    fragment_tension_warp_N_per_m: float  # part of the warp tension in wires shorter than a loop, between two grips
     stress_max_Pa: float  # largest stress, bending and tension, with the peaks under contacts
     stress_max_part: str | None  # part of the loop where the stress is largest: head, leg, foot or underlap; not of wires from a
     # file
-    stress_max_node: int  # node where the stress is largest, or the one before it
+    stress_max_node: int  # node where the stress is largest, or the node before this place
     stress_max_wire: int  # wire where the stress is largest
     stress_max_x_m: float  # place of the largest stress in weft, from the corner of the mesh
     stress_max_y_m: float  # place of the largest stress in warp, from the corner of the mesh
@@ -139,7 +139,7 @@ class Row(Values):
     edge_work_J: float  # part of the work due to pulls, cords and temperature gradients
     dissipated_J: float  # dissipated by the damping of a ramp, by friction and yield
     residual: float  # rms out-of-balance force over the larger of the mean boundary force and EI/W^2
-    membrane_left_out: float  # imbalance over many repeats over the tension; 0 if the membrane correction converged
+    membrane_left_out: float  # imbalance of forces over many repeats, relative to the tension; 0 if the correction converged
     penetration: float  # largest overlap over the wire diameter
     steps: int  # time steps since the start
     steady: bool  # True where the level has converged
@@ -152,7 +152,7 @@ class Row(Values):
     thermal_force_J: float  # derivative of the energy by the length factor
     areal_mass_kg_per_m2: float  # mass of wire per current area
     thickness_m: float  # spatial: from the lowest to the highest surface of the wires
-    displacement_m: float  # of the driven end of a hook
+    displacement_m: float  # displacement of the driven end of a hook
     drive_force_N: float  # force on the driven end of a hook
     force_left_N: float  # force between the body and the left wire of a hook
     force_right_N: float  # force between the body and the right wire of a hook
@@ -163,7 +163,7 @@ class Row(Values):
     ground_force_N: float  # force of spring or plane on the body of a hook
     body_x_m: float  # place of the body of a hook in weft
     body_y_m: float  # place of the body of a hook in warp
-    kinetic_to_internal: float  # largest kinetic over stored energy of the states that count as results
+    kinetic_to_internal: float  # largest ratio of kinetic to stored energy in the states that count as results
     energy_balance: float  # work less stored, dissipated and kinetic energy, over the larger of stored energy and EI/W a loop
     energy_balance_of_stored: float  # the same over the largest stored energy so far; needs four `output.frames` or more
     penetration_max: float  # largest overlap of all records, over d

@@ -29,13 +29,14 @@ KINDS = {
     "W01": WarningKind(
         INVALID,
         "Wires slid along each other",
-        "The planar model joins two wires at a contact. Here they slid along each other, so the result is not valid.",
+        "In the planar model nothing keeps one guide bar from sliding along the other. Here the bars slid by more than a wire"
+        " diameter, so the result is not valid.",
         SPATIAL,
     ),
     "W02": WarningKind(
         INVALID,
         "Tight loops in the planar model",
-        "In a tight knit, wires touch long before the planar model closes their contact. Its tension is too small.",
+        "In a tight knit, wires touch long before the planar model closes their contact. The planar tension is too small.",
         SPATIAL,
     ),
     "W03": WarningKind(
@@ -100,7 +101,8 @@ KINDS = {
     "W12": WarningKind(
         INVALID,
         "The natural curvature is too strong",
-        "`wire.set_fraction` below 1 lets the loops spring open. Here this breaks the wire or closes the knit before any load.",
+        "`wire.set_fraction` below 1 lets the loops spring open. Here this stresses the wire above its strength, or"
+        " shortens the mesh, before any load.",
         "Raise wire.set_fraction.",
     ),
     "W13": WarningKind(
@@ -137,8 +139,8 @@ KINDS = {
     "W20": WarningKind(
         LIMITED,
         "Small patch",
-        "Pieces of wire shorter than a loop, gripped at both ends, are a tenth of the wire or more. The grips count as"
-        " much as the knit. W05 replaces this warning where they carry load.",
+        "A tenth of the wire or more is in pieces shorter than a loop, gripped at both ends. The result depends on the grips as"
+        " much as on the knit. W05 replaces this warning where these pieces carry load.",
         LARGER,
     ),
     "W21": WarningKind(INPUT, "Empty scene", "All values are defaults or overrides.", "Write a scene with warpknit new."),
@@ -155,7 +157,7 @@ KINDS = {
         "For one yarn of parallel wires set wire.ends.",
     ),
     "W24": WarningKind(
-        INPUT, "No load", "The run is of the mesh as knitted.", "Give a strain, a tension or a temperature in [load]."
+        INPUT, "No load", "The run computes the mesh as knitted.", "Give a strain, a tension or a temperature in [load]."
     ),
     "W25": WarningKind(
         LIMITED,
@@ -166,13 +168,13 @@ KINDS = {
     "W26": WarningKind(
         INVALID,
         "Tension beyond the wires",
-        "All wires straight, at their elastic limit, carry less than the given tensions of weft and warp together.",
+        "Straight wires at their elastic limit carry less than the sum of the given tensions in weft and warp.",
         "Reduce the tensions.",
     ),
     "W27": WarningKind(
         INVALID,
         "Strain beyond straight wires",
-        "The wires between places of hooking would be longer than at break, even if they slide freely.",
+        "At this strain, wires that are straight and slide freely would be longer than at break.",
         "Reduce the strains.",
     ),
     "W28": WarningKind(
@@ -218,11 +220,11 @@ KINDS = {
     "W40": WarningKind(
         LIMITED,
         "Snap-through inside a map",
-        "Several equilibria exist under one load. Values on the two sides belong to different ones.",
+        "Several equilibria exist under one load. Values on the two sides belong to different equilibria.",
         "Compare with a run along your load history.",
     ),
     "W42": WarningKind(
-        LIMITED, "Incomplete map", "The optimum is the best of the pairs that are done.", "Continue the map with --resume."
+        LIMITED, "Incomplete map", "The optimum is the best of the finished pairs.", "Continue the map with --resume."
     ),
     "W43": WarningKind(
         LIMITED,
@@ -239,13 +241,13 @@ KINDS = {
     "W45": WarningKind(
         LIMITED,
         "No error estimate",
-        "The meshes for the estimate, or for a part of it, did not converge.",
-        "Compare two solver.preset by hand.",
+        "Some or all runs for the error estimate did not converge.",
+        "Run the scene with two values of solver.preset and compare.",
     ),
     "W46": WarningKind(
         LIMITED,
         "Error above the request",
-        "The estimated error of the run is larger than `--error` asked for.",
+        "The estimated error of the run is above the given `--error`.",
         "Use --preset reference.",
     ),
     "W50": WarningKind(
@@ -257,21 +259,21 @@ KINDS = {
     "W52": WarningKind(
         LIMITED,
         "Uncertain material card",
-        "The differences that give stiffness and expansion disagree. Near this tension contacts close or open, or there is a"
-        " snap-through. With friction, the stiffness depends on the size of a cycle.",
+        "Stiffness and expansion from strain steps of different size disagree. Near this tension contacts close or open, or"
+        " there is a snap-through. With friction, the stiffness depends on the size of a load cycle.",
         "Choose another --tension.",
     ),
     "W53": WarningKind(
         LIMITED,
         "Snap-through below the card",
-        "The mesh passes another equilibrium on its way to the tension of the card.",
+        "The mesh snaps through to another equilibrium on its way to the tension of the card.",
         "Load the real mesh in the same order.",
     ),
     "W54": WarningKind(
         LIMITED,
         "Two equilibria at one tension",
         "The map has another equilibrium at this tension than the load path of equal tensions.",
-        "Compare the stiffness of both.",
+        "Compare the stiffness of both equilibria.",
     ),
     "W55": WarningKind(
         LIMITED,
@@ -297,7 +299,7 @@ KINDS = {
     "W59": WarningKind(
         INVALID,
         "A small mesh fails",
-        "`warpknit plan` runs a few steps of a small mesh of the scene, which do not converge.",
+        "`warpknit plan` runs a small mesh of the scene for a moment. This mesh did not converge.",
         'Reduce the load, or set solver.preset = "reference".',
     ),
     "W60": WarningKind(

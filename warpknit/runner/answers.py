@@ -90,10 +90,10 @@ class Answers(Values):
     contacts: Sequence[ClassAnswer]  # classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
     # they stay open
     service: Sequence[Service]  # `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp first
-    # reaches it. Each later load step that passes this tension, as on unloading, has an entry of its own
+    # reaches this tension. Each later load step that passes this tension, as on unloading, has an entry of its own
     first_yield: Event | None  # the first record with a largest stress `stress_max_Pa` above the yield stress, and the place
     # of this stress; null if there is none
-    first_yield_interior: Event | None  # the same away from the grips, which clamp wires twice; without a place
+    first_yield_interior: Event | None  # first yield away from the grips; without a place
     largest_stress: Row  # the largest stress of the run, and its place
     largest_tension: Row  # the state of the largest tension
     asked_tension_N_per_m: float | None  # largest mean tension of weft and warp in the scene; null where no load step gives
@@ -101,7 +101,7 @@ class Answers(Values):
     tension_tolerance_N_per_m: float  # smaller tensions are zero within the tolerance of the equilibria
     tension_error_percent: float | None  # known error of tensions at the preset: of tight knits against the reference preset, at
     # nine of ten loads; else the error for the double atlas mesh; null where it is not known
-    heat: Sequence[Heat]  # each load step that changes the temperature alone: values at begin and end
+    heat: Sequence[Heat]  # load steps that change the temperature only: values at begin and end of each
     best: Best | None  # state in the middle of the widest range of tensions with the most active contacts, up to first yield
     # away from the grips. A share that only a single record has does not count. Load steps that go on loading at one
     # temperature count as one. A load step that changes the temperature under constant tensions does not count

@@ -20,8 +20,8 @@ SAME = 1e-9  # of a tension: round-off
 class Best(Row):
     """State of the best tension, and its range of records."""
 
-    low: Row  # lower end of this range: at most one percentage point of contacts opens below `best`
-    # where the range is a single record
+    low: Row  # lower end of the range. If the range is a single record: the tension below `best`
+    # down to which at most one percentage point of contacts opens
     open_low: bool  # true where the records begin there
     low_jump: bool  # true where a snap-through lies between the records of `low_between`
     low_between: Sequence[Row] | None  # records on both sides of the lower end; null where they are within
@@ -32,7 +32,7 @@ class Best(Row):
     high_between: Sequence[Row] | None  # the same as `low_between` of the upper end
     stress_with_grips_Pa: float  # the largest stress of this state, at the grips as well
     stage: str  # load step of this state
-    grows: bool  # true where only the last record is in the range, whose state this is then
+    grows: bool  # true where only the last record is in the range; `best` is then this record
     next_jump: Sequence[Row] | None  # the states on both sides of the first snap-through at a larger tension, up to first yield;
     # null without one
     jumps: Sequence[Sequence[Row]]  # states on both sides of each snap-through within the range

@@ -28,10 +28,10 @@ POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the fifth degr
 class Event(Row):
     """An event between two records: state and load step of the second, and its uncertainty."""
 
-    as_knitted: bool  # true where it has happened in the first record
+    as_knitted: bool  # true where the event is already in the first record
     resolved: bool  # false where the records `between` are farther apart than `output.load_tolerance`, at a snap-through
     # between them, or where the mesh is slack
-    between: Sequence[Row]  # the records before and after it
+    between: Sequence[Row]  # the records before and after the event
     jump: bool  # whether there is a snap-through between them
     slack: bool  # whether the mesh is slack for most of the way between them
 

@@ -25,7 +25,7 @@ FIGURES = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N
 class SpatialMeans(Values):
     """Means over meshes of the spatial model under the same load."""
 
-    meshes: int  # how many
+    meshes: int  # number of meshes
     strain_weft: float  # strain in weft
     strain_warp: float  # strain in warp
     tension_weft_N_per_m: float  # tension in weft

@@ -37,16 +37,16 @@ PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of s
 class Estimate:
     """Estimated errors of the last state of a run; `changes` of means, which give them."""
 
-    error: float | None = None  # of means: the root of the sum of squares of `standard_error`, `nodes` and `friction`; with
-    # `run --error`: the largest of the others with a margin of 30 % and 0.2 %; else null
+    error: float | None = None  # of means: root of the sum of squares of `standard_error`, `nodes` and `friction`; with
+    # `run --error`: 1.3 times the largest error of `quality.estimated_errors`, plus 0.2 %; else null
     active_percent: float | None = None  # estimated error of the share of active contacts, in percentage points
     tension: float | None = None  # estimated relative error of the tension; of the strain where tension drives
     contact_force: float | None = None  # estimated relative error of the contact forces
     stress: float | None = None  # estimated relative error of the largest stress
     warning: ResultWarning | None = None
-    standard_error: float | None = None  # part of means: the largest standard error as a fraction
-    nodes: float | None = None  # part of means: the largest error of the nodes a loop
-    friction: float | None = None  # part of means: the largest change with half and with twice the friction (root mean square)
+    standard_error: float | None = None  # of means: the largest standard error, as a fraction
+    nodes: float | None = None  # of means: the largest error by the number of nodes
+    friction: float | None = None  # of means: the largest change with half and with twice the friction (root mean square)
     strain: float | None = None  # part of `tension` where tension drives: estimated relative error of the strain; else null
     spatial_model: SpatialMeans | None = None
     changes: Values | None = None
@@ -60,18 +60,18 @@ class Summary:
     stop_reason: str  # `steady` (converged), `finished` (a ramp that had not converged at its end), `diverged`, `interrupted`
     model: Values
     solver: Values
-    device: str = ""  # device that computed it
+    device: str = ""  # device of the run
     message: str = ""  # why a run stopped early
-    model_warnings: tuple[ResultWarning, ...] = ()  # why the model is not valid for this mesh, the gravest first
+    model_warnings: tuple[ResultWarning, ...] = ()  # why the model is not valid for this mesh, most serious first
     other_warnings: tuple[ResultWarning, ...] = ()  # further limits to the use of this result
     stages: tuple[Row, ...] = ()  # the same groups at the end of each load step, with its `name`
     estimate: Estimate = field(default_factory=Estimate)
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between
-    # branch of equilibria; in a change of temperature also where it is strained by far more than free wire
-    variants: Means | None = None  # with `variants.count` above 1: how single meshes lie about the means
-    spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model under its load, by
-    # its preset
-    answers: Answers | None = None  # what a designer asks, see below; null for a `[hook]`
+    # them. In a change of temperature also where the mesh strains by far more than free wire
+    variants: Means | None = None  # with `variants.count` above 1: spread of single meshes about the means
+    spatial_model: SpatialMeans | None = None  # for a planar tile: means of three meshes of the spatial model, under the same
+    # load and with the same preset
+    answers: Answers | None = None  # results for a designer, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 
     @property
@@ -167,9 +167,9 @@ def run_summary(
     return Summary(
         scene=Values(
             name=scene.name,  # name of the scene
-            hash=scene.hash,  # hash of its values
+            hash=scene.hash,  # hash of the values of the scene
             load=last.text,  # load step of the last record, in words
-            by_tension=[*last.by_tension],  # whether it gives the tension in weft and warp, else the strain
+            by_tension=[*last.by_tension],  # in weft and warp: true for a given tension, false for a strain
         ),
         device=model.device,
         stop_reason=stop_reason,
@@ -178,12 +178,12 @@ def run_summary(
         other_warnings=(*warnings, *([estimate.warning] if estimate.warning else [])),
         model=Values(
             kind=scene.model.kind,  # planar or spatial
-            friction=scene.contact.friction,  # coefficient of wires that touch
-            friction_assumed="contact.friction" in scene.assumed,  # whether it is the default, which the scene does not give
-            kind_reason=scene.kind_reason,  # why: chosen in the scene, the default, or what exists only in the planar model
+            friction=scene.contact.friction,  # friction coefficient
+            friction_assumed="contact.friction" in scene.assumed,  # whether this is the default, not given in the scene
+            kind_reason=scene.kind_reason,  # reason: chosen in the scene, the default, or a feature of the planar model only
             source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",  # table of the scene that
             # gives the wires: `knit`, `hook` or `wires`
-            warnings=None,  # why the model is not valid for this mesh, the gravest first; also in `warnings`
+            warnings=None,  # why the model is not valid for this mesh, most serious first; also in `warnings`
             boundary=scene.model.boundary,  # `periodic`, `gripped` or the boundary of wires from a file
             precision=model.precision.name,  # `single` or `double`
             wires=len(panel.wire_first),  # wires of the mesh
@@ -299,9 +299,9 @@ def report_panel(record: Record) -> PanelReport | None:
         "tension_median_warp_N_per_m": float(np.median(panel_map.tension[panel_map.known][:, 1, 1])),  # the same in warp
         "tension_least_N_per_m": float(least.min()),  # smallest tension of a repeat in weft or warp
         "tension_threshold_N_per_m": options.tension_threshold,  # `panel.tension_threshold`
-        "area_below_tension_percent": None,  # share of the area below that tension
+        "area_below_tension_percent": None,  # share of the area with a tension below this threshold
         "active_threshold_percent": options.active_threshold,  # `panel.active_threshold`
-        "area_below_active_percent": None,  # share of the area below that share of active contacts
+        "area_below_active_percent": None,  # share of the area with fewer active contacts than this threshold
     }
     with np.errstate(invalid="ignore"):
         if options.tension_threshold is not None:

@@ -48,10 +48,10 @@ class Branch(Values):
     """Meshes apart from the others, on another branch of equilibria."""
 
     count: int  # meshes on that branch
-    figure: str  # by which they are apart
-    mean: float  # of it, on this branch
-    others: float  # of the other meshes
-    stress_max_Pa: float  # mean of this branch
+    figure: str  # name of the value that separates the branches
+    mean: float  # mean of this value on this branch
+    others: float  # mean of this value over the other meshes
+    stress_max_Pa: float  # mean of the largest stress on this branch
 
 
 class Means(Values):
@@ -60,12 +60,12 @@ class Means(Values):
     count: int  # number of meshes in the mean
     failed: int  # meshes that did not converge, which are left out
     refused: int  # seeds whose loops do not fit, which others replace
-    why: str  # why the first of these
-    standard_error: float | None  # largest of tension (strain, where tension drives) and stress over their means, and of active
-    # contacts over all pairs
+    why: str  # reason for the first of these
+    standard_error: float | None  # largest standard error: of tension (strain, where tension drives) and stress over their
+    # means, of active contacts over all pairs
     median: int  # number of the mesh whose states are kept
     branch: Branch | None  # meshes on another branch of equilibria; null where all are together
-    changes: Values  # of the means with other nodes, friction and an overshoot, by name and figure, as fractions
+    changes: Values  # change of the means with other nodes, other friction and an overshoot, as fractions, by name and value
 
 
 @dataclass(frozen=True)

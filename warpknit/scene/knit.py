@@ -126,8 +126,8 @@ class Knit(Table):
     repeats: values.Repeats = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: values.Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
-        " Deviations stop at 2.5 times this value, and where wires would overlap. So the loops scatter by 5 % less than this"
-        " value. In tight knits at 0.1 they scatter by up to 25 % less.",
+        " Deviations are limited to 2.5 times this value, and where wires would overlap. The actual scatter is therefore 5 %"
+        " below this value, in tight knits at 0.1 up to 25 % below.",
         0.0,
     )
     seed: values.Seed = key("Random seed of the scatter.", 0)

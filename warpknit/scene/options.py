@@ -74,7 +74,7 @@ class ModelOptions(Table):
     kind: values.Kind = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
         " contact of round wires ([theory](theory/contact.md#round-wires)); required with `[wires]`. `auto`: spatial,"
-        " unless only the planar model has what the scene or the command asks for ([below](#the-kind-of-model)). See"
+        " unless only the planar model has a feature of the scene or the command ([below](#the-kind-of-model)). See"
         " [capabilities.md](capabilities.md) for the features of each.",
         AUTO,
     )
@@ -88,7 +88,9 @@ class ModelOptions(Table):
         None,
         left_out="diameter/8",
     )
-    merge_lenses: values.Flag = key("One contact body for nested lenses of the same two wires; else one for each lens.", True)
+    merge_lenses: values.Flag = key(
+        "true: one contact body for nested lenses of the same two wires. false: a body for each lens.", True
+    )
     frame_expansion: values.Expansion = key(
         "Thermal expansion of the frame that holds the mesh. Strains refer to the frame at the reference temperature. 0: the"
         " frame does not expand.",
@@ -136,10 +138,12 @@ class Contact(Table):
         "`point`: place on the left wire, over its length, rounded to the nearest node.", None, left_out="0.5"
     )
     target_share: values.Share | None = key(
-        "`point`: target part of the right wire, about its middle, over its length.", None, left_out="1"
+        "`point`: part of the right wire that the point can touch, about the middle of this wire, over its length.",
+        None,
+        left_out="1",
     )
     body_mass: values.BodyMass | None = key(
-        "Ramp: mass of a contact body over half a loop of wire; with `[hook]`, over half a wire.",
+        "Ramp: mass of a contact body over the mass of half a loop of wire; with `[hook]`, over the mass of half a wire.",
         None,
         left_out="0.5",
     )
@@ -172,8 +176,8 @@ class Solver(Table):
     mass_scaling: values.Factor = key("Ramp: factor on all masses.", 1.0)
     target_time_step: values.TimeStep | None = key("Ramp: raise masses, node by node, until this time step is stable.", None)
     axial_softening: values.Factor = key(
-        "Largest divisor of the axial stiffness in the dynamics that is allowed. A run takes less where bending limits it, and"
-        " for taut wires; `summary.json` has the first value.",
+        "Largest allowed divisor of the axial stiffness in the dynamics. A run uses a smaller one where bending limits it, and"
+        " for taut wires. `summary.json` has the initial value.",
         None,
         left_out="the preset's",
     )
@@ -222,10 +226,11 @@ class Output(Table):
         "Mean tension of weft and warp in service. Answers of a run and service points of a report give the share of active"
         " contacts there.",
         None,
-        left_out="2, 3.4 and 4.9 N/m, in a run where it reaches them",
+        left_out="2, 3.4 and 4.9 N/m; in a run, those that it reaches",
     )
     checkpoint_interval: values.Time = key(
-        "Wall time between checkpoints; longer where one takes more than a tenth of it and over a second.", 60.0
+        "Wall time between checkpoints. It is longer if writing one takes more than a tenth of this time, and over a second.",
+        60.0,
     )
 
     @property
@@ -266,34 +271,34 @@ class Stage(Table):
 
     name: values.Name = key("Name of the load step in the results.", None, left_out="`load`, then `stage-2`, ...")
     strain_weft: values.Strain | None = key(
-        "Strain at the end of the load step, relative to the knitted size.", None, left_out="0, then as in the load step before"
+        "Strain at the end of the load step, relative to the knitted size.", None, left_out="0, then as in the previous load step"
     )
     tension_weft: values.Tension | None = key("Instead of `strain_weft`: force per current width.", None)
-    strain_warp: values.Strain | None = key("The same in warp.", None, left_out="0, then as in the load step before")
+    strain_warp: values.Strain | None = key("The same in warp.", None, left_out="0, then as in the previous load step")
     tension_warp: values.Tension | None = key("Instead of `strain_warp`.", None)
     displacement: values.SignedLength | None = key(
         "Instead of both strains: outward displacement of every side. With `[hook]`: displacement of the driven end to the"
         " right.",
         None,
     )
-    shear: values.Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the load step before")
+    shear: values.Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the previous load step")
     clamp_rotation: values.Turn = key(
         "Counter-clockwise rotation of every clamp about the point where it holds its wire. Gripped meshes with"
         ' `drive = "relax"` only, without cord or pull.',
         None,
-        left_out="0, then as in the load step before",
+        left_out="0, then as in the previous load step",
     )
     temperature: values.Temperature = key(
         "Temperature at the end of the load step, at the middle of the mesh.",
         None,
-        left_out="the reference temperature, then as in the load step before",
+        left_out="the reference temperature, then as in the previous load step",
     )
     temperature_gradient: values.TemperatureGradient = key(
         'Temperature gradient along weft and warp. Gripped meshes with `drive = "relax"` only.',
         None,
-        left_out="none, then as in the load step before",
+        left_out="none, then as in the previous load step",
     )
-    pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the load step before")
+    pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the previous load step")
 
     @model_validator(mode="before")
     @classmethod
@@ -397,15 +402,15 @@ class Variants(Table):
     )
     standard_error: values.Fraction = key(
         "Largest standard error of tension (or strain, where tension drives), active contacts and largest stress. A run adds"
-        " meshes up to four times `count` to reach it, a map up to `count`. Half of `count` is enough where the error is below"
-        " 0.4 of it. 0: exactly `count`.",
+        " meshes up to four times `count` to reach it, a map up to `count`. Half of `count` meshes are enough where the error is"
+        " below 0.4 times this value. 0: exactly `count` meshes.",
         0.05,
     )
     scatter: values.Scatter = key("Relative standard deviation of the loop proportions, in place of `knit.scatter`.", 0.02)
     friction: values.Fraction = key("Standard deviation of the logarithm of `contact.friction` between the meshes.", 0.0)
     wire: values.Scatter = key(
-        "Standard deviation of the logarithm of `wire.diameter` between the meshes, which is cut at three of it. Contact bodies"
-        " scale with the wire.",
+        "Standard deviation of the logarithm of `wire.diameter` between the meshes, limited to three standard deviations."
+        " Contact bodies scale with the wire.",
         0.0,
     )
     seed: values.Seed = key("Random seed of the first mesh; the next meshes have the next seeds.", 0)
@@ -439,7 +444,8 @@ class Reflection(Table):
         0.0,
     )
     contacts: values.ContactState = key(
-        "Contacts that conduct: `computed` by their force, and beside them all and none as bounds; or only `open` or `closed`.",
+        "State of the contacts. `computed`: resistance from the contact force, and beside it the bounds `open` and `closed`."
+        " `open`: no contact conducts. `closed`: all contacts are perfect.",
         "computed",
     )
     film_resistance: values.Resistance = key(

@@ -33,13 +33,13 @@ class PanelOptions(Table):
     """[panel]: outline and edge of a gripped mesh, and its target surface. None: not requested."""
 
     outline: values.OutlineName = key(
-        "Shape that is cut from endless cloth; weft is horizontal. `knit.repeats` is left out except with `rectangle`; it follows"
-        " from the outline.",
+        "Shape that is cut from endless cloth; weft is horizontal. Give `knit.repeats` for `rectangle` only; for other shapes it"
+        " follows from the outline.",
         "rectangle",
     )
     size: values.PanelLength | None = key("Side of a hexagon or triangle, diameter of a disc.", None)
     corners: tuple[values.Vector, ...] | None = key(
-        "Corners of a polygon along its edge, in either direction. The origin is the middle of an opening of the knit.",
+        "Corners of a polygon in order along the edge, in either direction. The origin is the middle of an opening of the knit.",
         None,
         allowed="a list of pairs, each a length, such as ['1 mm', '2 mm']",
     )
@@ -52,8 +52,8 @@ class PanelOptions(Table):
     cord: Cord | None = key("Cord between the net nodes.", None)
     focal_length: values.PanelLength | None = key(
         "Focal length of the paraboloid on which the edge is held, with its apex below the middle of the panel. In the spatial"
-        " model the first load step raises the edge, and the mesh takes its shape between. The planar model finds the shape from"
-        " the tension of the map.",
+        " model the first load step raises the edge, and the mesh inside takes its shape. The planar model computes the shape"
+        " from the map of tensions.",
         None,
     )
     tension_threshold: values.Tension | None = key(

@@ -32,7 +32,7 @@ class Wire(Table):
     )
     youngs_modulus: values.Stress = key("Young's modulus.", None, left_out="the material's")
     poissons_ratio: values.PoissonsRatio = key(
-        "Poisson's ratio; sets the twist stiffness in the spatial model, not used in the planar one.",
+        "Poisson's ratio; sets the twist stiffness in the spatial model, not used in the planar model.",
         None,
         left_out="the material's",
     )
@@ -56,7 +56,7 @@ class Wire(Table):
         left_out="the hardness of the surface metal",
     )
     diameter: values.ThinLength = key(
-        "Diameter of one wire, without plating. If left out with a file of wires that has widths: its thickest wire"
+        "Diameter of one wire, without plating. Default with a file of wires that has widths: the diameter of the thickest wire"
         " (`wires.widths`).",
         15e-6,
     )
@@ -69,10 +69,10 @@ class Wire(Table):
     plastic: values.Flag = key(
         'The wire yields in bending at `yield_stress`; `drive = "relax"` only. The state then depends on the load history.', False
     )
-    hardening: values.Fraction = key("Tangent bending stiffness after yield, over the elastic one.", 0.1)
+    hardening: values.Fraction = key("Tangent bending stiffness after yield, over the elastic stiffness.", 0.1)
     set_fraction: values.Fraction = key(
-        "Natural (stress-free) curvature of the wire over its knitted curvature, given rather than computed from yield. 1: the"
-        " knitted shape is stress-free.",
+        "Natural (stress-free) curvature of the wire over its knitted curvature. It is not computed from yield. 1: the knitted"
+        " shape is stress-free.",
         1.0,
     )
     reference_temperature: values.RoomTemperature = key(

@@ -97,15 +97,15 @@ class WiresTable(Table):
     )
     repeats: values.WireRepeats = key("Repeats of the file along weft and warp in one tile.", (1, 1))
     widths: values.Flag | None = key(
-        "The file sets the thickness of each wire, plating and ends included: `widths` of USD, radius of a `.pyp`. Sets"
-        " contact, stiffness and mass of each wire, and `wire.diameter` to the thickest.",
+        "The file sets the thickness of each wire, plating and ends included: `widths` of USD, radius of a `.pyp`. This"
+        " sets contact, stiffness and mass of each wire. `wire.diameter` is the thickest wire.",
         None,
         left_out="true if the file has widths and `wire.diameter` is left out",
     )
     overlaps: values.Overlapping = key(
-        "What overlaps of the drawing become. `prestress`: the shape as drawn is free of stress, and a run pushes the wires apart"
-        " against their stiffness. `at rest`: they are moved apart before, the deepest overlaps first, and are free of stress"
-        " there.",
+        "Treatment of wires that overlap as drawn. `prestress`: the shape as drawn is free of stress, and a run pushes the wires"
+        " apart against their stiffness. `at rest`: the wires are first moved apart, the deepest overlaps first; this shape is"
+        " free of stress.",
         "prestress",
     )
     time: values.Number | None = key(
