@@ -86,6 +86,19 @@ def test_the_best_tension_of_a_path_that_ended_early_says_so(monkeypatch: pytest
     assert "not known" not in best_texts(yielded, failed=True)
 
 
+def test_a_larger_load_is_advised_only_below_yield_at_the_grips(monkeypatch: pytest.MonkeyPatch) -> None:
+    """B closes in the last record alone, elastic away from the grips: a larger load extends its range, unless the wire yields
+    at the grips."""
+    for at_grips, advised in ((0.9, True), (1.1, False)):
+        rows = [row(0.1 * k) for k in (0, 2, 4, 6.5)]
+        for one in rows:
+            one.stress_interior_max_Pa = one.stress_max_Pa
+        rows[-1].stress_max_Pa = at_grips * LIMIT
+        text = table_of(answer_findings(found(rows, monkeypatch), LIMIT))
+        for name in ("best tension", "  valid"):
+            assert ("larger load" in text[name]) == advised and ("at the grips the wire yields" in text[name]) != advised
+
+
 def test_the_margin_is_told_where_the_wire_yields_in_a_snap_through(monkeypatch: pytest.MonkeyPatch) -> None:
     """From 0.6 to 0.8 N/m the mesh snaps through, and the wire yields at 0.7 N/m or at once: at 0.6 N/m or more."""
     rows = [row(0.1 * k) for k in (0, 1, 2, 3, 4, 5, 6, 8, 9)]

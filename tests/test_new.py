@@ -203,6 +203,27 @@ def test_loops_without_room_are_told_the_nearest_gauges_that_have_it() -> None:
     assert new("--wales", "26", "--courses", f"{courses - 1}", "d").exit_code == 2
 
 
+@pytest.mark.parametrize("diameter", ["300 um", "200 um"])
+def test_the_thickness_that_is_named_has_room(diameter: str) -> None:
+    """Beyond the room of the feet, and of the narrowest loop: both name (0.5 - leg_half_width) W/2 = 0.13 W of two layers of
+    loops, rounded down, and one more digit has no room."""
+    said = new("--knit", "tricot", "--wales", "26", "--courses", "30", "--diameter", diameter).stderr
+    (thickness,) = re.findall(r"a thickness of at most (\S+) um", said)
+    assert float(thickness) == pytest.approx(0.13 * 25.4e3 / 26.0, rel=1e-3)
+    for factor, status in ((1.0, 0), (1.01, 2)):
+        wire = ("--diameter", f"{factor * float(thickness)} um", f"factor{factor}")
+        assert new("--knit", "tricot", "--wales", "26", "--courses", "30", *wire).exit_code == status
+
+
+@pytest.mark.parametrize(("knit", "wales", "courses", "denser"), [("tricot", 26, 3, "courses"), ("satin", 6, 30, "wales")])
+def test_spacings_at_which_centre_lines_intersect_are_refused(knit: str, wales: int, courses: int, denser: str) -> None:
+    """`new` writes no file that `plan` would refuse, and names the spacing to change; denser by four there is room."""
+    said = new("--knit", knit, "--wales", f"{wales}", "--courses", f"{courses}", "long")
+    assert said.exit_code == 2 and f"use more {denser} per length" in said.stderr and not Path("long.toml").exists()
+    changed = {"wales": wales, "courses": courses} | {denser: 4 * {"wales": wales, "courses": courses}[denser]}
+    assert new("--knit", knit, "--wales", f"{changed['wales']}", "--courses", f"{changed['courses']}", "a").exit_code == 0
+
+
 def test_wires_that_overlap_as_knitted_are_a_warning() -> None:
     """A run pushes them apart; loops that cannot be laid out are refused (docs/how-to/new_scene.md)."""
     knit = ("--knit", "reverse-locknit", "--diameter", "17 um", "--ends", "4")

@@ -79,8 +79,13 @@ def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overvi
         if isinstance(error.__cause__, KnitError):
             wales, courses = request.spacings
             tight = error.__cause__
+            if tight.key == "knit":
+                raise InputError(f"--wales, --courses: with {wales!r} and {courses!r}, {tight.wrong}; {tight.instead}") from error
             loop = [f"in a scene {tight.key} {tight.instead.removeprefix('write ')}"] if "loop" in tight.key else []
-            instead = either([*_gauges(request, scene), "thinner wire", *loop])
+            thinner = (
+                tight.instead.removeprefix("use ").partition(" with ")[0] if tight.key == "wire.diameter" else "thinner wire"
+            )
+            instead = either([*_gauges(request, scene), thinner, *loop])
             given = f"wire of {exact(scene.wire.diameter, 'm')} with {wales!r} and {courses!r}"
             wrong = f"no room for {given} ({tight.key}: {tight.wrong})"
             raise InputError(f"--diameter, --wales, --courses: {wrong}; use {instead}") from error

@@ -27,6 +27,7 @@ from .loops import RANGES, LoopProportions, Shape
 
 EXIT_ARC = np.radians([200.0, 245.0, 290.0, 325.0])  # angles of the points that round an exit foot
 UPRIGHT_EXIT_ARC = np.radians([195.0, 245.0, 295.0, 345.0])  # where the underlap then leaves straight up
+SAME = 1e-9  # of a thickness: round-off
 NEST_STEP = 1.5  # growth of a loop from layer to layer where several share a needle [d]
 
 
@@ -115,21 +116,24 @@ class LoopFrame:
 
     def check(self) -> None:
         """Raise `KnitError` if loops of neighbouring wales, or feet of a loop, would overlap."""
-        if self.shape == "general":
-            narrowest = 2.0 * min(loop.foot_half_width for loop in self.loops) * self.wale
-            if self.diameter > narrowest:
-                wrong = f"with a wire {engineering(self.diameter, 'm')} thick the feet of a loop run into each other"
-                raise KnitError("wire.diameter", wrong, f"use a thickness of at most {at_most(narrowest, 'm')} with these wales")
         name, spacing, half, share = self._room(self.loops)
-        unit = "course spacings" if self.shape == "circular-oval" else "wale spacings"
-        largest, meet = (half - share * self.diameter) / spacing, "loops of neighbouring wales run into each other"
-        given = max(getattr(loop, name) for loop in self.loops)
-        if given > largest:
-            least = RANGES[name][0]
-            if largest < least < half / spacing:  # no loop of any shape has room for a wire so thick
-                thinnest = at_most((half - least * spacing) / share, "m")
-                wrong = f"with a wire {engineering(self.diameter, 'm')} thick {meet}"
-                raise KnitError("wire.diameter", wrong, f"use a thickness of at most {thinnest} with these wales and courses")
+        given, least = max(getattr(loop, name) for loop in self.loops), RANGES[name][0]
+        is_general = self.shape == "general"
+        feet = 2.0 * min(loop.foot_half_width for loop in self.loops) * self.wale if is_general else np.inf
+        meet = "loops of neighbouring wales run into each other"
+
+        def thickest(proportion: float) -> float:
+            """Thickness of wire [m] for which loops of a proportion have room; not above 0: none."""
+            return (half - proportion * spacing) / share
+
+        if 0.0 < (1.0 + SAME) * min(feet, thickest(least)) < self.diameter:  # too thick for loops of any proportion
+            works = thickest(given) if thickest(given) > 0.0 else thickest(least)
+            wrong = f"with a wire {engineering(self.diameter, 'm')} thick "
+            wrong += "the feet of a loop run into each other" if self.diameter > feet else meet
+            instead = f"use a thickness of at most {at_most(min(feet, works), 'm')} with these wales, courses and loops"
+            raise KnitError("wire.diameter", wrong, instead)
+        if self.diameter > (1.0 + SAME) * thickest(given):
+            unit, largest = "wale spacings" if is_general else "course spacings", (half - share * self.diameter) / spacing
             raise KnitError(f"knit.loop.{name}", f"at {given!r} {meet}", f"write at most {at_most(largest, unit)}")
 
     def with_room(self, loops: Sequence[LoopProportions]) -> LoopFrame:

@@ -47,7 +47,7 @@ def answer_findings(answers: Answers, yield_stress: float, *, failed: bool = Fal
         yield Finding(f" {away}", f"none {reached}" if inner is None else _where(inner))
     for stage in answers.heat:
         yield from _heat(stage)
-    yield from _best(answers, failed)
+    yield from _best(answers, yield_stress, failed)
 
 
 def _classes(contacts: Sequence[ClassAnswer]) -> str:
@@ -230,7 +230,7 @@ def _change(begin: Row, end: Row) -> str:
     return " / ".join(f"{change:+.{digits}f}" for change in changes) + " %"
 
 
-def _best(answers: Answers, failed: bool) -> Iterator[Finding]:
+def _best(answers: Answers, limit: float, failed: bool) -> Iterator[Finding]:
     best = answers.best
     is_short = failed and answers.first_yield_interior is None
     top = _tension(answers.largest_tension)
@@ -239,17 +239,18 @@ def _best(answers: Answers, failed: bool) -> Iterator[Finding]:
         yield Finding("best tension", f"none: no record has active contacts under tension below yield{unknown}", short=True)
         return
     away = " away from the grips" if is_at_grips(best.stress_max_Pa, best.stress_with_grips_Pa) else ""
+    beyond = _beyond(best, limit, failed)
     stage = f" in {best.stage!r}" if best.stages > 1 else ""
     active = f"{percent(0.01 * best.active_percent, 0)} active (the most under this load)"
     found = f"{active}, {engineering(best.stress_max_Pa, 'Pa')}{away}"
     of_mean = " (mean)" if " / " in _tension(best) else ""
-    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, failed)}", short=True)
+    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, beyond)}", short=True)
     share = f"stress{away} at {percent(best.stress_over_limit, 0)} of yield"
     ahead = ahead_texts(best, answers.first_yield_interior, best.next_jump, _inside(answers))
     yield Finding("  margin", "; ".join((share, *([_at_grips(answers, best)] if away else []), *ahead)))
     low, high = best.low, best.high
     if low == high:
-        more = f"; {'beyond it the relaxation did not converge' if failed else 'a larger load extends it'}" if best.grows else ""
+        more = f"; {beyond}" if best.grows else ""
         yield Finding("  valid", f"in one record, {_tension(best)}{more}{unknown}")
         return
     lowest, highest = (
@@ -271,14 +272,19 @@ def _best(answers: Answers, failed: bool) -> Iterator[Finding]:
         )
 
 
-def _validity(best: Best, failed: bool) -> str:
+def _beyond(best: Best, limit: float, failed: bool) -> str:
+    """What is known beyond a range that ends with the load. limit [Pa]: elastic limit, which counts at the grips here."""
+    if failed:
+        return "beyond it the relaxation did not converge"
+    return "at the grips the wire yields" if best.stress_with_grips_Pa > limit else "a larger load may be better"
+
+
+def _validity(best: Best, beyond: str) -> str:
     """The range of tensions about the best one in few words."""
     if best.low != best.high:
         lowest = "at most " * best.open_low + _mean(best.low)
         return f"valid from {lowest} to {'at least ' * best.open_high}{_mean(best.high)}"
-    if not best.grows:
-        return "valid in one record only"
-    return "beyond it the relaxation did not converge" if failed else "a larger load may be better"
+    return beyond if best.grows else "valid in one record only"
 
 
 def _sides(best: Best, name: str) -> str:

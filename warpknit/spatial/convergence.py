@@ -13,6 +13,7 @@ from ..errors import ModelError
 from ..kernels.banded_mass import HELD_NODE
 from ..measure.strain import strain_text
 from ..mechanics.numerics import ENERGY_FLOOR, FASTEST_DAMPING, FORCE_FLOOR, LOCAL_ALLOWANCE
+from ..scene import Scene
 from ..wires.overlaps import CLOSEST
 from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
@@ -146,10 +147,10 @@ class Stability:
         self.relaxation.reset_damping_estimate(rows)
 
 
-def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip) -> None:
+def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -> None:
     """Refuse centre lines that intersect: neither wire lies above. Raises `ModelError` on all ranks.
 
-    near: contacts of the strip as knitted, of any gap below zero at least.
+    near: contacts of the strip as knitted, of any gap below zero at least. instead: `parting_text` of the scene.
     """
     distance = 1.0 - near.overlap / rods.touch_distance(near.first, near.second)
     nodes = np.stack([near.first, near.second], axis=1)
@@ -167,7 +168,15 @@ def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip
         return
     texts = [_intersection_text(*place[:3]) for place in sorted(places, key=lambda one: (one[0], one[1]))]
     more = f"; and in {len(texts) - MOST_LISTED} more places" if len(texts) > MOST_LISTED else ""
-    raise ModelError(f"{'; '.join(texts[:MOST_LISTED])}{more}; move one of them up or down there, or cut it")
+    raise ModelError(f"{'; '.join(texts[:MOST_LISTED])}{more}; {instead}")
+
+
+def parting_text(scene: Scene) -> str:
+    """What parts intersecting centre lines: of a knit another spacing, of drawn wires another drawing."""
+    if scene.wires is not None or scene.hook is not None:
+        return "move one of them up or down there, or cut it"
+    direction = "courses" if scene.knit.course_spacing > scene.knit.wale_spacing else "wales"
+    return f"use more {direction} per length, or other chains"
 
 
 def _intersection_text(wires: list[int], arcs: list[float], place: np.ndarray) -> str:

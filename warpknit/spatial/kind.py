@@ -9,13 +9,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..base.text import engineering, rounded, short_percent
+from ..base.text import counted, engineering, rounded, short_percent
 from ..knit.cloth import Cloth
+from ..knit.lapping import KnitError
 from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
 from ..scene.presets import PRESETS
 from ..wires.centre_lines import Wires
-from ..wires.overlaps import find_overlaps
+from ..wires.overlaps import CLOSEST, find_overlaps
+from .convergence import parting_text
 from .model import SpatialModel, build_model, initial_state
 from .worlds import SpatialWorlds as worlds
 
@@ -82,12 +84,14 @@ def physics(model: SpatialModel, bodies: int) -> Iterator[str]:
 
 
 def overlaps_as_knitted(scene: Scene, repeat: Cloth) -> Iterator[str]:
-    """Warning where wires of a repeat overlap as knitted."""
+    """Warning where wires of a repeat overlap as knitted. Raises `KnitError` where their centre lines intersect."""
     threads = tuple(thread.points for thread in repeat.threads)
     kinds, along_warp = ("periodic",) * len(threads), np.tile([0, 1], (len(threads), 1))
     found = find_overlaps(Wires(threads, kinds, along_warp, repeat.size, None, None), scene.wire.thickness)
     if found.closest is not None and found.places:
-        places = f"{found.places} place{'s' if found.places > 1 else ''}"
+        places = counted(found.places, "place")
+        if found.closest < CLOSEST * scene.wire.thickness:
+            raise KnitError("knit", "centre lines of wires intersect as knitted", parting_text(scene))
         depth = short_percent(1.0 - found.closest / scene.wire.thickness)
         yield f"As knitted, wires overlap in {places} of a repeat, by up to {depth} of their thickness."
 

@@ -19,7 +19,7 @@ from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import Edge
-from .convergence import overlap_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
+from .convergence import overlap_text, parting_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .fields import Fields
 from .masses import Masses
 from .model import SpatialModel, segment_thermal_strain
@@ -95,7 +95,7 @@ class SpatialMechanics:
         self.search_pairs()
         self.stepper.evaluate(rows=self.rows)
         near = self.contact.read_contacts(0.0, self.world)
-        refuse_intersecting_centre_lines(near, self.model.rods, self.strip)
+        refuse_intersecting_centre_lines(near, self.model.rods, self.strip, parting_text(self.model.scene))
         refuse_overlapping_clamps(near, self.model.rods, self.strip)
         self.step(2)
         if self.model.ramp is None:
