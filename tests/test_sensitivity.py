@@ -7,11 +7,12 @@ import pytest
 
 from warpknit import load_run, load_scene
 from warpknit.results.row import Row
+from warpknit.runner.changed_meshes import beside, changed_rows, changes_of
 from warpknit.runner.interrupts import Interrupts
 from warpknit.runner.monitor import Monitor
 from warpknit.runner.other_model import SpatialMeans, _spatial, spatial_means
 from warpknit.runner.run import run_scene
-from warpknit.runner.sensitivity import Sensitivity, changes_of
+from warpknit.runner.sensitivity import Sensitivity
 from warpknit.scene import Scene
 from warpknit.scene.presets import PRESETS
 from warpknit.studies.sweep import run_map
@@ -260,3 +261,14 @@ def test_a_planar_map_is_compared_with_spatial_meshes_at_its_largest_load(tmp_pa
     assert written["spatial_model"]["tension_warp_N_per_m"] == expected.tension_warp_N_per_m
     monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 1e5)  # it takes more
     assert "spatial_model" not in run_map(load_scene(table), out=tmp_path, force=True).summary.json()
+
+
+def test_changed_meshes_beside_a_run_have_the_rows_of_those_after_it():
+    scene = scene_of(variants={"count": 2, "standard_error": 0.0})
+    expected = changed_rows(scene, "cpu", [0, 1], lambda _: None)
+    with beside(scene, "cpu", [0, 1]) as other:
+        if other is None:
+            pytest.skip("a single core")
+        assert other.rows([0, 2], lambda _: None) is None
+        assert other.rows([0, 1], lambda _: None) == expected
+        assert other.rows([0, 1], lambda _: None) is None  # the process has ended

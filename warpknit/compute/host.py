@@ -114,6 +114,11 @@ def take(array: wp.array) -> np.ndarray:
     return np.asarray(array.numpy()) if is_in_place(array.device) else copied(array)
 
 
+def number_at(array: wp.array, place: int) -> int:
+    """An entry of an array of whole numbers."""
+    return int(fetch(array)[place] if is_in_place(array.device) else array[place : place + 1].numpy()[0])
+
+
 class Entries:
     """Some entries of device arrays: the only ones that the host reads."""
 

@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from ..kernels.barrier import wait_for_all
@@ -17,7 +16,7 @@ from ..kernels.control import STATUS, STATUS_DIVERGED, STATUS_STALE, STATUS_WAIT
 from .host import fetch
 from .launch import Launch, bind
 
-FROZEN = np.isin(np.arange(6), [int(status) for status in (STATUS_STALE, STATUS_DIVERGED, STATUS_WAITING)])  # [status]
+FROZEN = frozenset(float(status) for status in (STATUS_STALE, STATUS_DIVERGED, STATUS_WAITING))
 RETRY_CALLS = 20  # calls after which the slower way is tried again
 
 
@@ -37,8 +36,8 @@ class Team:
         for helper in waiting:
             helper.result()
 
-    def each(self, calls: Sequence[Callable[[], object]]) -> None:
-        """Call independent functions on the next free threads; return when all are done."""
+    def each(self, calls: Sequence[Callable[[], object]], threads: int | None = None) -> None:
+        """Call independent functions on the next free of at most `threads` threads; return when all are done."""
         left = deque(calls)
 
         def take_next() -> None:
@@ -49,7 +48,7 @@ class Team:
                     return
                 call()
 
-        self.together([take_next] * self.threads)
+        self.together([take_next] * min(threads or self.threads, self.threads))
 
     def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
         """Replay graphs[thread] of steps in turn; return the number. On the CPU until the state freezes.
@@ -67,18 +66,20 @@ class Team:
         self.together([partial(of_thread, part) for part in range(self.threads)])
         return replayed[0]
 
-    def replay_worlds(self, graphs: Sequence[wp.Graph], times: int, control: wp.array, rows: Sequence[slice]) -> None:
-        """Replay each graph `times` times; on the CPU until all worlds `rows` [graph] freeze."""
+    def replay_worlds(
+        self, graphs: Sequence[wp.Graph], times: int, control: wp.array, rows: Sequence[slice], threads: int
+    ) -> None:
+        """Replay each graph `times` times, on at most `threads` threads; on the CPU until all worlds `rows` [graph] freeze."""
 
         def in_turn(graph: wp.Graph, worlds: slice) -> None:
             for _ in range(times):
                 if not self._is_frozen(control, worlds):
                     wp.capture_launch(graph)
 
-        self.each([partial(in_turn, graph, worlds) for graph, worlds in zip(graphs, rows, strict=True)])
+        self.each([partial(in_turn, graph, worlds) for graph, worlds in zip(graphs, rows, strict=True)], threads)
 
     def _is_frozen(self, control: wp.array, worlds: Any) -> bool:
-        return self._on_cpu and bool(FROZEN[fetch(control)[..., int(STATUS)][worlds].astype(int)].all())
+        return self._on_cpu and FROZEN.issuperset(fetch(control)[..., int(STATUS)][worlds].ravel().tolist())
 
     def barrier(self) -> list[Launch]:
         """Launch by which a thread waits for all others; none for a single thread."""

@@ -125,19 +125,25 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     frame = frame_of(lapping)
     frame.check()
     if scatter:
-        repeat = _knitted(frame_of(lapping_table(knit.bars)))
+        repeat, lenses = _repeat(frame_of(lapping_table(knit.bars)), merge_lenses)
         knitted = _knitted(_scattered(frame, scatter, knit.seed, repeat))
-        found = lenses_of_scattered(knitted, repeat, _lenses(repeat, merge_lenses))
+        found = lenses_of_scattered(knitted, repeat, lenses)
         if found is None:
             wrong = f"{scatter!r} with knit.seed = {knit.seed} changes which loops hook"
             raise KnitError("knit.scatter", wrong, "write a smaller knit.scatter, or another knit.seed")
     else:
-        knitted = _knitted(frame)
-        found = _lenses(knitted, merge_lenses)
+        knitted, found = _repeat(frame, merge_lenses)
     threads, crossings, size = knitted.threads, knitted.crossings, knitted.size
     clasps = make_clasps(threads, found, size)
     rhombus = find_rhombus(threads, lapping.stitches, crossings, clasps, size, SCATTERED_ALIKE if scatter else ALIKE)
     return Cloth(size, lapping.wales, lapping.courses, shape, threads, lapping.stitches, crossings, clasps, rhombus)
+
+
+@lru_cache(maxsize=8)
+def _repeat(frame: LoopFrame, merge_lenses: bool) -> tuple[Knitted, list[list[Lens]]]:
+    """One repeat of equal loops and its lenses; they must not be changed."""
+    knitted = _knitted(frame)
+    return knitted, _lenses(knitted, merge_lenses)
 
 
 def _knitted(frame: LoopFrame) -> Knitted:

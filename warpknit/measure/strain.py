@@ -16,8 +16,11 @@ from ..compute.steering import Steering
 
 def rotation(angle: Any) -> np.ndarray:
     """(..., 2, 2) counter-clockwise by angles [rad]; exactly the unit matrix at 0."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (-2, -1))
+    matrix = np.empty((*np.shape(angle), 2, 2))
+    matrix[..., 0, 0] = matrix[..., 1, 1] = np.cos(angle)
+    matrix[..., 1, 0] = np.sin(angle)
+    matrix[..., 0, 1] = -matrix[..., 1, 0]
+    return matrix
 
 
 def clamp_rotation(gradient: np.ndarray) -> Any:

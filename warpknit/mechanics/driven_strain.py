@@ -109,9 +109,12 @@ class DrivenStrain:
     def _probe(self, rows: np.ndarray) -> None:
         """Renew the affine stiffness of worlds, and the masses of their strains; they are to be evaluated anew."""
         gradient = self._steering.gradient[rows]
+        back, now = np.swapaxes(rotation(clamp_rotation(gradient)), 1, 2), stretch(gradient)
         both = np.zeros((2, 2, len(rows), 2))  # side, sign
         for side, sign in np.ndindex(2, 2):
-            self._steering.set(rows, gradient=_strained(gradient, side, PROBE * (1 - 2 * sign)))
+            there = now.copy()
+            there[:, side, side] += PROBE * (1 - 2 * sign)
+            self._steering.set(rows, gradient=back @ there)
             both[side, sign] = self._tension(rows, self.stress_at(rows))
         self._steering.set(rows, gradient=gradient)
         self._stiffness[rows] = np.moveaxis((both[:, 0] - both[:, 1]) / (2.0 * PROBE), 0, 2)
@@ -190,10 +193,3 @@ class DrivenStrain:
         settled = stress.copy()
         settled[:, [0, 1], [0, 1]] -= self._carried[rows]
         return settled
-
-
-def _strained(gradient: np.ndarray, side: int, strain: float) -> np.ndarray:
-    """Deformation gradients (row, 2, 2) with more strain in a direction."""
-    there = stretch(gradient)
-    there[:, side, side] += strain
-    return np.swapaxes(rotation(clamp_rotation(gradient)), 1, 2) @ there

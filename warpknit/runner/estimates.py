@@ -14,6 +14,7 @@ from ..results.finding import ResultWarning
 from ..results.row import Row, read_rows, write_json
 from ..scene import Scene
 from ..solve.variant_models import VariantModels
+from .changed_meshes import Beside
 from .interrupts import Interrupted, Interrupts
 from .other_model import spatial_means
 from .progress_display import Display
@@ -36,9 +37,10 @@ class MeansEstimator:
     device: str
     rows: dict[int, Row]  # the last one of each mesh
     small_tension: float  # [N/m]
+    beside: Beside | None = None
 
     def __call__(self, check: Check) -> Estimate:
-        sensitivity = Sensitivity(self.scene, self.device, self.rows, self.small_tension)
+        sensitivity = Sensitivity(self.scene, self.device, self.rows, self.small_tension, self.beside)
         return sensitivity.estimate(sensitivity.changes(check))
 
 

@@ -20,11 +20,15 @@ from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 from .branches import with_work
+from .changed_meshes import Beside, beside
 from .checkpoint import Checkpoint
 from .estimates import SMALL_TENSION, Estimator, MeansEstimator
 from .history import row_of, with_sums, write_history
 from .monitor import LoopResult
 from .recorder import Recorder, frame_of, open_frames
+from .run_directory import CommandResult
+from .sensitivity import MESHES as CHANGED
+from .summary import Summary
 from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values, spreads, wanted
 
 if TYPE_CHECKING:
@@ -115,8 +119,15 @@ class VariantsRecorder(Recorder):
 
     def __init__(self, variants: MeshGroups, *args: Any, **options: Any) -> None:
         self.meshes = variants
+        self._beside: Beside | None = None
         self.members: dict[int, list[Row]] = {}  # rows of each mesh
         super().__init__(variants.simulation, *args, **options)
+
+    def run(self) -> CommandResult[Summary | None]:
+        if not self.scene.variants.sensitivity:
+            return super().run()
+        with beside(self.scene, self.meshes.models.device, self.meshes.begun[:CHANGED]) as self._beside:
+            return super().run()
 
     def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
         self._hold = hold
@@ -225,7 +236,7 @@ class VariantsRecorder(Recorder):
         if self.variants is None or self.variants.count == 1 or not self.scene.variants.sensitivity:
             return None
         whole = {number: rows[-1] for number, rows in self._whole_members().items()}
-        return MeansEstimator(self.scene, self.meshes.models.device, whole, self._small_tension)
+        return MeansEstimator(self.scene, self.meshes.models.device, whole, self._small_tension, self._beside)
 
     # --- while it runs
 

@@ -91,9 +91,9 @@ class ContactChecks:
         """(world, 2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
         self._of_blocks(sum_segment_stress, segment_stress=self._segment_stress)
         self._of_blocks(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self._has_friction))
-        parts = (self._segment_stress, self._contact_stress)
-        segments, contacts = (self._stepper.sums.total(fetch(stress), rows) for stress in parts)
-        return np.asarray(segments + contacts).reshape(-1, 2, 2)
+        parts = np.concatenate([fetch(self._segment_stress), fetch(self._contact_stress)], axis=1)
+        total = self._stepper.sums.total(parts, rows)
+        return np.asarray(total[:, :4] + total[:, 4:]).reshape(-1, 2, 2)
 
     def bound_stiffness(self, rows: np.ndarray) -> None:
         """Write bounds on the stiffness of contacts into `sweep` of the state. Up to the gap of the last evaluation."""

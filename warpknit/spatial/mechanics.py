@@ -305,11 +305,8 @@ class SpatialMechanics:
 
     def clamp_stress(self) -> np.ndarray:
         """(2, 2) [N m] of the forces of the clamps, in the state last evaluated."""
-        wires = self.model.wires
-        if not len(self.model.global_model.wires.held_node):
-            return np.zeros((2, 2))
         force = self._held.fetch(self.state.force)[:, :2]
-        products = np.einsum("ia,ib->iab", force, wires.held_lever).reshape(-1, 4)
+        products = np.einsum("ia,ib->iab", force, self.model.wires.held_lever).reshape(-1, 4)
         return self.strip.ranks.exact_sum(products).reshape(2, 2)
 
     def causes(self) -> str:

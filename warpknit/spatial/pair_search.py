@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ..compute.host import fetch, store, zeros
+from ..compute.host import fetch, number_at, store, zeros
 from ..compute.launch import Launch, bind
 from ..kernels.wire_closest import PLACES
 from ..kernels.wire_near import count_by_second, find_reach, mark_by_second
@@ -84,7 +84,7 @@ class PairList:
         self.replayed("near", lambda: bind(mark_by_second, self.capacity, self, pair_count=self.total, **self.named("is_near")))
         wp.utils.array_scan(self.near_by_second, self.near_by_second, inclusive=True)
         wp.utils.array_scan(self.is_near, self.near_before, inclusive=True)
-        return int(self.near_before[total - 1 : total].numpy()[0])
+        return number_at(self.near_before, total - 1)
 
     def named(self, *names: str) -> dict[str, wp.array]:
         """Arrays by the names of the kernel arguments."""

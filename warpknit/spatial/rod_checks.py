@@ -8,7 +8,6 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, shared, store
-from ..compute.launch import bind
 from ..compute.team import SharedLaunches
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
@@ -99,6 +98,7 @@ class RodChecks:
         self._free = int(np.count_nonzero(free)) // stepper.worlds
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // stepper.worlds
         self._keeps_arc_length = wp.int32(keeps_arc_length)
+        self._slowed = wp.zeros(stepper.worlds, dtype=wp.float64, device=device)
         self.launches = SharedLaunches(stepper.team, device, stepper.few)
 
     def sums(self, rows: np.ndarray, *, of_mean: bool) -> StateSums:
@@ -164,9 +164,10 @@ class RodChecks:
 
     def slow_motion(self, share: np.ndarray) -> None:
         """Reduce all velocities of each world to a share [world]."""
-        stepper, device = self.stepper, self.stepper.device
-        slowed: wp.array = wp.array(share, dtype=wp.float64, device=device)
-        bind(k.slow_motion, stepper.rods.node_count, stepper.arrays, stepper.state, first_node=0, slowed=slowed).run(device)
+        stepper = self.stepper
+        store(self._slowed, share)
+        nodes = range(stepper.rods.node_count)
+        self.launches.run("slow", k.slow_motion, "first_node", nodes, stepper.arrays, stepper.state, slowed=self._slowed)
 
     def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray | None = None) -> np.ndarray:
         """[row] [J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of both arrays."""

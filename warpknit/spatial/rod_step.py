@@ -117,6 +117,7 @@ class RodStepper:
         self.precision = precision
         declare_overloads(precision)
         self.worlds, self.rows = worlds, np.arange(worlds)
+        self._only = self.rows  # others are left out of what is launched
         self.arrays: RodArrays = upload_rods(rods, device, precision, worlds)
         self.state: RodState = rest_state(rods, device, precision, worlds) if state is None else state
         self.steering = Steering(self.state.control)  # [world]
@@ -129,6 +130,8 @@ class RodStepper:
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
         each = max(1, NODES_IN_CACHE * worlds // rods.node_count)
         self.parts = self.team.threads if worlds == 1 else min(worlds, max(PARTS * self.team.threads, -(-worlds // each)))
+        own = [self.share_of(range(worlds), part) for part in range(self.parts)]
+        self._worlds_of_part = [slice(share.start, share.stop) for share in own]
         # threads that share the launches of a check
         self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
         self._no_contact = no_contact(rods, device, precision)
@@ -165,7 +168,11 @@ class RodStepper:
 
     def in_parts(self, calls: Sequence[Callable[[], object]]) -> None:
         """Call a function for each part."""
-        self.team.each(calls)
+        self.team.each(calls, self._threads_of(1))
+
+    def _threads_of(self, steps: int) -> int:
+        """Threads that share `steps` steps of the worlds that take them."""
+        return 1 + len(self._only) * self.arrays.world_nodes * steps // (2 * NODES_A_THREAD)
 
     def _wait(self) -> list[Launch]:
         """Launches by which threads of a shared world wait for each other."""
@@ -186,8 +193,9 @@ class RodStepper:
     @contextmanager
     def only(self, rows: np.ndarray | None) -> Iterator[np.ndarray]:
         """Leave out other worlds than `rows`, default all, of what is launched."""
-        rows = self.rows if rows is None else rows
-        if len(rows) == self.worlds:
+        before = self._only
+        rows = before if rows is None else rows
+        if len(rows) == len(before):  # `rows` are some of those
             yield rows
             return
         is_other = np.ones(self.worlds, dtype=bool)
@@ -195,10 +203,12 @@ class RodStepper:
         others = np.flatnonzero(is_other)
         kept = self.steering.status[others]
         self.steering.set(others, status=Steering.WAITING)
+        self._only = rows
         try:
             yield rows
         finally:
             self.steering.set(others, status=kept)
+            self._only = before
 
     def part(self, array: wp.array, world: int) -> wp.array:
         """The part of an array that belongs to a world."""
@@ -305,8 +315,8 @@ class RodStepper:
         if self.worlds == 1:
             self.team.replay([[graph] * times for graph in graphs], self.state.control)
             return
-        worlds = [self.share_of(range(self.worlds), part) for part in range(self.parts)]
-        self.team.replay_worlds(graphs, times, self.state.control, [slice(own.start, own.stop) for own in worlds])
+        threads = self._threads_of(max(1, steps) * times)
+        self.team.replay_worlds(graphs, times, self.state.control, self._worlds_of_part, threads)
 
     def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
         """The graph of each part, captured once by name and version of the contact; launches_of: of a part."""

@@ -21,8 +21,12 @@ class WireSums:
     def of_wires(self, rows: np.ndarray) -> np.ndarray:
         """[wire, ...] sums of the own wires; of the others zero."""
         sums = np.zeros((self._count, *rows.shape[1:]))
-        sums[self._own_wires] = np.add.reduceat(rows[self._own], self._begin)
+        sums[self._own_wires] = self._of_own(rows)
         return sums
+
+    def _of_own(self, rows: np.ndarray) -> np.ndarray:
+        """[own wire, ...] sums."""
+        return np.asarray(np.add.reduceat(rows[self._own], self._begin))
 
     def _of_worlds(self, of_wires: np.ndarray, worlds: np.ndarray | None) -> np.ndarray:
         """(world, n) exact sums of values (own wire, n), of all worlds or of some."""
@@ -33,7 +37,7 @@ class WireSums:
 
     def total(self, rows: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
         """(world, n) sums of rows (block, n), of all worlds or of some."""
-        return self._of_worlds(self.of_wires(rows)[self._own_wires], worlds)
+        return self._of_worlds(self._of_own(rows), worlds)
 
     def of_nodes(self, values: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
         """[world] sums of values [node], of all worlds or of some."""
@@ -50,10 +54,9 @@ def twofold_sum(values: np.ndarray) -> np.ndarray:
 
     Knuth's exact error of a sum; Ogita, Rump and Oishi 2005, SIAM J. Sci. Comput. 26, 1955.
     """
-    total, error = np.zeros_like(values[:, 0]), np.zeros_like(values[:, 0])
-    for k in range(values.shape[1]):
-        value, before = values[:, k], total
-        total = before + value
-        part = total - before
-        error += (before - (total - part)) + (value - part)
-    return np.asarray(total + error)
+    total = np.add.accumulate(values, axis=1)
+    before = np.zeros_like(total)
+    before[:, 1:] = total[:, :-1]
+    part = total - before
+    error = (before - (total - part)) + (values - part)
+    return np.asarray(total[:, -1] + np.add.accumulate(error, axis=1)[:, -1])

@@ -153,20 +153,21 @@ class SpatialWorlds(Worlds):
         return Check(np.where(loading, np.nan, ratio * tolerance), np.where(loading, np.inf, ratio))
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
-        self.stepper.evaluate(rows=rows)
-        return self.stress_now(rows)
+        with self.stepper.only(rows):
+            self.stepper.evaluate(rows=rows)
+            return self.stress_now(rows)
 
     def stress_at(self, rows: np.ndarray) -> np.ndarray:
-        self.stepper.evaluate(0.0, rows=rows)
-        return self.stress_now(rows)
+        with self.stepper.only(rows):
+            self.stepper.evaluate(0.0, rows=rows)
+            return self.stress_now(rows)
 
     def stress_now(self, rows: np.ndarray) -> np.ndarray:
         with self.stepper.only(rows):
             total = self.contact.checks.stress(rows)
-        return np.array([
-            (inner + self.members[row].clamp_stress()) / self.model.panel.area
-            for row, inner in zip(rows.tolist(), total, strict=True)
-        ])  # fmt: skip
+        if len(self.model.global_model.wires.held_node):
+            total = total + np.array([self.members[row].clamp_stress() for row in rows.tolist()])
+        return np.asarray(total / self.model.panel.area)
 
 
 def held_nodes(model: SpatialModel, stepper: RodStepper) -> np.ndarray:
