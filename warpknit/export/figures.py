@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import PowerNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
 
 from warpknit.export.curves_figure import curves_figure, heat_figure
 from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
@@ -24,7 +24,7 @@ from warpknit.export.run_record import RunRecord
 from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
 from warpknit.results.row import Columns
 
-SHADES = (2.0, 98.0)  # percentiles of the inner tiles, not next to a grip, between which the colours of a tension or stress lie
+LEAST_RANGE = 0.02  # of the largest value: values of tiles that differ by less are drawn alike
 LONGEST = 2.5  # median edges: longer ones of a triangulation of points lie outside the panel
 NET_NODES = 200  # places that hold a panel up to which each is marked
 FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn alike
@@ -37,11 +37,18 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     """
     tiles, edge, surface = tables["map"], tables["edge"], tables.get("surface")
     scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
+    stress = 1e-6 * tiles["stress_max_Pa"]
     maps: list[tuple[NDArray[Any], str, dict[str, Any]]] = [
         (tiles["active_percent"], "active contacts [% of the pairs]", {"vmin": 0.0, "vmax": 100.0, "cmap": "viridis"}),
-        (1e-6 * tiles["stress_max_Pa"], "highest wire stress [MPa]", {"cmap": "magma_r"}),
-        (scale * tiles["tension_weft_N_per_m"], f"tension in weft [{unit}]", {"cmap": "cividis"}),
-        (scale * tiles["tension_warp_N_per_m"], f"tension in warp [{unit}]", {"cmap": "cividis"}),
+        (stress, "largest wire stress [MPa], square-root scale", {"norm": PowerNorm(0.5, *_range(stress)), "cmap": "magma_r"}),
+        *(
+            (
+                values := scale * tiles[f"tension_{side}_N_per_m"],
+                f"tension in {side} [{unit}]",
+                dict(zip(("vmin", "vmax"), _range(values), strict=True)) | {"cmap": "cividis"},
+            )
+            for side in ("weft", "warp")
+        ),
     ]
     columns = 3 if surface is not None else 2
     round_ = 1e3 * np.stack([edge["x_m"], edge["y_m"]], axis=1)
@@ -52,10 +59,7 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     axes = figure.subplots(2, columns, squeeze=False)
     for ax, (values, label, look) in zip(axes[:, :2].ravel(), maps, strict=True):
         image = _draw_tiles(ax, tiles, values, look)
-        low, high = image.get_clim()
-        below, above = values.min() < low, values.max() > high
-        extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((bool(below), bool(above)), "neither")
-        figure.colorbar(image, ax=ax, shrink=0.85, aspect=32, pad=0.025, extend=extend).set_label(label)
+        figure.colorbar(image, ax=ax, shrink=0.85, aspect=32, pad=0.025).set_label(label)
         _draw_edge(ax, round_, edge["held"] > 0.0, image)
     if surface is not None:
         for ax, image in _draw_surface(figure, axes[:, 2], surface):
@@ -63,6 +67,12 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     if axes[0, 0].get_legend_handles_labels()[1]:
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", frameon=False)
     return save_figure(figure, path)
+
+
+def _range(values: NDArray[Any]) -> tuple[float, float]:
+    """Range of colours of the values of all tiles."""
+    low, high = float(values.min()), float(values.max())
+    return low, max(high, low + LEAST_RANGE * float(np.abs(values).max()), low + 1e-12)
 
 
 def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str, Any]) -> Any:
@@ -78,13 +88,6 @@ def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str
     strained = 1e3 * np.eye(2) + np.linalg.lstsq(rest, now - 1e3 * rest, rcond=None)[0]
     ix, iy = np.meshgrid(np.arange(len(columns) + 3), np.arange(len(rows) + 3), indexing="ij")
     corner = np.stack([columns[0] + (ix - 1.5) * step[0], rows[0] + (iy - 1.5) * step[1]], axis=-1) @ strained
-    if "vmax" not in look:
-        whole = np.zeros(grid.shape, dtype=bool)
-        whole[column + 1, row + 1] = tiles["inside"] > 0.999
-        inner = values[binary_erosion(whole, np.ones((3, 3)))[column + 1, row + 1]]
-        low, high = np.percentile(inner if len(inner) else values, SHADES)
-        apart = max(float(high - low), 0.02 * float(np.abs(values).max()), 1e-12)
-        look = {**look, "vmin": float(low), "vmax": float(low) + apart}
     return axes.pcolormesh(corner[..., 0], corner[..., 1], _spread(grid), **look)
 
 

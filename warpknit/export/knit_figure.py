@@ -15,6 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from warpknit.base.text import counted
 from warpknit.export.plots import LineLook, copied, figure_of, frame_plan_axes, over_under, plan_scale, save_figure, tile_copies
 from warpknit.knit.cloth import CLASS_NAMES, Cloth
 
@@ -65,8 +66,8 @@ def knit_figure(
     for number in np.unique(classes).tolist():
         letter = rf"$\mathbf{{{CLASS_NAMES[number]}}}$"
         styles.append({**mark, "marker": letter, "path_effects": HALO})
-        count = np.count_nonzero(classes == number)
-        label = f"contact {CLASS_NAMES[number]}: {count} a repeat ({2 * count} pairs)"
+        count = int(np.count_nonzero(classes == number))
+        label = f"class {CLASS_NAMES[number]}: {counted(count, 'clasp')}, {2 * count} pairs"
         handles.append(Line2D([], [], label=label, **styles[-1]))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size
@@ -76,12 +77,13 @@ def knit_figure(
         axes.add_patch(Polygon(outline, facecolor=RHOMBUS_COLOUR, alpha=0.12, edgecolor="none", zorder=0.5))
         mine = (bodies[clasps[:, 0]] + (clasps[:, 1:] + cell) * cloth.size) * MM
         (rings,) = axes.plot(mine[:, 0], mine[:, 1], "o", color=RHOMBUS_COLOUR, fillstyle="none", markersize=14, zorder=4)
-        rings.set_label(f"the {len(clasps)} contacts of one rhombus")
+        rings.set_label(f"the {len(clasps)} clasps of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
     title = f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
-    title += f"\n{len(cloth.clasps)} contacts a repeat, {cloth.wire_length * MM:.3g} mm of wire per loop"
-    title += f"\n({cloth.stitch_length * MM:.3g} mm in plan view)"
+    title += f"\n{cloth.wire_length * MM:.3g} mm of wire per loop ({cloth.stitch_length * MM:.3g} mm in plan view)"
+    title += f"\nper repeat {counted(len(cloth.clasps), 'clasp')}, {2 * len(cloth.clasps)} pairs"
+    title += "\na letter is midway between the two wires of its clasp"
     wide = int(np.clip(figure.get_figwidth() // LEGEND_COLUMN, 1, len(handles)))
     figure.legend(handles=handles, title=title, ncols=wide, loc="outside lower center", **LEGEND)
     figure.set_figheight(figure.get_figheight() + LEGEND_ROW * -(-len(handles) // wide))

@@ -43,7 +43,7 @@ LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of 
 NAME_ROOM = 3.0  # [pt] about the name of a line
 PLACES_APART = 2.0  # [pt] along a line, where its name may stand
 PLACES = 200  # of colours and lines between the loads, along a side
-LOAD_SIZE = 9.0  # [pt2] of the dot at a load
+LOAD_SIZE = 10.0  # [pt2] of the dot at a load
 ON_COLOURS: dict[str, Any] = {"linewidth": 3.0, "foreground": "white"}
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
@@ -97,13 +97,12 @@ def map_figure(
         factor, unit = scale_of(unit, np.array([low, top]))
         known, low, top = factor * known, factor * low, factor * top
     look: dict[str, Any] = {"cmap": "viridis", "vmin": low, "vmax": top}
-    loads: list[Any] = []
     if percent or known.mask.any() or marks.jumps or min(values.shape) < 2:
         tiles = axes.pcolormesh(_edges(x), _edges(y), known, **look)
     else:  # colours between the loads, as the lines
         tiles = axes.pcolormesh(*_between(x, y, known), shading="nearest", **look)
-        dots: dict[str, Any] = {"color": "white", "linewidths": 0.0}
-        loads = [axes.scatter(*np.meshgrid(x, y), s=LOAD_SIZE, zorder=1.2, label="loads of the map", **dots)]
+    dots: dict[str, Any] = {"color": "white", "edgecolors": "#404040", "linewidths": 0.5, "clip_on": False}
+    loads = [axes.scatter(*np.meshgrid(x, y), s=LOAD_SIZE, zorder=4.5, label="loads of the map", **dots)]
     bar = figure.colorbar(tiles, ax=axes, pad=0.02, extend="max" if known.count() and float(known.max()) > top else "neither")
     bar.set_label(f"{label} [{unit}]")
     if known.mask.all():
@@ -297,7 +296,7 @@ def _draw_marks(
             axes.add_patch(Rectangle(corner, *size, zorder=1.5, **style))
         handles.append(Patch(label=f"cells above {limit}", **style))
     elif known.count():
-        handles.append(Patch(facecolor="none", edgecolor="#404040", label=f"no cell above {limit}"))
+        handles.append(Line2D([], [], linestyle="none", label=f"no cell above {limit}"))
     if marks.jumps:
         style = {
             "color": "black",

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from warpknit.base.hermite import hermite
 from warpknit.base.text import ZERO_CELSIUS, alike, engineering
@@ -116,7 +117,9 @@ def mesh_figure(
         edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
         axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
     size = points_per_mm * min(
-        MARK * _spacing(lines.reshape(-1, 3), _mark_count(layout, frame, shows_open)), MARK_IN_PLACE * spacing
+        MARK * _spacing(lines.reshape(-1, 3), _mark_count(layout, frame, shows_open)),
+        MARK_IN_PLACE * spacing,
+        _nearest(bodies, offsets) / OPEN_SIZE,
     )
     _draw_contacts(axes, layout, frame, bodies, offsets, min(max(size, SMALLEST_MARK), LARGEST_MARK), shows_open)
     _draw_peak(axes, peak)
@@ -201,7 +204,7 @@ def _mesh_map(
     np.fmax.at(stress, _cell_of(position, corner, covered, shape), 1e-6 * np.abs(frame.node_stress)[layout.curve_node])
     colours, scale = stress_colours(stress, yield_stress)
     image = left.imshow(stress.reshape(shape), cmap=colours, norm=scale, **drawn)
-    _stress_bar(figure, left, image, yield_stress, "highest stress at nodes in each cell [MPa]")
+    _stress_bar(figure, left, image, yield_stress, "largest stress at nodes in each cell [MPa]")
 
     body = 1e3 * np.asarray(frame.body_position)[:, :2]
     cell = _cell_of(body, corner, covered, shape)
@@ -316,6 +319,14 @@ def _spacing(position: NDArray[Any], count: int) -> float:
         return math.inf
     size = np.ptp(position[:, :2], axis=0)
     return max(math.sqrt(float(np.prod(size)) / count), float(size.max()) / count)
+
+
+def _nearest(bodies: NDArray[Any], offsets: NDArray[Any]) -> float:
+    """Median distance [mm] of a body (body, 2) [mm] to the nearest other body; without bound for a single one."""
+    every = (bodies[None] + offsets[:, None]).reshape(-1, 2)
+    if len(every) < 2 or not len(bodies):
+        return math.inf
+    return float(np.median(cKDTree(every).query(bodies, 2)[0][:, 1]))
 
 
 def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, LineLook], ...]:
