@@ -169,7 +169,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not held["jump"] and "largest" not in text["heat, 20 to -190 degC"]
     assert text["heat, 20 to -190 degC"].startswith("tension held: active")
     # 4e-4 of the mesh as knitted, whose 6 % before it are in its length: 4e-4/1.06, to be compared with the expansion of a metal
-    assert {"300 mN/m", "6.0 %", "3.0 %", "+0.038", "+0.000 %"} <= set(quantities(text["heat, 20 to -190 degC"]))
+    assert {"300 mN/m", "6.0 %", "3.0 %", "+0.038 %", "+0.000 %"} <= set(quantities(text["heat, 20 to -190 degC"]))
     for one in cold[2:]:
         one.strain_weft += 0.05  # 42 K strain free wire by 0.02 %
     cold[3].stress_max_Pa = 500e6
@@ -178,7 +178,7 @@ def test_heat_is_told_stage_by_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     text = table_of(answer_findings(answers.changed(heat=[jumped]), LIMIT))["heat, 20 to -190 degC"]
     assert [one["temperature_K"] for one in jumped["jump_between"]] == pytest.approx([293.15 - 84.0, 293.15 - 126.0])
     jump = "snap-through to another equilibrium between -64 degC and -106 degC, which heat alone does not cause"
-    assert f"largest 500 MPa at -148 degC, {jump}: +0.0094 / +0.0000 % up to there" in text
+    assert f"largest 500 MPa at -148 degC, {jump}: +0.0094 % weft, +0.0000 % warp up to there" in text
 
 
 def closing_of_cell(out: Path, levels: int, *more: str) -> dict[str, Any]:
@@ -244,7 +244,7 @@ def test_no_state_within_a_jump_is_interpolated(monkeypatch: pytest.MonkeyPatch)
     (point,) = answers["service"]
     assert point["state"] is None and [one["active_percent"] for one in point["jump"]] == [25.0, 100.0]
     text = table_of(answer_findings(answers, LIMIT))
-    there = "between 500 mN/m and 600 mN/m, strain 10.0 % / 5.0 % and 12.0 % / 6.0 %, a snap-through"
+    there = "between 500 mN/m and 600 mN/m, strain 10.0 % weft, 5.0 % warp and 12.0 % weft, 6.0 % warp, a snap-through"
     assert text["  class B"] == f"closes {there} (30 pairs)"
     assert text["first yield"].startswith(f"{there}, in the head of a closed loop")
     assert quantities(text["active at 550 mN/m"]) == ["25.0 %", "100.0 %", "500 mN/m", "600 mN/m"]
@@ -287,7 +287,7 @@ def test_unequal_tensions_are_given_with_their_mean(monkeypatch: pytest.MonkeyPa
 
 def test_tensions_that_a_search_leaves_apart_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each is within 0.2 % of the same target: 300.9 and 300.0 mN/m are 300 mN/m, 303 mN/m is another."""
-    for more, shown in ((1.003, "300 mN/m"), (1.01, "300 mN/m / 303 mN/m")):
+    for more, shown in ((1.003, "300 mN/m"), (1.01, "300 mN/m weft, 303 mN/m warp")):
         rows = [row(0.1 * k) for k in range(4)]
         for one in rows:
             one.tension_weft_N_per_m, one.tension_warp_N_per_m = 0.1 * rows.index(one), 0.1 * more * rows.index(one)

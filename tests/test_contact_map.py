@@ -119,7 +119,7 @@ def test_a_drift_of_the_optimum_ends_where_the_mesh_jumps():
     assert [len(drift[along].jumps) for along in ("weft", "warp", "both")] == [1, 0, 1]
     assert np.array(drift["weft"].jumps[0])[:, 0] == pytest.approx([0.4, 0.5])
     assert (drift["weft"].high[0], drift["warp"].high[1]) == pytest.approx((0.4, 0.5))
-    assert drift_text(drift["weft"]).count("; beyond it a snap-through between 400 mN/m / ") == 1
+    assert drift_text(drift["weft"]).count("; beyond it a snap-through between 400 mN/m weft, ") == 1
 
 
 def test_a_drift_beside_a_pair_that_did_not_converge_is_at_least_that_far():

@@ -113,7 +113,10 @@ def test_two_equilibria_of_a_page_at_one_tension_are_told() -> None:
     cell = MapRow(strain_weft=0.116, strain_warp=0.095, active_percent=50.0, stress_max_Pa=6e8, stop_reason="steady", variants=1)
     vars(cell).update(target)
     row = Row(strain_weft=0.062, strain_warp=0.1, active_percent=200.0 / 3.0, stress_max_Pa=5.9e8)
-    mine, theirs = "strain 6.2 % / 10.0 %, 66.7 % active, 590 MPa", "strain 11.6 % / 9.5 %, 50.0 % active, 600 MPa in the map."
+    mine, theirs = (
+        "strain 6.2 % weft, 10.0 % warp, 66.7 % active, 590 MPa",
+        "strain 11.6 % weft, 9.5 % warp, 50.0 % active, 600 MPa in the map.",
+    )
     begin = "The mesh has two equilibria at 4 N/m: "
     assert branches_at(4.0, row, [cell]) == f"{begin}{mine} under equal tensions; {theirs}"
     card = SimpleNamespace(row=row)

@@ -49,7 +49,16 @@ def sides_text(values: Sequence[float], unit: str, digits: int = 3) -> str:
     ('5.40 N/m weft, 5.39 N/m warp', '2 N/m')
     """
     weft, warp = alike(values, unit, digits)
-    return weft if weft == warp else f"{weft} weft, {warp} warp"
+    return weft if weft == warp else of_sides((weft, warp))
+
+
+def of_sides(texts: Sequence[str]) -> str:
+    """Two texts, for weft and warp.
+
+    >>> of_sides(["8 %", "6 %"])
+    '8 % weft, 6 % warp'
+    """
+    return f"{texts[0]} weft, {texts[1]} warp"
 
 
 def _filled(number: str, digits: int) -> str:

@@ -17,7 +17,7 @@ from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..scene.units import tidy
 from ..studies.batch import Mesh
-from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_text
+from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_texts
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import missing_points
@@ -124,9 +124,7 @@ class Findings:
     def sweep_text(self) -> str:
         """The loads of the map, and where they are from."""
         axes = zip(("weft", "warp"), axes_of(self.rows), strict=True)
-        ends = " and ".join(
-            f"{load_text((axis[0], axis[-1]), self.by_tension).replace(' / ', ' to ')} in {side}" for side, axis in axes
-        )
+        ends = " and ".join(f"{' to '.join(load_texts((axis[0], axis[-1]), self.by_tension))} in {side}" for side, axis in axes)
         default = self.scene.sweep == default_sweep(self.scene)
         source = "the default of a report; a table [sweep] in the scene changes them" if default else "of [sweep] in the scene"
         return f"{len(self.rows)} pairs of {'tensions' if self.by_tension else 'strains'}, {ends}: {source}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..base.text import engineering, exact, percent
+from ..base.text import engineering, exact, of_sides, percent
 from ..results.row import Row
 from ..studies.contact_map import STEADY, MapRow, axes_of, grid
 from .card import MaterialCard
@@ -136,7 +136,7 @@ def two_equilibria(load: str, one: Row | MapRow, of_one: str, other: Row | MapRo
         return ""
 
     def text(row: Row | MapRow, where: str) -> str:
-        strains = f"{percent(row.strain_weft)} / {percent(row.strain_warp)}"
+        strains = of_sides((percent(row.strain_weft), percent(row.strain_warp)))
         return f"strain {strains}, {percent(0.01 * row.active_percent)} active, {engineering(row.stress_max_Pa, 'Pa')} {where}"
 
     return f"The mesh has two equilibria at {load}: {text(one, of_one)}; {text(other, of_other)}."

@@ -5,7 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ..base.text import alike, between, both, celsius, counted, engineering, exact, is_at_grips, listed, percent, place_text
+from ..base.text import (
+    alike,
+    between,
+    both,
+    celsius,
+    counted,
+    engineering,
+    exact,
+    is_at_grips,
+    listed,
+    of_sides,
+    percent,
+    place_text,
+    sides_text,
+)
 from ..mechanics.driven_strain import TOLERANCE
 from ..results.finding import Finding
 from ..results.row import Row, Values
@@ -31,7 +45,7 @@ def answer_findings(answers: Answers, yield_stress: float, *, failed: bool = Fal
     reached = f"up to {_tension(answers.largest_tension)}"
     if failed:
         reached += ", beyond which the relaxation did not converge"
-    of_mean = " (mean tension)" if " / " in _tension(answers.largest_tension) else ""
+    of_mean = " (mean tension)" if " weft" in _tension(answers.largest_tension) else ""
     yield Finding("classes closed", _classes(answers.contacts), sure=of_mean, short=True)
     for one in answers.contacts:
         name = f"  class {one.name}" if len(answers.contacts) > 1 else "  contacts"
@@ -128,17 +142,17 @@ def _tension(state: Row, digits: int = 3) -> str:
     if abs(both[0] - both[1]) <= 2.0 * TOLERANCE * max(map(abs, both)):
         both = 2 * [0.5 * (both[0] + both[1])]
     least = LEAST_SHARE * max(map(abs, both))
-    return " / ".join(dict.fromkeys(alike([value if abs(value) > least else 0.0 for value in both], "N/m", digits)))
+    return sides_text([value if abs(value) > least else 0.0 for value in both], "N/m", digits)
 
 
 def _pair_of(state: Row) -> str:
     """Strain of a state, after its weft and warp tensions if they differ."""
     tension = _tension(state)
-    return f"mean of {tension}, {_strain(state)}" if " / " in tension else _strain(state)
+    return f"mean of {tension}, {_strain(state)}" if " weft" in tension else _strain(state)
 
 
 def _strain(state: Row) -> str:
-    return "strain " + " / ".join(percent(state[f"strain_{side}"]) for side in ("weft", "warp"))
+    return f"strain {of_sides([percent(state[f'strain_{side}']) for side in ('weft', 'warp')])}"
 
 
 def _closing(one: ClassAnswer, reached: str) -> str:
@@ -227,7 +241,7 @@ def _change(begin: Row, end: Row) -> str:
     """Change of the strain in weft and warp, over one plus the strain before; both with the same digits."""
     changes = [100.0 * (end[name] - begin[name]) / (1.0 + begin[name]) for name in ("strain_weft", "strain_warp")]
     digits = max(len(f"{change:.2g}".partition(".")[2]) for change in changes)
-    return " / ".join(f"{change:+.{digits}f}" for change in changes) + " %"
+    return of_sides([f"{change:+.{digits}f} %" for change in changes])
 
 
 def _best(answers: Answers, limit: float, failed: bool) -> Iterator[Finding]:
@@ -243,7 +257,7 @@ def _best(answers: Answers, limit: float, failed: bool) -> Iterator[Finding]:
     stage = f" in {best.stage!r}" if best.stages > 1 else ""
     active = f"{percent(0.01 * best.active_percent, 0)} active (the most under this load)"
     found = f"{active}, {engineering(best.stress_max_Pa, 'Pa')}{away}"
-    of_mean = " (mean)" if " / " in _tension(best) else ""
+    of_mean = " (mean)" if " weft" in _tension(best) else ""
     yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, beyond)}", short=True)
     share = f"stress{away} at {percent(best.stress_over_limit, 0)} of yield"
     ahead = ahead_texts(best, answers.first_yield_interior, best.next_jump, _inside(answers))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.text import alike, between, both, sides_text
+from ..base.text import alike, between, both, of_sides, sides_text
 from ..measure import Observables, energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure
@@ -202,7 +202,12 @@ def find_jumps(mesh: Model, rows: Sequence[MapRow]) -> list[Jump]:
 
 def load_text(load: Pair, by_tension: bool) -> str:
     """Strains, or tensions [N/m], in weft and warp, as text."""
-    return " / ".join(alike(load, "N/m") if by_tension else (f"{100.0 * value:.3g} %" for value in load))
+    return of_sides(load_texts(load, by_tension))
+
+
+def load_texts(loads: Pair, by_tension: bool) -> list[str]:
+    """Two strains, or tensions [N/m], as text."""
+    return alike(loads, "N/m") if by_tension else [f"{100.0 * value:.3g} %" for value in loads]
 
 
 def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[ResultWarning]:
@@ -214,7 +219,7 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[Re
     where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
     yield ResultWarning(
         "W40",
-        f"Snap-through to another equilibrium between {where} (weft / warp).",
+        f"Snap-through to another equilibrium between {where}.",
     )
 
 
