@@ -91,8 +91,8 @@ def test_a_mesh_of_scattered_loops_does_not_depend_on_those_beside_it():
     })  # fmt: skip
     models, stage = VariantModels(scene), scene.stages[0]
     found = []
-    for meshes in ([2], [2, 0], [1, 2, 0, 3]):
+    for meshes in ([2], [1, 2, 0, 3]):
         outcomes = Batch([models.of_place(mesh) for mesh in meshes], [stage] * len(meshes), [2] * len(meshes)).run()
         (own,) = (outcome for outcome in outcomes if meshes[outcome.index] == 2)
         found.append((own.steps, own.observables.node_position.tobytes()))
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]

@@ -22,6 +22,7 @@ from warpknit.scene.presets import PRESETS
 
 ROOT = Path(__file__).parents[1]
 QUICK = {"solver.preset": "draft", "output.frames": 2, "output.usd": False}
+SMALLEST = '"output.frames": 1, "output.figures": False, "output.usd": False, "variants.sensitivity": False'
 EXTRAS = {"docs/how-to/browser.md": "viser"}  # pages whose examples need a package of an extra
 BLOCK = re.compile(r"(<!-- script -->\n)?```python\n(.*?)```", re.DOTALL)
 
@@ -73,11 +74,12 @@ def test_blocks_of_a_document_run_in_their_order(name: str) -> None:
         exec(compile(code, name, "exec"), names)
 
 
+@pytest.mark.slow
 def test_the_study_uses_several_processes(folder: Path) -> None:
     """The script of docs/python.md, in ten lines of its own."""
     (code,) = blocks("docs/python.md", scripts=True)
     assert len([line for line in code.splitlines() if line.strip() and "import" not in line]) <= 10
-    (folder / "study.py").write_text(code.replace('"output.frames": 4', '"output.frames": 1, "output.figures": False'))
+    (folder / "study.py").write_text(code.replace('"output.frames": 4', SMALLEST))
     done = subprocess.run(
         [sys.executable, "study.py"], cwd=folder, check=False, capture_output=True, text=True, timeout=300,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -120,6 +122,7 @@ def test_a_map_is_an_array(rows: list) -> None:
     assert np.all(np.diff(active, axis=1) >= 0.0) and rows[-1][:2] == [active.max(), 12.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", ["study_over_diameter"], indirect=True)
 def test_thinner_wire_bears_more_stress(rows: list) -> None:
     """At equal tensions; more tension gives more stress."""
@@ -137,6 +140,7 @@ def test_a_weave_is_softer_than_straight_wires(rows: list) -> None:
     assert 0.3 * straight < tension < straight
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", ["measure_and_force"], indirect=True)
 def test_a_stretched_patch_is_stiffer_across(rows: list) -> None:
     strain, tension, deflection, stiffness = np.array(rows).T

@@ -17,6 +17,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+
+from reference.cases import slow
+from warpknit.commands.cli import main
 
 SCENES = Path(__file__).parents[1] / "scenes"
 MPIRUN = shutil.which("mpirun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
@@ -25,7 +29,10 @@ needs_mpi = pytest.mark.skipif(
 )
 SMALL = ("--set", "knit.repeats=[2, 2]", "--set", "model.nodes_per_loop=12")
 PATCH = (str(SCENES / "atlas_patch.toml"), "--preset=draft", "--device=cpu", *SMALL)
-KINDS = {"planar": (), "spatial": ("--set", "model.kind=spatial", "--set", "model.nodes_per_loop=20")}
+KINDS = {
+    "planar": ("--set", "output.figures=false"),
+    "spatial": ("--set", "model.kind=spatial", "--set", "model.nodes_per_loop=20"),
+}
 QUIET = ("--set", "output.usd=false", "--set", "output.figures=false")
 FEW = ("--set", "output.frames=2")
 PATIENCE = 240  # [s] for what takes some seconds: a rank that hangs is a failure, not the end of the suite
@@ -78,7 +85,7 @@ def one_line(text: str) -> str:
     return lines[0]
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module")
 def alone(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[str, ...]]:
     """What one process leaves, and the settings of its model."""
     out, kind = tmp_path_factory.mktemp("alone") / "r", KINDS[request.param]
@@ -87,6 +94,7 @@ def alone(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 @needs_mpi
+@pytest.mark.parametrize("alone", ["planar", *slow("spatial")], indirect=True)
 def test_two_ranks_leave_what_one_leaves(tmp_path: Path, alone: tuple[Path, tuple[str, ...]]) -> None:
     """The same files; states and layout to the bit, the summary but for sums over the mesh, which are added in another order."""
     out, (expected, kind) = tmp_path / "r", alone
@@ -122,12 +130,13 @@ def assert_near(found: object, expected: object) -> None:
 
 
 @needs_mpi
-def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: tuple[Path, tuple[str, ...]]) -> None:
+@pytest.mark.parametrize(("alone", "kills"), [("planar", 1), *slow(("planar", 2), ("spatial", 2))], indirect=["alone"])
+def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: tuple[Path, tuple[str, ...]], kills: int) -> None:
     """SIGKILL to the launcher, which takes its ranks along, at several moments: every file is whole, the run goes on with as many
     ranks, is refused with another number, and ends like one that nothing happened to."""
     out, (expected, kind) = tmp_path / "r", alone
     arguments = ("run", *PATCH, *FEW, *QUIET, *kind, "--set", "output.checkpoint_interval=0.02", "--out", out)
-    for attempt in range(2):
+    for attempt in range(kills):
         process = subprocess.Popen(
             command(*arguments, *(["--resume"] if attempt else [])), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
             start_new_session=True,
@@ -144,8 +153,8 @@ def test_killed_ranks_go_on_to_the_same_bits(tmp_path: Path, alone: tuple[Path, 
             if not path.name.startswith("."):
                 np.load(path).close()
     assert stamp(out) is not None, "the run ended before it could be killed"
-    refused = run(*arguments, "--resume", ranks=1)
-    assert refused.returncode == 2
+    refused = CliRunner().invoke(main, [*map(str, arguments), "--resume"])
+    assert refused.exit_code == 2
     assert "2 ranks" in one_line(refused.stderr)
     done = run(*arguments, "--resume")
     assert done.returncode == 0, done.stderr
@@ -189,6 +198,7 @@ def test_ctrl_c_ends_all_ranks_with_a_checkpoint(tmp_path: Path) -> None:
 
 
 @needs_mpi
+@pytest.mark.slow
 def test_an_error_on_one_rank_ends_all(tmp_path: Path) -> None:
     """Rank 1 runs out of memory while rank 0 waits for it: exit status 4 and the line of rank 1, soon."""
     done = run("run", *PATCH, *FEW, *QUIET, "--out", tmp_path / "r", code=OUT_OF_MEMORY)
@@ -201,8 +211,10 @@ def test_an_error_on_one_rank_ends_all(tmp_path: Path) -> None:
     ("ranks", "arguments", "status", "says"),
     [
         (2, ("--set", "load.strain_wft=0.1"), 2, "strain_wft"),
-        (3, ("--set", "knit.repeats=[1, 1]", "--set", "model.boundary=periodic"), 2, "knit.repeats: 2 wires "),
-        (2, ("--set", "solver.max_steps=100"), 3, "max_steps"),
+        *slow(
+            (3, ("--set", "knit.repeats=[1, 1]", "--set", "model.boundary=periodic"), 2, "knit.repeats: 2 wires "),
+            (2, ("--set", "solver.max_steps=100"), 3, "max_steps"),
+        ),
     ],
 )
 def test_an_error_on_all_ranks_is_said_once(
@@ -214,6 +226,7 @@ def test_an_error_on_all_ranks_is_said_once(
 
 
 @needs_mpi
+@pytest.mark.slow
 def test_other_commands_speak_once() -> None:
     done = run("plan", *PATCH, "--json")
     assert done.returncode == 0

@@ -117,10 +117,11 @@ def test_notes_of_smaller_meshes_are_the_users_too() -> None:
     assert [quantities(note) for note in simulation.notes] == [["8", "3"]]
 
 
-@pytest.mark.parametrize("stop_at", [pytest.param(20, marks=pytest.mark.slow), 50])
+@pytest.mark.slow  # test_multilevel.py has it for the planar model
+@pytest.mark.parametrize("stop_at", [20, 50])
 def test_interrupted_start_continues_to_the_same_bits(stop_at: int) -> None:
     """A checkpoint in the smaller mesh or in the large one holds all that the rest of the run depends on."""
-    model = mesh(STRIP, "model.boundary=gripped", "load.strain_weft=0.03", "load.strain_warp=0.03")
+    model = mesh(STRIP, "model.boundary=gripped", "load.strain_weft=0.01", "load.strain_warp=0.01")
 
     class Stop(Exception):
         pass
@@ -382,7 +383,8 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
 def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.MonkeyPatch) -> None:
     """It moves its edge itself and has no smaller mesh; one repeat gives the stiffness. The equilibrium is the one without
     corrections, with its cords in balance."""
-    panel = ("model.boundary=gripped", "panel.outline=hexagon", "panel.size=16 mm", "contact.friction=0", "panel.grip_pitch=8 mm")
+    panel = ("model.boundary=gripped", "panel.outline=hexagon", "panel.size=12 mm", "contact.friction=0", "panel.grip_pitch=6 mm")
+    panel = (*panel, "model.nodes_per_loop=16")
     changes = (*panel, 'panel.cord={tension="50 mN", stiffness="50 N"}', "solver.residual_tolerance=0.01")
     alone, drive, _ = solved(*changes)
     assert not isinstance(drive, MultilevelRelaxation)

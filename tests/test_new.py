@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from reference.cases import slow
 from reference.in_words import quantities
 from warpknit.commands import new as new_module
 from warpknit.commands.cli import main
@@ -78,7 +79,7 @@ def test_every_named_knit_can_be_planned(name: str) -> None:
     assert overview_of(scene, "cpu").bodies > 0
 
 
-@pytest.mark.parametrize("name", ["double-atlas", "tricot", "atlas", "reverse-locknit"])
+@pytest.mark.parametrize("name", ["double-atlas", "tricot", "reverse-locknit", *slow("atlas")])
 def test_a_new_scene_converges(name: str) -> None:
     """At the draft preset, in ten levels of at most 1 %: a level that does not converge raises."""
     scene = load_scene(scene_text(SceneRequest(knit=name), "x.toml"), {"output.frames": 10}, preset="draft")

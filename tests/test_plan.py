@@ -193,12 +193,12 @@ SPATIAL_CELL = ROOT / "scenes" / "atlas_cell_spatial.toml"
         (CELL, {"load.tension_weft": "5 mN/m", "load.tension_warp": "5 mN/m", "solver.preset": "draft", "output.frames": 5}),
         (CELL, {"solver.drive": "ramp", "output.frames": 2, "solver.loading_time": 0.004, "solver.preset": "draft"}),
         (HOOK, {"output.frames": 5}),
-        (PATCH, {"solver.preset": "draft", "output.frames": 8, "knit.repeats": [4, 4]}),
+        *slow((PATCH, {"solver.preset": "draft", "output.frames": 8, "knit.repeats": [4, 4]})),
         *slow((SPATIAL_CELL, {"output.frames": 5})),
         *slow((SPATIAL_CELL, {"solver.preset": "draft", "knit.repeats": [2, 2], "output.frames": 4})),
         (TRICOT_CELL, {"load.strain_weft": 0.06, "load.strain_warp": 0.06, "output.frames": 5}),
         *slow((TRICOT_CELL, BY_TENSION)),
-        (WIRES, {"output.frames": 4}),
+        *slow((WIRES, {"output.frames": 4})),
     ],
 )  # fmt: skip
 def test_steps_are_within_a_factor_of_two(source: Path | dict, overrides: dict) -> None:

@@ -29,7 +29,7 @@ COARSE = [*SMALL, "solver.preset=draft", "model.nodes_per_loop=40", "load.strain
         ("atlas_patch.toml", [*SMALL, "solver.preset=draft", "output.frames=1", "knit.repeats=[2, 2]"]),
         ("hook_free_body.toml", [*SMALL, "output.frames=2"]),
         ("atlas_cell_spatial.toml", [*COARSE, "output.frames=1"]),
-        ("atlas_cell_spatial.toml", [*COARSE, "output.frames=1", "solver.drive=ramp", "solver.loading_time='1 ms'"]),
+        ("atlas_cell_spatial.toml", [*COARSE, "output.frames=1", "solver.drive=ramp", "solver.loading_time='0.3 ms'"]),
         ("hook_spatial.toml", [*SMALL, "output.frames=1", "load.displacement='0.2 mm'"]),
     ],
     ids=lambda value: value if isinstance(value, str) else next((o for o in value if "drive" in o), ""),

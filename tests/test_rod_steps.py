@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.cases import slow
 from warpknit.compute.host import fetch, store
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
@@ -36,7 +37,7 @@ def stepped(scene: str, overrides: list[str], size: int) -> dict[str, np.ndarray
     return {name: fetch(getattr(state, name)).copy() for name in ("displacement", "director", "velocity", "angle", "force")}
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [*slow("single precision"), *(case for case in CASES if case != "single precision")])
 def test_steps_of_a_graph_are_those_one_by_one(case: str) -> None:
     """Frames that a step leaves for the next one, and forces in memory that groups of wires share, change no bit; where neither
     is done, all frames are found anew."""

@@ -141,7 +141,7 @@ def test_wires_that_come_past_the_border_are_noticed() -> None:
         assert said
 
 
-@pytest.mark.parametrize("nodes", [8, 20])
+@pytest.mark.parametrize("nodes", [8, *slow(20)])
 @pytest.mark.parametrize("knit", KNITS)
 def test_wide_meshes_have_wires_that_are_no_copies(knit: str, nodes: int) -> None:
     """However far the search of pairs reaches, as knitted no wire is missed."""
@@ -165,10 +165,14 @@ def test_a_ramp_in_space_is_refused_on_ranks() -> None:
 @pytest.mark.parametrize(
     ("knit", "repeats", "boundary", "ranks"),
     [
-        *slow(("double atlas", [3, 2], "gripped", 3), ("double atlas", [4, 1], "periodic", 2), ("tricot", [6, 2], "periodic", 2)),
+        *slow(
+            ("double atlas", [3, 2], "gripped", 3),
+            ("double atlas", [4, 1], "periodic", 2),
+            ("tricot", [6, 2], "periodic", 2),
+            ("reverse locknit", [5, 2], "periodic", 3),
+        ),
         ("tricot", [1, 1], "periodic", 2),  # both wires on both ranks
         ("single atlas", [6, 2], "gripped", 2),
-        ("reverse locknit", [5, 2], "periodic", 3),
     ],
 )
 def test_strips_converge_like_the_whole_mesh(knit: str, repeats: list[int], boundary: str, ranks: int) -> None:
@@ -192,6 +196,7 @@ def test_strips_in_single_precision_with_two_threads(monkeypatch: pytest.MonkeyP
     assert_same_bits(shared, alone)
 
 
+@pytest.mark.slow
 def test_strips_driven_by_tension_find_the_same_strain() -> None:
     load = {"strain_weft": None, "strain_warp": None, "tension_weft": 0.5, "tension_warp": 0.5}
     here = scene("tricot", [4, 2], "periodic")
@@ -204,7 +209,8 @@ def test_strips_driven_by_tension_find_the_same_strain() -> None:
 
 def test_strips_remember_friction_and_yield() -> None:
     """Where contacts stick and how wires have yielded: the same bits, and the heat of both added up over the strips."""
-    here = scene("tricot", [4, 2], "gripped", 0.03, contact={"friction": 0.3}, wire={"plastic": True, "yield_stress": 2e8})
+    tables = {"contact": {"friction": 0.3}, "wire": {"plastic": True, "yield_stress": 2e8}, "model": {"nodes_per_loop": 14}}
+    here = scene("tricot", [4, 2], "gripped", 0.03, **tables)
     alone, steps, _, heat = last_reading(here, One())
     (shared, taken, _, shared_heat), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps and heat > 0.0 and np.any(alone.plastic_curvature != 0.0) and np.any(alone.touching.friction != 0.0)
@@ -225,7 +231,7 @@ def test_strips_in_a_temperature_field() -> None:
 def test_strips_are_one_membrane() -> None:
     """The forces that strips gather on the grid add up to those of the whole mesh, and a displacement of the grid moves both
     alike, copies included."""
-    here = scene("double atlas", [10, 10], "gripped")
+    here = scene("double atlas", [10, 10], "gripped", model={"nodes_per_loop": 14})
 
     def gathered_and_moved(ranks: Ranks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         model = build_model(here, "cpu", ranks)
@@ -290,6 +296,7 @@ def test_all_ranks_say_which_wires_overlap() -> None:
     assert run_ranks(2, text) == [alone, alone]
 
 
+@pytest.mark.slow
 def test_a_level_that_fails_is_reached_in_smaller_increments_by_all_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on one rank, to the bit: 4 % fail, then 2 % do not."""
     corrected = Relaxation.corrected
@@ -308,6 +315,7 @@ def test_a_level_that_fails_is_reached_in_smaller_increments_by_all_ranks(monkey
     assert_same_bits(shared, alone)
 
 
+@pytest.mark.slow
 def test_forces_on_the_nodes_of_the_mesh() -> None:
     """Given for the mesh of all ranks, on each of them: the middle is lifted."""
 

@@ -122,7 +122,7 @@ def test_an_interrupt_leaves_the_results_without_their_error(tmp_path, monkeypat
 
 def test_a_resumed_run_has_the_estimated_error_of_one_in_one_go(tmp_path, monkeypatch):
     """Interrupted on the way, and again while the error is estimated."""
-    scene = scene_of(variants={"count": 3, "standard_error": 0.0})
+    scene = scene_of(variants={"count": 2, "standard_error": 0.0}, output={"frames": 1, "usd": False, "figures": False})
     assert run_scene(scene, out=tmp_path / "whole", device="cpu").exit_code == 0
     check, changes, interrupts = Monitor._check, Sensitivity.changes, Interrupts()
     checks: list[object] = []

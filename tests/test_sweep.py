@@ -132,9 +132,9 @@ def test_pairs_of_a_map_have_as_many_meshes_as_their_means_need(tmp_path):
     assert len(counts) > 1
 
 
-@pytest.mark.parametrize("stop", [*slow(3), 9])
+@pytest.mark.parametrize("stop", [*slow(3), 5])
 def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_been(stop, tmp_path, monkeypatch):
-    """In space they run side by side, and those of a pair come to rest in any order, here the third or ninth of 16."""
+    """In space they run side by side, and those of a pair come to rest in any order, here the third or fifth of 8."""
     scene = load_scene({
         "wire": {"material": "molybdenum", "diameter": "30 um"},
         "knit": {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"},
@@ -142,7 +142,7 @@ def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_bee
         "contact": {"friction": 0.0},
         "solver": {"preset": "draft"},
         "output": {"frames": 2, "figures": False},
-        "sweep": {"strain_weft": [0.02, 0.04], "strain_warp": [0.02, 0.04]},
+        "sweep": {"strain_weft": [0.02, 0.04], "strain_warp": [0.02]},
         "variants": {"count": 4, "standard_error": 0.1},
     })  # fmt: skip
     run, found = batch.Batch.run, []

@@ -226,7 +226,8 @@ def test_loops_are_fitted_to_a_biaxial_curve(scene, tmp_path, monkeypatch):
         (",".join(COLUMNS) + "\n0.1,0.1,500,500\n", "rms error"),
     ],
 )
-def test_a_bad_curve_is_refused(scene, tmp_path, text, said):
+def test_a_bad_curve_is_refused(scene, tmp_path, monkeypatch, text, said):
+    monkeypatch.setattr(inputs, "FIT_TOLERANCE", 0.05)
     path = tmp_path / "measured.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="measured.csv") as refused:

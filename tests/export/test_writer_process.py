@@ -168,7 +168,7 @@ def test_stage_that_lost_frames_is_completed_from_the_states(directory: Path, la
 
 
 def start(out: Path, *arguments: str) -> subprocess.Popen[str]:
-    options = ("--preset=draft", "--set", "output.figures=false", "--device=cpu")
+    options = ("--preset=draft", "--set", "output.figures=false", "--set", "variants.sensitivity=false", "--device=cpu")
     command = [sys.executable, "-c", PROGRAM, "run", str(CELL), "--out", str(out), *options, *arguments]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
 

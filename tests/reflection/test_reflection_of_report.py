@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.commands.cli import main
+from warpknit.design import curves
 from warpknit.reflection.table import LossRow, least_tension
 from warpknit.results.row import read_rows
 from warpknit.scene import load_scene
@@ -36,7 +37,9 @@ def report(tmp_path_factory):
     """The directory of a report."""
     out = tmp_path_factory.mktemp("report")
     (out / "cell.toml").write_text(SCENE, encoding="utf-8")
-    done = CliRunner().invoke(main, ["report", str(out / "cell.toml"), "--out", str(out / "report"), "--quiet"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(curves, "POINTS", 2)
+        done = CliRunner().invoke(main, ["report", str(out / "cell.toml"), "--out", str(out / "report"), "--quiet"])
     assert done.exit_code == 0, done.output
     return out / "report"
 

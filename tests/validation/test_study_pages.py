@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -171,8 +172,11 @@ def has_row(cells: list[str], values: Iterable[list[list[float]]]) -> bool:
     return False
 
 
+braid_of = cache(braid)
+
+
 def of_free_knot(r: Knot) -> list[list[float]]:
-    b, e = braid(r.turns), r.e
+    b, e = braid_of(r.turns), r.e
     return [
         [r.turns], [e], [r.force_radius, r.energy_force, float(b.elastic(np.array(e))) / e**4],
         [r.energy / (np.pi * e**2), 1.0 + b.c * e], [r.contact_force / e**3, b.sigma],

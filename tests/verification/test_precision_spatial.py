@@ -64,6 +64,7 @@ def test_slow_motion_is_not_lost_in_space() -> None:
     assert np.abs(np.abs(fetch(stepper.state.displacement)) - way).max() < 2 * EPSILON * way
 
 
+@pytest.mark.slow  # the only ones that need all kernels in single precision
 @pytest.mark.parametrize("knit", KNITS)
 def test_knits_carry_what_they_do_in_double_precision(knit: str) -> None:
     """Both equilibria are within the residual tolerance of the true one: tensions to that share of the larger, and the largest

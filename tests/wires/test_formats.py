@@ -40,6 +40,7 @@ def test_polylines_are_the_same_wires_in_every_format(tmp_path, name, write, uni
     assert wires.period is None and wires.rest_lengths is None
 
 
+@pytest.mark.usefixtures("stages_read_here")
 def test_catmull_rom_curves_are_the_same_in_bcc_and_usd(tmp_path):
     samples.write_bcc(tmp_path / "knit.bcc", samples.patch())
     samples.write_usd(tmp_path / "knit.usda", samples.patch())
@@ -122,6 +123,7 @@ def stage_of(path, points, **options):
     return Usd.Stage.Open(str(path))
 
 
+@pytest.mark.usefixtures("stages_read_here")
 def test_transforms_units_and_axes_of_a_stage(tmp_path):
     """Moved by 1 along y, turned by 90 degrees about x and doubled, in inches with y up."""
     stage = Usd.Stage.CreateNew(str(tmp_path / "moved.usda"))
@@ -144,6 +146,7 @@ def test_transforms_units_and_axes_of_a_stage(tmp_path):
     assert wires.radius == pytest.approx(0.1 * 0.0254, rel=1e-6)
 
 
+@pytest.mark.usefixtures("stages_read_here")
 def test_a_stage_without_a_unit_is_in_centimetres(tmp_path):
     stage = stage_of(tmp_path / "cm.usda", [np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])])
     stage.GetRootLayer().pseudoRoot.ClearInfo("metersPerUnit")
@@ -162,6 +165,7 @@ def test_points_that_move_are_taken_at_a_time(tmp_path):
     assert lengths == pytest.approx([1e-3, 2e-3, 1.5e-3])
 
 
+@pytest.mark.usefixtures("stages_read_here")
 def test_only_what_is_drawn_is_read(tmp_path):
     stage = stage_of(tmp_path / "drawn.usda", [np.array([[0.0, 0, 0], [1, 0, 0]])], basis="linear", wrap="nonperiodic")
     for name in ("Hidden", "Proxy", "Guide"):

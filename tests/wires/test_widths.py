@@ -16,6 +16,8 @@ from warpknit.wires.file_curves import curves_of
 from warpknit.wires.read import read_wires
 from warpknit.wires.stage_process import stage_arrays
 
+pytestmark = pytest.mark.usefixtures("stages_read_here")
+
 X = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
 
 
