@@ -26,7 +26,7 @@ COMMAND = "#     "  # before a command in the comment of a scene
 
 HEAD = """# Gallery
 
-Each scene with its picture and its wall time on two shared cores of a Xeon, kernels compiled (`python tools/gallery.py`).
+Each scene has a picture and its wall time on two shared cores of a Xeon, without compilation (`python tools/gallery.py`).
 
 """
 

@@ -27,7 +27,7 @@ DEFINITION = (
     "Tangent of the tensioned mesh: S = prestress + C (E - alpha (T - T0)), with C = dS/dE. S is the second Piola-Kirchhoff"
     " stress (force per width), E the Green-Lagrange strain. Both refer to the tensioned mesh, where they equal true tension and"
     " small strain. Apply the tension to the FE model as prestress: C, E1, E2, nu12 and nu21 exclude its geometric stiffness."
-    " D11 to D22 include it, as a test machine does that strains the tensioned mesh in one direction and holds the other."
+    " D11 to D22 include it. A test machine measures them: it strains the tensioned mesh in one direction and holds the other."
 )
 OF_HISTORY = (
     f" With friction or yield, C, D and the constants from them hold for small cycles of {percent(CYCLE, 2)} of strain, after"
@@ -96,7 +96,9 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
         yield _unstable(card)
     if card.history is not None and card.difference > AGREEMENT:
         size, change = percent(2.0 * card.difference_step, 2), percent(card.difference, 0)
-        text = f"The stiffness of the material card depends on the size of a cycle: by {change} for cycles of {size} strain."
+        text = (
+            f"The stiffness of the material card depends on the size of a load cycle. It changes by {change} for {size} strain."
+        )
         yield ResultWarning("W52", text, "For larger changes of load use the card in loading/.")
     elif card.difference > AGREEMENT:
         yield ResultWarning(

@@ -14,6 +14,7 @@ from .. import measure
 from ..base.text import alike, celsius, engineering, exact, percent, short_percent
 from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
+from ..reflection.table import NEAR_BEST
 from ..results.finding import Finding, ResultWarning
 from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
@@ -121,16 +122,16 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     lines = answer_findings(answers, scene.wire.yield_stress, failed=path.failed)
     page.table([(line.name, line.text) for line in lines])
     of = (
-        f"These answers are {found.of_meshes}; a class closes where half of the meshes have closed it. "
+        f"These answers are {found.of_meshes}. A class counts as closed where it is closed in half of the meshes. "
         if found.has_means
         else ""
     )
     if found.of_meshes and not found.has_means:
         of = f"These answers are {found.of_meshes}; the map below is a mean. "
     page.text(
-        f"{of}Equal tensions in weft and warp, from the mesh as knitted in {len(path.rows) - 1} load levels,"
-        f" {path.end_text}. Another load path, as in a run or the map, may give other results. A, B, ... are classes of"
-        " contacts of one shape, from the tightest lens on. A clasp, where two wires hook each other, has two pairs,"
+        f"{of}The load path has equal tensions in weft and warp. It goes in {len(path.rows) - 1} load levels from the mesh as"
+        f" knitted {path.end_text}. Another load path, as in a run or the map, may give other results. A class of contacts, A,"
+        " B, ..., has all clasps of one shape; A has the tightest lens. A clasp, where two wires hook each other, has two pairs,"
         " one for each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
         f" knitted: the load alone causes its stress. First yield is at an {limit_text(scene)}."
     )
@@ -138,7 +139,7 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     page.figure(
         figures["tension"],
         "Active contacts and largest wire stress against equal tensions in weft and warp. The best tension is in the"
-        " middle of its valid range, the widest with the most active contacts below yield. Grey: snap-through to another"
+        " middle of its valid range: the widest range with the most active contacts below yield. Grey: snap-through to another"
         f" equilibrium.{band}",
     )
     if "heat" in figures:
@@ -153,7 +154,7 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
             ),
         )
     elif found.no_heat:
-        page.text(f"{found.no_heat[0].upper()}{found.no_heat[1:]}, so this page does not show what heat does.")
+        page.text(f"{found.no_heat[0].upper()}{found.no_heat[1:]}, so this page does not show the effect of heat.")
 
 
 def wire_text(wire: Wire) -> str:
@@ -208,7 +209,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     page.figure(
         figure,
         "Active contacts over the loads of the map. A tile shows the state at its middle; a tile at the edge of the map shows the"
-        " state on the edge. Markers of service tensions have the colour of their own contacts.",
+        " state on the edge. Markers of service tensions have the colour of their share of active contacts.",
     )
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
@@ -273,7 +274,7 @@ def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:
         ends = ((side, _whole_steps(min(0.0, *strains)), _whole_steps(max(0.0, *strains))) for side, strains in loads)
         wider = " and ".join(f"strain_{side} from {low:.2g} to {high:.2g}" for side, low, high in ends)
     shown = ", ".join(f"{point.name} ({point.strain}{f', {point.why}' if point.why else ''})" for point in points)
-    return f"Outside the map, so without a marker: {shown}. Use a [sweep] with {wider}."
+    return f"These service tensions are outside the map and have no marker: {shown}. Use a [sweep] with {wider}."
 
 
 def _whole_steps(strain: float) -> float:
@@ -359,7 +360,8 @@ def card_section(page: Page, found: Findings) -> None:
     if card.difference <= AGREEMENT:
         differ = percent(card.difference) if card.difference >= 1e-3 else "less than 0.1 %"
         page.text(
-            f"Doubling the difference step, and C21 in place of C12, change the stiffness by {differ} of its largest entry."
+            f"The stiffness changes by {differ} of its largest entry: the larger change with twice the strain step, and with C21"
+            " in place of C12."
         )
     if found.limit_of_curves is not None:
         page.warning(found.limit_of_curves)
@@ -405,17 +407,19 @@ def electric_section(page: Page, scene: Scene, tensioned: Observables | None, fi
     if tensioned is not None:
         resistances, sheet = contact_resistances(tensioned), sheet_resistance(tensioned)
         contacts = "none" if not len(resistances) else f"{_pair(resistances.min(), resistances.max(), 'ohm', ' to ')}"
-        rows.append((f"each of the {len(resistances)} points of a repeat where wires touch, at hooks and elsewhere", contacts))
+        rows.append(
+            (f"each of the {len(resistances)} points of a repeat where wires touch, at hooks and between stitches", contacts)
+        )
         shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)
         rows.append(("sheet resistance, weft / warp", shown + " per square"))
     page.table(rows)
     page.figure(figure, "Sheet resistance at equal strain in both directions. No value: no conduction in that direction.")
     metal = surface(scene.wire)
     page.text(
-        "Direct current through a network of wires and contacts, without a transverse field. Each contact is one circular spot"
-        f" (Holm); the surface has a resistivity of {1e9 * metal.resistivity:.3g} nOhm m and a hardness of"
+        "These values are for direct current through a network of wires and contacts, without a transverse field. Each contact"
+        f" is one circular spot (Holm). The surface has a resistivity of {1e9 * metal.resistivity:.3g} nOhm m and a hardness of"
         f" {1e-9 * metal.hardness:g} GPa (wire.hardness), at 20 degC. Oxide films are not included. In the spatial model wires"
-        " also touch outside the contacts that the shares count; in the planar model they do not."
+        " also touch between stitches. Shares of active contacts do not count these contacts. The planar model has none."
     )
 
 
@@ -428,9 +432,10 @@ def reflection_section(page: Page, lines: Sequence[Finding], figures: Sequence[P
     for figure in figures:
         page.figure(figure, "Reflection loss over the loads of the map, of the worse polarisation.")
     page.text(
-        "A plane wave on endless mesh of thin wires with skin effect, and at each contact Holm's constriction and the film of"
-        " [reflection]. Open: no contact conducts. Closed: all contacts, and gaps below the radius, are perfect. Least tension:"
-        " from it up to the elastic limit, the losses of the map differ by no more. reflection.csv has all values."
+        "A plane wave meets endless mesh of thin wires with skin effect. Each contact has Holm's constriction resistance and the"
+        " film of [reflection]. Open: no contact conducts. Closed: all contacts, and gaps below the radius, are perfect. Least"
+        f" tension: from it up to the elastic limit, all losses of the map lie within {NEAR_BEST} dB. reflection.csv has all"
+        " values."
     )
 
 

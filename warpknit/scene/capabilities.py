@@ -313,7 +313,7 @@ RULES = (
     Rule("file repeats", ("gripped",), "write [1, 1], or model.boundary = 'periodic'", "wires held at their ends do not repeat"),
     Rule("crossing distance", ("planar",), LEAVE_OUT, "both wires lie in one plane"),
     Rule("scatter", ("variants",), "write it as variants.scatter", "loops scatter from mesh to mesh"),
-    Rule("seed", ("variants",), "write it as variants.seed", "each mesh has one of its own"),
+    Rule("seed", ("variants",), "write it as variants.seed", "each mesh has another seed"),
     Rule("variants", ("ramp",), "write 1", "meshes side by side are relaxed"),
     # contact
     Rule("treatment", ("spatial",), LEAVE_OUT, OWN_CONTACT),

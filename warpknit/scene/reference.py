@@ -71,10 +71,10 @@ CAPABILITIES = """# Compatibility of features
 
 Generated from `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. Excluded combinations are refused
 with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in this table.
-A message states them. `model.kind = "auto"` is spatial, and planar only for what the spatial model lacks.
+A message states them. With `model.kind = "auto"` the model is spatial, unless the scene needs a feature of the planar model only.
 
-Empty: the two are alternatives. *no effect*: the key changes nothing, and `warpknit plan` says so. *partly*: excluded together
-with a third feature, see below. A report includes a map: whatever excludes a map excludes a report.
+An empty cell: the features are alternatives. *no effect*: the key changes nothing, and `warpknit plan` reports this. *partly*:
+excluded together with a third feature, see below. A report includes a map, so features that exclude a map exclude a report.
 
 """
 
