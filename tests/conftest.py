@@ -3,6 +3,7 @@
 SI values are small: pytest.approx needs `abs=0` beside `rel`, or its own 1e-12 hides a force of a piconewton.
 """
 
+import gc
 import os
 import shutil
 import tempfile
@@ -51,6 +52,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path in fast and item.get_closest_marker("slow") is None:
             item.add_marker(pytest.mark.fast)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Leave what is imported and collected out of garbage collection: it is there to the end, and large."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(autouse=True)

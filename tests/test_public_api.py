@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import warpknit
+from reference.cases import slow
 from warpknit.errors import DeviceError, InputError
 from warpknit.results.row import Row, read_rows
 from warpknit.runner.history import row_of
@@ -25,7 +26,7 @@ COARSE = [*SMALL, "solver.preset=draft", "model.nodes_per_loop=40", "load.strain
     ("scene", "settings"),
     [
         ("atlas_cell.toml", [*SMALL, "solver.preset=draft", "output.frames=2"]),
-        ("atlas_cell.toml", [*SMALL, "solver.preset=draft", "output.frames=2", "solver.drive=ramp"]),
+        *slow(("atlas_cell.toml", [*SMALL, "solver.preset=draft", "output.frames=2", "solver.drive=ramp"])),
         ("atlas_patch.toml", [*SMALL, "solver.preset=draft", "output.frames=1", "knit.repeats=[2, 2]"]),
         ("hook_free_body.toml", [*SMALL, "output.frames=2"]),
         ("atlas_cell_spatial.toml", [*COARSE, "output.frames=1"]),

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from reference.cases import slow
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import measure
 from warpknit.errors import Diverged
@@ -93,7 +94,7 @@ def test_masses_make_the_wanted_step_stable() -> None:
             assert numbers.added_mass > 1.0
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("friction", [*slow(0.0), 0.3])
 def test_interrupt_and_resume_give_the_same_bits(friction: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A load that comes on, contact lists, work and damping: all goes on as if nothing had been."""
     load = ("load.strain_warp=0.02", "solver.loading_time='0.05 ms'", "output.frames=2", "solver.damping='1e5 /s'")

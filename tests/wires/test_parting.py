@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from swatches import DIAMETER, swatch
 
+from reference.cases import slow
 from warpknit.errors import Diverged
 from warpknit.scene import make_scene
 from warpknit.solve import convergence
@@ -69,7 +70,7 @@ def test_wires_that_go_on_part_through_the_border_of_a_repeat() -> None:
     assert moved[0] == pytest.approx(moved[1], abs=1e-6 * DIAMETER)
 
 
-@pytest.mark.parametrize(("kind", "overlap"), [("plain", 0.9), ("rib", 0.5), ("cable", 0.7)])
+@pytest.mark.parametrize(("kind", "overlap"), [("plain", 0.9), *slow(("rib", 0.5), ("cable", 0.7))])
 def test_a_swatch_is_in_equilibrium_where_it_is_apart(kind: str, overlap: float, tmp_path: Path) -> None:
     """It takes no step to the mesh without load, which has no force and hooks as it did; from there it strains."""
     np.savez(tmp_path / "swatch.npz", wire=swatch(kind, 6, 5, overlap))
