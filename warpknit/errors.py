@@ -25,7 +25,7 @@ class WarpknitError(Exception):
 
 
 class InputError(WarpknitError, ValueError):
-    """Something that was asked for cannot be done: a scene, a key, a value, a unit, a device or a file."""
+    """An input is invalid: a scene, a key, a value, a unit, a device or a file."""
 
     exit_code = BAD_INPUT
 
@@ -47,11 +47,11 @@ class MemoryNeeded(ModelError):
 
 
 class DeviceError(InputError):
-    """The device that was named is not there."""
+    """The named device does not exist."""
 
 
 class RunDirectoryError(InputError):
-    """The run directory cannot be used: it holds a finished run, or it is not a directory."""
+    """The run directory cannot be used: it contains a finished run, or it is not a directory."""
 
 
 class ExportError(InputError):
@@ -59,34 +59,34 @@ class ExportError(InputError):
 
 
 class MissingExtra(InputError, ImportError):
-    """A package of an extra is not installed: the line names both."""
+    """A package of an extra is not installed: the message names both."""
 
 
 class Diverged(WarpknitError):
-    """The run diverged: the line names the wire, the node, the load, the likely cause and what to change."""
+    """The run diverged: the message names the wire, the node, the load, the likely cause and what to change."""
 
     exit_code = DIVERGED
     is_final = False  # whether smaller increments of load would end so, too
 
 
 class NoProgress(Diverged):
-    """A level does not come nearer to convergence: found after many steps."""
+    """A load level made no progress towards convergence in many steps."""
 
 
 class StepLimitExceeded(Diverged):
-    """A level took more steps than allowed: the line gives its residual and what to raise."""
+    """A load level took more steps than allowed: the message has its residual and the key to raise."""
 
     is_final = True
 
 
 class NotCarried(Diverged):
-    """A mesh strains without end under a tension that it cannot carry: the line gives the largest one that it carried."""
+    """A mesh strains without end under a tension that it cannot carry: the message has the largest tension that it carried."""
 
     is_final = True
 
 
 class OutOfResources(WarpknitError):
-    """Memory or disk ran out during a run: the line gives what was needed against what was available."""
+    """Memory or disk ran out during a run: the message has the needed and the available amount."""
 
     exit_code = OUT_OF_RESOURCES
 

@@ -92,16 +92,16 @@ def run(
         run.summary["contacts"]["active_percent"]
         run.history["tension_weft_N_per_m"]                                  # [record] [N/m]
 
-    scene: a `Scene`, or what `load_scene` takes. out: default `runs/<scene name>`.
+    scene: a `Scene`, or a source for `load_scene`. out: default `runs/<scene name>`.
     device: "cpu" or "cuda:0"; default: the first CUDA device for meshes of 10,000 nodes or more, else the CPU.
     error: [%] 2 or "2 %": choose the cheapest settings within this error, and estimate the error of the run.
-    probes: own measures by name, functions of a `Record` (docs/python.md): a column of history.csv and a key of the summary each.
+    probes: functions of a `Record` by name (docs/python.md); each becomes a column of history.csv and a key of the summary.
         run(scene, out, probes={"height_m": lambda record: float(np.ptp(record.observables.node_position[:, 2]))})
     resume: continue an interrupted run in `out`; the results of a finished run of the same scene are returned as they are.
     force: replace earlier results in `out`. quiet: show no progress.
 
     Raises InputError (a scene, a key, a device, a directory), Diverged, OutOfResources, and KeyboardInterrupt with a checkpoint
-    written. What was finished by then is in `out`: `load_run(out)`.
+    written. The finished records are then in `out`: `load_run(out)`.
     """
     loaded = load_scene(scene, command="run" if error is None else "error")
     return finished_run(
@@ -177,7 +177,7 @@ def run_map(
         run.tables["map"]["active_percent"]                                  # [pair of strains] [%]
         run.tables["map"].grid("active_percent", "strain_warp", "strain_weft")  # (warp, weft) [%]
 
-    scene, out, resume, force, quiet and what is raised: as in `run`. Maps run on the CPU.
+    scene, out, resume, force, quiet and exceptions: as in `run`. Maps run on the CPU.
     """
     loaded = load_scene(scene, command="map")
     return finished_run(

@@ -170,12 +170,12 @@ class Frame:
         node_stress       [node] [Pa]         largest stress of the wire at a node
         body_position     [body, 3] [m]       places where two wires hook each other
         pair_force        [pair] [N]          normal contact force where wires hook; pairs 2b and 2b + 1 belong to body b
-        pair_active       [pair]              whether a pair is closed with more than the threshold
+        pair_active       [pair]              whether the force of a pair exceeds the threshold
         body_force        [body] [N]          the smaller force of the two pairs
         body_active       [body]              whether both pairs are active
         deformation       [2, 2]              mean deformation gradient, of strains and shear
         between           [node, curve_parts - 1, 3] [m]  points of the drawn curve to the next node, relative to the node
-        elsewhere_position  [contact, 3] [m]  active contacts at no body; empty in planar models and old files
+        elsewhere_position  [contact, 3] [m]  active contacts between stitches; empty in planar models and old files
         elsewhere_force     [contact] [N]     their normal force
         elsewhere_wires     [contact, 2]      the wires that touch; twice the same where a wire touches itself
         contact_force     [place] [N]         active contacts of a periodic mesh; empty otherwise and in old files

@@ -145,7 +145,7 @@ class Run:
         states           recorded states, by index; each a `Frame` with
             node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
             pair_force [pair] [N] where wires hook, pair_active [pair], body_force [body] [N], body_active [body],
-            elsewhere_position (contact, 3) [m], elsewhere_force [contact] [N], elsewhere_wires (contact, 2) where no wires hook,
+            elsewhere_position (contact, 3) [m], elsewhere_force [contact] [N], elsewhere_wires (contact, 2) between stitches,
             contact_force [place] [N], contact_wires (place, 2), contact_share (place, 2) of every contact of a periodic mesh,
             stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
         observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
@@ -154,7 +154,7 @@ class Run:
         scene, card, fit, figures, directory, export(to)
     Pairs 2b and 2b + 1 belong to body b, where two wires hook each other. help(run.states[-1]) has all fields of a state,
     help(run.layout) all fields of the layout.
-    Everything but the summary is read when it is asked for. docs/scenes.md explains each value.
+    All but the summary is read on first access. docs/scenes.md explains each value.
     """
 
     def __init__(self, directory: Path, summary: Tree) -> None:
@@ -276,7 +276,7 @@ class Run:
     def view(self, *, host: str = "localhost", port: int = 8080) -> Viewer:
         """Show the records in the browser and in a notebook, until its `stop()`. The result has the `url`.
 
-        port: the first free one from here on is taken. Needs the extra `view`. Raises `ExportError` for a map.
+        port: the first port to try. Needs the extra `view`. Raises `ExportError` for a map.
         """
         from ..export.view import open_viewer
 
@@ -352,14 +352,14 @@ class Tables(Mapping[str, Table]):
 
 
 def load_run(out: str | os.PathLike[str]) -> Run:
-    """Results of a run, map, trade or report in the directory `out`; also of an unfinished one.
+    """Results of a run, map, trade or report in the directory `out`; also of an unfinished run.
 
         run = load_run("runs/atlas_cell")
         run.history["strain_weft"], run.history["tension_weft_N_per_m"]     # [record], [record] [N/m]
 
-    help(warpknit.Run) lists what it has. Raises RunDirectoryError where there are no results, where the run goes on or was killed
-    before it wrote a summary, or where they cannot be read; so do history, tables, states, layout, observables and card, which
-    are read when they are asked for. The line names the file.
+    help(warpknit.Run) lists the fields of the result. Raises RunDirectoryError if there are no results, if the run is in progress
+    or was killed before it wrote a summary, or if a file cannot be read. History, tables, states, layout, observables and card
+    are read on first access and raise the same error. The message names the file.
     """
     directory = directory_of(out, "load_run")
     for name in SUMMARIES:

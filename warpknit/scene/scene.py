@@ -117,8 +117,8 @@ class Scene:
         scene.stages[-1].strain_warp
         thicker = scene.changed({"wire.diameter": "17 um"})
 
-    Made by `load_scene`. What the file leaves out has its default; None means that the model or the solver chooses, or that the
-    feature is off. A scene has a knit, a hook or wires. Equal scenes compare equal, whatever file they were read from.
+    Made by `load_scene`. Keys that the file leaves out have their defaults. None means that the model or the solver chooses, or
+    that the feature is off. A scene has a knit, a hook or wires. Equal scenes compare equal, whatever file they were read from.
     """
 
     name: str
@@ -176,7 +176,7 @@ class Scene:
 
     @property
     def of_even_loops(self) -> Scene:
-        """The mesh about which its [variants] scatter: a scene of a single mesh of even loops."""
+        """The scene of a single mesh with equal loops, about which [variants] scatter."""
         return replace(self, knit=replace(self.knit, scatter=0.0), variants=replace(self.variants, count=1))
 
     def variant(self, number: int) -> Scene:

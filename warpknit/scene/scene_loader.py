@@ -70,13 +70,14 @@ def load_scene(
             strain_warp = 0.1
         ''')
 
-    source: a string with a line break is TOML, as is one with "=" that is no file; other strings are paths, or names of scenes
-        that ship with the package, such as "atlas_patch". A file comes before a name. A scene is changed.
+    source: a path, TOML text, a dict, or a scene, which is then changed. A string is TOML if it has a line break, or "=" and is
+        no file. Other strings are paths, or names of scenes that ship with the package, such as "atlas_patch". A file takes
+        precedence over a name.
     overrides: values of dotted keys, as a mapping, or a list of "key=value" strings (the value is TOML, else a plain string) and
-        of (key, value) pairs. A strain set this way takes the place of the file's tension in that direction, and so for other
-        ways to say the same.
-    preset: takes the place of `solver.preset`; keys that the file gives still stand.
-    command, ranks: what the scene is for, as in `refuse`; they may decide the model of `model.kind = "auto"`.
+        of (key, value) pairs. An override replaces the keys of the file for the same quantity: a strain replaces the tension in
+        this direction.
+    preset: replaces `solver.preset`; keys given in the file take precedence.
+    command, ranks: use of the scene, as in `refuse`. With `model.kind = "auto"` the model may depend on them.
 
     Quantities are strings with their unit or numbers in SI; docs/scenes.md has all keys.
 

@@ -28,7 +28,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
     device: "cpu" or "cuda:0". ranks: processes that share the mesh; the model then covers this rank's strip.
 
-    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `DeviceError`, `InputError` for what is no scene.
+    Raises `ModelError`, `MemoryNeeded`, `KnitError`, `SceneError`, `DeviceError`, `InputError` if `scene` is no scene.
     """
     if not isinstance(scene, Scene):
         raise InputError(f"build_model: {scene!r} is not a scene; give one, such as load_scene('scene.toml')")
@@ -46,7 +46,8 @@ def initial_state(model: Model) -> Any:
         records = list(Simulation(model, state).run())               # changes the state
         state.arrays()                                               # copies on the host, by name
 
-    The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py. Raises `InputError` for no model.
+    The fields, with units, are in warpknit/planar/state.py and warpknit/spatial/rod_arrays.py.
+    Raises `InputError` if `model` is no model.
     """
     if not hasattr(model, "scene"):
         raise InputError(f"initial_state: {model!r} is not a model; give one, such as build_model(scene)")

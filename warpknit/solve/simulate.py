@@ -33,7 +33,7 @@ NODES_A_STRIP = 4_000  # of a smaller mesh: below it communication costs more th
 
 
 class Simulation:
-    """A run of a model through the stages of its scene, from a state; default: the mesh as knitted. It writes no files.
+    """A run of a model through the load steps of its scene, without files. It begins at `state`, by default the mesh as knitted.
 
         for record in Simulation(build_model(scene)).run():
             print(record.load_factor, measure.mesh_tension(record.observables))      # [N/m] weft, warp
@@ -42,17 +42,18 @@ class Simulation:
     state on the host, with `node_position` (node, 3) [m], `pair_force` [pair] [N], `wire_stress.node` [node] [Pa] and more, see
     `help(record.observables)`. `warpknit.measure` derives measures from them.
 
-    worlds: scenes, or their models, that run side by side in place of the model: other loads or temperatures; in the spatial
-    model also loops scattered by another seed, or another friction. Records arrive as worlds find them, with the number of their
-    world. A world that fails is left out, with its error in `failures`. Small meshes take a fraction of the time of single runs.
+    worlds: scenes, or their models, that run side by side in place of the model. They may differ in loads and temperatures, in
+    the spatial model also in the seed of the scatter and in friction. Records come in the order in which worlds converge;
+    `record.world` is the number of the world. A world that fails ends, and `failures` has its error. Small meshes take a fraction
+    of the time of single runs.
 
         scenes = [scene.changed([f"load.strain_weft={strain}"]) for strain in (0.02, 0.04, 0.06)]
         last = {record.world: record for record in Simulation(build_model(scene), worlds=scenes).run()}
 
     Worlds that differ in loads reproduce single runs bit by bit; worlds of other seeds agree with them within the tolerance.
 
-    progress: of a checkpoint, to go on from; of worlds one each. monitor: called after every convergence check with the progress;
-    may raise to stop.
+    progress: from a checkpoint, to continue; with worlds one for each. monitor: called with the progress after every convergence
+    check; it may raise an exception to stop.
     """
 
     def __init__(
@@ -124,9 +125,9 @@ class Simulation:
             simulation.set_force(np.where(node[:, 2:] > 0.0, [0.0, 0.0, 1e-6], 0.0))
             for record in simulation.run(): ...
 
-        Between two records it may be set anew, for a force that follows the mesh, where `output.frames` is a number. Its work is
-        in no energy balance.
-        Raises ModelError: for the planar model, for another shape, and for a resultant on a tile that nothing holds.
+        If `output.frames` is a number, the force may be set again between two records, so that it follows the mesh. The energy
+        balance does not include its work.
+        Raises ModelError: for the planar model, for another shape, and if the forces on a periodic tile do not sum to zero.
         """
         set_dead_load = getattr(self.mechanics, "set_dead_load", None)
         if set_dead_load is None:
@@ -230,7 +231,7 @@ class Simulation:
         self.drive.compile()
 
     def run(self) -> Iterator[Record]:
-        """Records of all stages from `progress` on: the unloaded mesh, then the load levels of `output.frames` of each stage.
+        """Records of all load steps from `progress` on: the unloaded mesh, then the load levels of each load step.
 
         Raises:
             Diverged: a level does not converge, wires pass through each other, or values are not finite.

@@ -22,11 +22,11 @@ def wires_from_arrays(points: Sequence[ArrayLike], *, closed: bool | Sequence[bo
         weft, warp = np.stack([s, 0 * s, wave], axis=1), np.stack([0 * s, s, -wave], axis=1)
         load_scene({"wires": wires_from_arrays([weft, warp]), "wire": {"diameter": "0.1 mm"}, "load": {"strain_weft": 0.01}})
 
-    points: of each wire (point, 3) [m]: x along weft, y along warp, z across the mesh. A smooth curve passes through them.
-    closed: whether the ends of a wire are joined: of all wires, or (wire,). A wire whose last point repeats its first is closed.
+    points: an array (point, 3) [m] for each wire: x along weft, y along warp, z across. A smooth curve passes through them.
+    closed: whether the ends are joined, for all wires or for each (wire,). A wire whose last point repeats its first is closed.
     keys: other keys of `[wires]`, such as node_spacing="50 um" or period=["1.2 mm", "1 mm"]; see docs/scenes.md.
 
-    The wires are read as an .npz file of the same arrays is (docs/how-to/wires_from_a_file.md); runs keep a copy, wires.npz.
+    An .npz file of the same arrays gives the same wires (docs/how-to/wires_from_a_file.md). A run keeps a copy, wires.npz.
 
     Raises `InputError`, with the number of the wire, for points that are not (point, 3) finite numbers.
     """
