@@ -71,6 +71,14 @@ def test_a_curve_marks_the_point_behind_a_jump(levels, monkeypatch):
     assert all(point.tension_weft_N_per_m is not None for point in points)
 
 
+def test_both_directions_are_strained_together_to_the_largest_strains_of_the_map(monkeypatch):
+    """In proportion: at two thirds of the way both strains are two thirds of their ends."""
+    monkeypatch.setattr("warpknit.design.curves.POINTS", 3)
+    model = build_model(load_scene(SCENES / "contact_map.toml", ["output.frames=3"], "draft"))
+    both = [(one.strain_weft, one.strain_warp) for one in tension_strain(model, 0.06, 0.03) if one.load == "both"]
+    assert both == [pytest.approx((0.02 * k, 0.01 * k), abs=1e-12) for k in range(4)]
+
+
 def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
     """under_strain prescribes the deformation gradient; a frame that grows with heat adds its own strain to those of a scene."""
     settings = ["model.frame_expansion=1e-5", 'load.temperature="120 degC"', "output.frames=1"]

@@ -297,7 +297,7 @@ def test_the_curves_are_a_table(reports):
     out, *_ = reports
     with open(out / "tension_strain.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert [row["load"] for row in rows] == ["equal"] * 3 + ["weft_alone"] * 3 + ["warp_alone"] * 3
+    assert [row["load"] for row in rows] == ["both"] * 3 + ["weft_alone"] * 3 + ["warp_alone"] * 3
     assert float(rows[2]["tension_weft_N_per_m"]) > float(rows[5]["tension_weft_N_per_m"]) > 0.0
     assert rows[0]["sheet_resistance_weft_ohm"] == ""  # no contact, no current across
 

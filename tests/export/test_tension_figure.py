@@ -20,7 +20,7 @@ def test_the_axis_of_tension_ends_little_above_the_elastic_limit(tmp_path, monke
     beyond = {"stress_max_Pa": [0.0, 5e8, 7e8, 9e9], "tension_weft_N_per_m": [0.0, 1.0, 3.0, 1000.0]}
     below = {"stress_max_Pa": [0.0, 1e8, 2e8, np.nan], "tension_weft_N_per_m": [0.0, 0.5, 1.0, np.nan]}
     curves = {}
-    for load, curve in (("equal", beyond), ("weft_alone", below)):
+    for load, curve in (("both", beyond), ("weft_alone", below)):
         strains = {f"strain_{side}": np.linspace(0.0, 0.1, 4) for side in ("weft", "warp")}
         columns = {name: np.array(values) for name, values in curve.items()} | strains
         curves[load] = columns | {"tension_warp_N_per_m": np.zeros(4), "jump": np.zeros(4)}
@@ -37,7 +37,7 @@ def test_curves_of_a_report_are_dotted_over_jumps_as_those_of_a_run(tmp_path, mo
     names += ("sheet_resistance_weft_ohm", "sheet_resistance_warp_ohm", "strain_weft", "strain_warp")
     for jump, dotted in (([0, 0, 1, 0], 2), ([0, 0, 0, 0], 0)):
         curve = {name: 0.01 * np.arange(1.0, 5.0) for name in names} | {"jump": np.array(jump, dtype=float)}
-        design_figures.tension_strain_figure({"equal": curve}, tmp_path / "curves.png", yield_stress=6e8)
+        design_figures.tension_strain_figure({"both": curve}, tmp_path / "curves.png", yield_stress=6e8)
         design_figures.resistance_figure(curve, tmp_path / "resistance.png")
         for figure in drawn[-2:]:
             lines = [line for line in figure.axes[0].lines if line.get_linestyle() == ":"]
@@ -129,7 +129,7 @@ def test_compression_is_shaded_and_meshes_have_their_range(tmp_path, monkeypatch
         curve |= {"tension_weft_N_per_m": np.array(weft), "tension_warp_N_per_m": np.linspace(0.0, 1.0, 3)}
         curve |= {"stress_max_Pa": np.zeros(3), "jump": np.zeros(3)}
         curve |= {"p10_tension_weft_N_per_m": np.array(weft) - 0.1, "p90_tension_weft_N_per_m": np.array(weft) + 0.2}
-        design_figures.tension_strain_figure({"equal": curve}, tmp_path / "curves.png", yield_stress=6e8)
+        design_figures.tension_strain_figure({"both": curve}, tmp_path / "curves.png", yield_stress=6e8)
         (axes,) = drawn[-1].axes
         spans = [patch for patch in axes.patches if str(patch.get_label()).startswith("compressed")]
         assert len(spans) == shaded

@@ -1,4 +1,4 @@
-"""Tension-strain curves: equal strain in both directions, and one direction strained with the other held."""
+"""Tension-strain curves: both directions strained together, and one strained with the other held."""
 
 from __future__ import annotations
 
@@ -21,23 +21,22 @@ from .load_path import LoadPath, part_of, path_of, under_strain
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
-LOADS = (("equal", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
+LOADS = (("both", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
 def tension_strain(
     meshes: Mesh | Sequence[Mesh], weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None
 ) -> list[Row]:
-    """The curves of all LOADS up to the strains `weft` and `warp`; with equal strain, up to the smaller one.
+    """The curves of all LOADS up to the strains `weft` and `warp`; both together grow in proportion.
 
     meshes: one, or several, whose curves are means with the ranges of eight in ten. `monitor` is called with the share of
     the curves that is found.
     """
     points = []
     for number, (name, along_weft, along_warp) in enumerate(LOADS):
-        end = min(weft, warp) if along_weft and along_warp else weft if along_weft else warp
         path = path_of(meshes)
         levels = math.ceil(path.scene.output.levels / POINTS)  # of the way from one point to the next
-        stage = under_strain(path.scene, np.diag([1.0 + along_weft * end, 1.0 + along_warp * end]))
+        stage = under_strain(path.scene, np.diag([1.0 + along_weft * weft, 1.0 + along_warp * warp]))
         found: dict[int, list[Observables]] = {}
         rows: list[Row] = []
         with suppress(Diverged):
@@ -48,7 +47,7 @@ def tension_strain(
         jumped = jumps_of(path.model, rows) if isinstance(path, LoadPath) else []  # of means there are none
         behind = {math.ceil(after.index / levels) for _, after in jumped}
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
-            strains = along_weft * end * share, along_warp * end * share
+            strains = along_weft * weft * share, along_warp * warp * share
             points.append(_mean_point([_point(name, *strains, state, k in behind) for state in found.get(k, [None])]))
     columns = dict.fromkeys(name for point in points for name in vars(point))
     return [Row(**dict.fromkeys(columns) | vars(point)) for point in points]

@@ -166,7 +166,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         ),
         "curves": lambda path: tension_strain_figure(curves, path, yield_stress=limit),
         "openings": lambda path: openings_figure(circles, BANDS, path),
-        "resistance": lambda path: resistance_figure(curves["equal"], path),
+        "resistance": lambda path: resistance_figure(curves["both"], path),
     }  # fmt: skip
     if found.answers is not None:
         answers, path = found.answers, columns_of(map(vars, found.path.rows))

@@ -413,7 +413,7 @@ def electric_section(page: Page, scene: Scene, tensioned: Observables | None, fi
         shown = " / ".join("does not conduct" if value is None else engineering(value, "ohm") for value in sheet)
         rows.append(("sheet resistance, weft / warp", shown + " per square"))
     page.table(rows)
-    page.figure(figure, "Sheet resistance at equal strain in both directions. No value: no conduction in that direction.")
+    page.figure(figure, "Sheet resistance with both directions strained together. No value: no conduction in that direction.")
     metal = surface(scene.wire)
     page.text(
         "These values are for direct current through a network of wires and contacts, without a transverse field. Each contact"

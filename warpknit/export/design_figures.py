@@ -19,7 +19,6 @@ from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, Lin
 from warpknit.results.row import Columns, Row, Values
 
 TITLES = {
-    "equal": "equal strain in both directions",
     "weft_alone": "weft strained, warp held",
     "warp_alone": "warp strained, weft held",
 }
@@ -31,8 +30,9 @@ LONGEST_AXIS = 20.0  # upper over lower end of the axis of tension: service tens
 BEFORE = 0.8  # of the lowest reported tension: begin of the axis
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
-LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.4, 1.4, 7.0  # [pt] of the last class, of each before it, which it may lie on, at most
+LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.2, 0.9, 6.3  # [pt] of the last class, of each before it, which it may lie on, at most
 LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one stands beside the best tension
+EQUAL = 1e-6  # of a strain: round-off between weft and warp
 LEAST_DECADES = 0.6  # of a resistance axis: a constant resistance is a level line
 
 SIDES: dict[str, LineLook] = {
@@ -146,7 +146,7 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     bottom = min(0.0, float(np.nanmin(np.concatenate(tensions), initial=0.0)))
     scale, unit = scale_of("N/m", np.array([top]))
     for axes, (load, curve) in zip(np.atleast_1d(panels), curves.items(), strict=True):
-        strain = 100.0 * np.maximum(curve["strain_weft"], curve["strain_warp"])
+        strain, axis, together = _strain_axis(curve)
         for side, look in SIDES.items():
             name = f"tension_{side}_N_per_m"
             values = scale * curve[name]
@@ -158,8 +158,8 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
             there = [first, beyond[0]]
             begin = np.interp(yield_stress, curve["stress_max_Pa"][there], strain[there])
             axes.axvspan(float(begin), strain[-1], color="#F3D9C6", zorder=0, label="beyond the elastic limit")
-        axes.set_title(TITLES[load], fontsize="medium")
-        axes.set_xlabel("strain [%]")
+        axes.set_title(TITLES.get(load, together), fontsize="medium")
+        axes.set_xlabel(axis)
         plain(axes)
     first = np.atleast_1d(panels)[0]
     first.set_ylabel(f"tension [{unit}]")
@@ -170,6 +170,15 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     handles = [*_handles(figure), *jump_handles(figure), *band_handles(figure)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
+
+
+def _strain_axis(curve: Columns) -> tuple[NDArray[Any], str, str]:
+    """Larger strain of a curve [%], the label of its axis, and both strains in words."""
+    weft, warp = (100.0 * float(curve[f"strain_{side}"][-1]) for side in ("weft", "warp"))
+    side = "weft" if weft >= warp else "warp"
+    is_equal = abs(weft - warp) <= EQUAL * max(weft, warp)
+    together = "equal strain in both directions" if is_equal else f"both strained, to {weft:.3g} % in weft, {warp:.3g} % in warp"
+    return 100.0 * curve[f"strain_{side}"], "strain [%]" if is_equal else f"strain in {side} [%]", together
 
 
 def _top_tension(curves: Sequence[Columns], yield_stress: float) -> float:
@@ -188,10 +197,11 @@ def _top_tension(curves: Sequence[Columns], yield_stress: float) -> float:
 
 
 def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
-    """Draw sheet resistance and active contacts against equal strain in both directions."""
+    """Draw sheet resistance and active contacts against strain in both directions."""
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
-    strain = 100.0 * curve["strain_weft"]
+    strain, axis, together = _strain_axis(curve)
+    axes.set_title(together, fontsize="medium")
     for side, look in SIDES.items():
         resistance = curve[f"sheet_resistance_{side}_ohm"]
         label = f"along {side}" if np.isfinite(resistance).any() else f"along {side}: does not conduct"
@@ -206,7 +216,7 @@ def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         axes.yaxis.set_minor_formatter("{x:.1g}")
-    axes.set_xlabel("strain in weft and warp [%]")
+    axes.set_xlabel(axis)
     axes.set_ylabel("sheet resistance [ohm/sq]")
     axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
     share = axes.twinx()

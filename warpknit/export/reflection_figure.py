@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from warpknit.base.text import engineering
-from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, WIDTHS, figure_of, plain, save_figure, scale_of
+from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
 from warpknit.results.row import Columns
 
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
@@ -23,7 +26,7 @@ LEAST_LOSS = 1e-4  # [dB] drawn
 def tension_figure(rows: Columns, frequencies: Sequence[float], path: str | os.PathLike[str], title: str) -> Path:
     """Draw the loss under tension against the mean tension, a curve for each frequency [Hz].
 
-    rows: columns of reflection.csv. Behind each curve lies the range between all contacts open and all closed.
+    rows: columns of reflection.csv. Thin lines: all contacts open, and all closed.
     """
     figure = figure_of(10.5, 4.6)
     figure.suptitle(title, fontsize="medium")
@@ -36,6 +39,7 @@ def tension_figure(rows: Columns, frequencies: Sequence[float], path: str | os.P
             _draw_loss(axes, scale * tension, rows, here, side, colour, engineering(frequency, "Hz", 4))
         axes.set_xlabel(f"tension, mean of weft and warp [{unit}]")
         _finish(axes, rows, name)
+    _add_legend(figure, rows)
     return save_figure(figure, path)
 
 
@@ -50,35 +54,40 @@ def frequency_figure(rows: Columns, record: int, path: str | os.PathLike[str], t
         _draw_loss(axes, 1e-9 * rows["frequency_Hz"], rows, here, side, BLUE, "contacts as computed")
         axes.set_xlabel("frequency [GHz]")
         _finish(axes, rows, name)
+    _add_legend(figure, rows)
     return save_figure(figure, path)
 
 
 def _draw_loss(
     axes: Axes, place: NDArray[np.float64], rows: Columns, here: NDArray[np.bool_], side: str, colour: str, label: str
 ) -> None:
-    """Draw the loss of rows, and the range between open and closed contacts."""
+    """Draw the loss of rows, and the losses with open and closed contacts, with a dot at each row."""
     loss = np.maximum(rows[f"loss_{side}_dB"], LEAST_LOSS)
     states = {name: np.flatnonzero(here & (rows["contacts"] == name)) for name in ("computed", "open", "closed")}
     states = {name: those[np.argsort(place[those], kind="stable")] for name, those in states.items() if len(those)}
-    if {"open", "closed"} <= set(states):
-        bounds = np.stack([loss[states["open"]], loss[states["closed"]]])
-        axes.fill_between(place[states["open"]], bounds.min(axis=0), bounds.max(axis=0), color=colour, alpha=0.12, linewidth=0.0)
     for name, dashes in (("open", ":"), ("closed", "--")):
         if name in states:
-            axes.plot(place[states[name]], loss[states[name]], color=colour, linestyle=dashes, linewidth=1.0)
+            look: LineLook = {"color": colour, "linestyle": dashes, "linewidth": 1.0, "marker": "o", "markersize": 2.0}
+            axes.plot(place[states[name]], loss[states[name]], **look)
     name, those = next(iter(states.items()), ("", np.zeros(0, dtype=int)))
     axes.plot(place[those], loss[those], color=colour, linewidth=WIDTHS[1], marker="o", markersize=3.5, label=label)
 
 
 def _finish(axes: Axes, rows: Columns, name: str) -> None:
-    """Scales, labels and legend of one polarisation."""
+    """Scales and labels of one polarisation."""
     is_normal = not rows["theta"].any() and not rows["phi"].any()
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylabel("reflection loss [dB]")
     axes.set_title(AT_NORMAL[name] if is_normal else name, fontsize="medium")
     plain(axes)
+
+
+def _add_legend(figure: Figure, rows: Columns) -> None:
+    """One legend below both polarisations."""
+    handles: list[Artist] = [*figure.axes[0].get_legend_handles_labels()[0]]
     if {"open", "computed"} <= set(rows["contacts"]):
-        axes.plot([], [], color="#404040", linestyle=":", linewidth=1.0, label="all contacts open")
-        axes.plot([], [], color="#404040", linestyle="--", linewidth=1.0, label="all contacts closed")
-    axes.legend(frameon=False, fontsize="small")
+        for state, dashes in (("open", ":"), ("closed", "--")):
+            look: LineLook = {"color": "#404040", "linestyle": dashes, "linewidth": 1.0}
+            handles.append(Line2D([], [], label=f"all contacts {state}", **look))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize="small")

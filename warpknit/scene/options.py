@@ -444,7 +444,7 @@ class Reflection(Table):
         0.0,
     )
     contacts: values.ContactState = key(
-        "State of the contacts. `computed`: resistance from the contact force, and beside it the bounds `open` and `closed`."
+        "State of the contacts. `computed`: resistance from the contact force; `open` and `closed` are computed as well, for comparison."
         " `open`: no contact conducts. `closed`: all contacts are perfect.",
         "computed",
     )
