@@ -180,7 +180,8 @@ columns of each. A name with `A` stands for such a column of each class of conta
 One row for each state, frequency and state of the contacts, with `[reflection]` ([theory](../theory/reflection.md)).
 The section `reflection` of `summary.json` and `map.json` has the columns from `frequency_Hz` on, for one state. For a run this is
 the last state. For a map it is the state at the least tension for the highest frequency. In this section `loss_open_te_dB`,
-`loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are with all contacts open and all closed; they are null where they were not solved.
+`loss_open_tm_dB`, `loss_closed_te_dB` and `loss_closed_tm_dB` are with all contacts open and all closed; they are null where
+they were not solved.
 
 {reflection_table}
 """
