@@ -15,7 +15,7 @@ from warpknit.results.row import Values
 from warpknit.runner import warnings_of as warnings
 from warpknit.runner.answers import heat_of
 from warpknit.runner.branches import jumps_of, with_work, work_steps
-from warpknit.runner.history import missing_work
+from warpknit.runner.history import missing_steps, missing_work
 from warpknit.scene import make_scene
 from warpknit.studies.contact_map import MapRow, find_jumps, jump_warning
 from warpknit.studies.map_table import MapSummary, map_table
@@ -229,6 +229,16 @@ def test_a_run_loses_work_in_its_jump_alone() -> None:
     lost = np.diff([missing_work(one, model()) for one in rows]) / (AREA * MODULUS)
     between = 0.1 * 0.5 * (0.2 + 0.5 * 0.3) - 0.5 * (0.5 * 0.3**2 - 0.2**2)
     assert lost == pytest.approx(np.where(np.arange(5) == SECOND - 1, between, 0.0), abs=1e-12)
+
+
+def test_slack_is_no_missing_work() -> None:
+    """From 0 to 0.1 strain a slack bar whose force rises at the end only: the trapezoid over it is no work that is lost. The
+    balance of the steps behind it is that of the same rows without the first."""
+    rows = with_work(levels(0.5), model())
+    scene, whole = model(), [row.changed(work_J=row.work_J + 1.0) for row in rows]
+    whole[0] = rows[0]
+    assert missing_work(whole[-1], scene) == pytest.approx(1.0 + missing_work(rows[-1], scene))
+    assert sum(missing_steps(whole, scene)) == pytest.approx(sum(missing_steps(rows[1:], scene)), rel=1e-9)
 
 
 def test_work_that_is_not_stored_is_told_where_it_is_missing() -> None:

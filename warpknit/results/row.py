@@ -165,7 +165,8 @@ class Row(Values):
     body_y_m: float  # place of the body of a hook in warp
     kinetic_to_internal: float  # largest ratio of kinetic to stored energy in the states that count as results
     energy_balance: float  # work less stored, dissipated and kinetic energy, over the larger of stored energy and EI/W a loop
-    energy_balance_of_stored: float  # the same over the largest stored energy so far; needs four `output.frames` or more
+    energy_balance_of_stored: float  # the same over the largest stored energy so far, without steps over which the mesh is slack;
+    # needs four `output.frames` or more
     penetration_max: float  # largest overlap of all records, over d
     stress_max_so_far_Pa: float  # largest stress of all records so far
     probes: Mapping[str, float | None]  # last values of the probes of `run`, by their names

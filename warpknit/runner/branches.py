@@ -14,13 +14,12 @@ from ..base.text import both, engineering
 from ..measure import MeshModel, energy_scale
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..results.row import Row
-from .history import mean_tension, stages_of, work_terms
+from .history import is_slack, mean_tension, stages_of, work_terms
 
 FOLLOWING = (("strain_weft", "strain_warp"), ("tension_weft_N_per_m", "tension_warp_N_per_m"))
 HEAT_JUMP = 20.0  # strain of a mesh over free wire's, beyond which another equilibrium was found
 HELD_STRAIN, HELD_TENSION = 2e-3, 0.02  # a frame expands by less over 200 K; tensions are found to less, of themselves
 STATE = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "temperature_K")
-SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over the next row's, while the mesh is slack
 Jump = tuple[Row, Row]  # neighbouring states of different branches
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the fifth degree: a cubic force times the slope of a cubic
 
@@ -39,12 +38,6 @@ class Event(Row):
 def state_of(row: Row) -> Row:
     """Strains, tensions and temperature of a row."""
     return Row(**{name: row[name] for name in STATE})
-
-
-def is_slack(before: Row, after: Row) -> bool:
-    """Whether the mesh is slack for most of the way between two rows."""
-    step = max(abs(after[name] - before[name]) for name in ("strain_weft", "strain_warp"))
-    return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
 
 
 @dataclass(frozen=True)

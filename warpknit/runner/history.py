@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from ..measure import MeshModel, table
 from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
 from ..results.row import Row, write_rows
+
+SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over the next row's, while the mesh is slack
 
 
 def row_of(record: Record) -> Row:
@@ -54,10 +57,15 @@ def kinetic_to_internal(rows: Sequence[Row], model: MeshModel) -> float:
 
 
 def energy_balance_of_stored(rows: Sequence[Row], model: MeshModel) -> float:
-    """Missing work of the last row over the largest stored energy so far; 0 where almost none was stored."""
+    """Missing work without slack over the largest stored energy so far; 0 where almost none was stored."""
     largest = max(row.stored for row in rows)
     least = STORED_FLOOR * measure.energy_scale(model)
-    return missing_work(rows[-1], model) / largest if largest > least else 0.0
+    return sum(missing_steps(rows, model), missing_work(rows[0], model)) / largest if largest > least else 0.0
+
+
+def missing_steps(rows: Sequence[Row], model: MeshModel) -> list[float]:
+    """[J] missing work between neighbouring rows; 0 while the mesh is slack, where two rows do not show the path of the force."""
+    return [0.0 if is_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
 
 
 def missing_work(row: Row, model: MeshModel) -> float:
@@ -72,6 +80,12 @@ def missing_work(row: Row, model: MeshModel) -> float:
 def mean_tension(row: Row) -> float:
     """[N/m] mean of weft and warp."""
     return float(0.5 * (row.tension_weft_N_per_m + row.tension_warp_N_per_m))
+
+
+def is_slack(before: Row, after: Row) -> bool:
+    """Whether the mesh is slack for most of the way between two rows."""
+    step = max(abs(after[name] - before[name]) for name in ("strain_weft", "strain_warp"))
+    return step > SLACK_STRAIN and mean_tension(before) < SLACK_TENSION * mean_tension(after)
 
 
 def stages_of(rows: Sequence[Row]) -> Iterator[list[Row]]:

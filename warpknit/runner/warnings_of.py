@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,9 @@ from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
 from ..results.finding import ResultWarning
 from ..results.row import Row
-from .branches import is_slack, jumps_of, tensions_text
+from .branches import jumps_of, tensions_text
 from .cautions import cautions, cut_cautions
-from .history import ends_of, missing_work
+from .history import ends_of, missing_steps
 from .strength import limit_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
@@ -243,8 +242,7 @@ def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) ->
     balance = stages[-1].get("energy_balance_of_stored", 0.0) if stages else 0.0
     if abs(balance) <= UNBALANCED or model.scene.output.levels < LEVELS_FOLLOWED:
         return
-    missing = [0.0 if is_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
-    share = np.array(missing) / max(row.stored for row in rows)
+    share = np.array(missing_steps(rows, model)) / max(row.stored for row in rows)
     if abs(share.sum()) > UNBALANCED:
         k = int(np.argmax(np.sign(share.sum()) * share))
         yield ResultWarning(

@@ -206,9 +206,9 @@ class Output(Table):
     """[output]: recorded levels and written files."""
 
     frames: values.FrameCount = key(
-        "Recorded load levels per load step; each is converged when relaxing. Levels are also the increments of the load: with one"
-        " to three, a mesh may reach another equilibrium. `auto`: few, and more where a class of contacts closes, the wire first"
-        " yields, slack ends, or at a snap-through. Maps and ramps have 20.",
+        "Recorded load levels per load step; each is converged when relaxing. Levels are also the increments of the load:"
+        " with one to three, a mesh may reach another equilibrium. `auto`: few, and more where a class of contacts closes, the"
+        " wire first yields, slack ends, or at a snap-through. Maps and ramps have 20.",
         AUTO,
     )
     load_tolerance: values.Tolerance = key(
