@@ -44,7 +44,7 @@ def test_both_ends_of_a_range_of_drift_are_told_where_they_are_unknown(monkeypat
     assert sides == {"low": pytest.approx([0.2, 0.3]), "high": pytest.approx([0.5, 0.6])}
     assert (best["low_jump"], best["high_jump"], best["jumps"]) == (False, True, [])
     text = table_of(answer_findings(answers, LIMIT))["  valid"]
-    assert text == "from 300 mN/m (-25 %; not 200 mN/m) to 500 mN/m (+25 %; not 600 mN/m, a snap-through)"
+    assert text == "from 300 mN/m (-25 %; 200 mN/m is outside) to 500 mN/m (+25 %; 600 mN/m is outside, a snap-through)"
 
 
 def test_a_range_goes_on_in_the_next_stage_that_loads(monkeypatch: pytest.MonkeyPatch) -> None:

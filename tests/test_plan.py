@@ -156,6 +156,15 @@ def test_a_scene_with_a_sweep_has_the_time_of_its_map() -> None:
     assert make_plan(load_scene(CELL, ["output.frames=1"]), "cpu").map_s is None
 
 
+def test_a_map_without_a_load_is_headed_by_its_pairs() -> None:
+    """Four pairs of tensions; a scene with a load to run has this load in its first row."""
+    sweep = {"tension_weft": ["1 N/m", "2 N/m"], "tension_warp": ["1 N/m", "2 N/m"]}
+    scene = load_scene(CELL, {"sweep": sweep, "load": {}, "output.frames": 1})
+    assert table_of(make_plan(scene, "cpu").table().lines())[scene.name].startswith("4 pairs of tensions")
+    loaded = scene.changed({"load.strain_weft": 0.1, "load.strain_warp": 0.1})
+    assert quantities(table_of(make_plan(loaded, "cpu").table().lines())[scene.name])[0] == "10 %"
+
+
 def test_a_ramp_has_a_real_step_and_what_limits_it():
     scene = load_scene(CELL, ['solver.drive="ramp"'])
     planned = make_plan(scene, "cpu")

@@ -283,6 +283,8 @@ def test_an_unreadable_file_is_one_line(tmp_path, content, wrong):
         ("load.strain_weft = 6 %\n", 1, "6 %"),
         ("[load]\ntension_warp = 2 N/m\n", 2, "2 N/m"),
         ("[load]\npull = [{at = [0.1, -1 mm]}]", 2, "-1 mm"),
+        ("[wire]\nmaterial=tungsten\n", 2, "tungsten"),
+        ("[wire]\nplating = {material = gold, thickness = '1 um'}", 2, "gold"),
         ("[knit]\nrepeats = [2 x 3]", 0, ""),
     ],
 )
@@ -292,6 +294,14 @@ def test_a_quantity_without_quotes_is_told(text: str, line: int, quantity: str) 
     said = str(caught.value)
     assert said.endswith(f'"{quantity}"') == bool(quantity)
     assert not quantity or f"line {line}: {quantity} " in said
+
+
+@pytest.mark.parametrize("given", ["30 GHz", ["30 GHz"], "10 to 30 GHz, 2", [1e10, "30 GHz"]])
+def test_frequencies_are_one_a_list_or_a_range(given) -> None:
+    """One alone stands for a list of one; a range of two has its ends."""
+    scene = load_scene({"model": {"boundary": "periodic"}, "reflection": {"frequencies": given}})
+    assert scene.reflection is not None
+    assert scene.reflection.frequencies == ((3e10,) if "30 GHz" in (given, *given[:1]) else (1e10, 3e10))
 
 
 def test_a_directory_and_an_empty_text_are_no_scenes(tmp_path):

@@ -18,6 +18,7 @@ from warpknit.scene.units import QuantityError, si
         ("0.015 mm", "length", 15e-6),
         (1.5e-5, "length", 15e-6),
         ("1.5e-5", "length", 15e-6),
+        ("1.2 mil", "length", 3.048e-5),
         ("400 GPa", "stress", 400e9),
         ("-190 degC", "temperature", 83.15),
         ("20 °C", "temperature", 293.15),

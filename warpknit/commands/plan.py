@@ -117,7 +117,10 @@ class Plan(Overview):
         physics = [sentence.partition(": ") for sentence in self.physics]
         names = dict.fromkeys(name for name, _, _ in physics if name != UNUSED)
         more = f", then {counted(len(loads) - 1, 'more load step')}" if len(loads) > 1 else ""
-        yield Finding(self.scene.name, f"{self.scene.stages[0].text}{more}, on {self.device}", short=True)
+        load, sweep = f"{self.scene.stages[0].text}{more}", self.scene.sweep
+        if sweep is not None and not self.steps:  # no [load]
+            load = f"{counted(len(sweep.pairs), 'pair')} of {sweep.quantity}"
+        yield Finding(self.scene.name, f"{load}, on {self.device}", short=True)
         yield from (Finding("  load step", text) for _, text in loads if more)
         for heading, text in self.mesh:
             yield Finding(heading, text, short=heading in MESH)

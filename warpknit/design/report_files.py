@@ -116,7 +116,9 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     preset = found.scene.preset_in_force
     nodes = f"{found.scene.model.nodes_per_loop} nodes per loop" + (f" (preset {preset})" if preset else "")
     known = found.scene.preset_caveat
-    page.text(f"Model: {found.scene.model.kind} ({found.scene.kind_reason}); {nodes}." + (f" At it {known}." if known else ""))
+    page.text(
+        f"Model: {found.scene.model.kind} ({found.scene.kind_reason}); {nodes}." + (f" Accuracy of {known}." if known else "")
+    )
     if found.card is None:
         page.warning(found.where)
     load = found.scene.stages[0]

@@ -173,7 +173,7 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
 
 
 def _strain_axis(curve: Columns) -> tuple[NDArray[Any], str, str]:
-    """Larger strain of a curve [%], the label of its axis, and both strains in words."""
+    """Strains [%] of a curve, label of their axis, title."""
     weft, warp = (100.0 * float(curve[f"strain_{side}"][-1]) for side in ("weft", "warp"))
     side = "weft" if weft >= warp else "warp"
     is_equal = abs(weft - warp) <= EQUAL * max(weft, warp)

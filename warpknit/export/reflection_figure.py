@@ -61,7 +61,7 @@ def frequency_figure(rows: Columns, record: int, path: str | os.PathLike[str], t
 def _draw_loss(
     axes: Axes, place: NDArray[np.float64], rows: Columns, here: NDArray[np.bool_], side: str, colour: str, label: str
 ) -> None:
-    """Draw the loss of rows, and the losses with open and closed contacts, with a dot at each row."""
+    """Draw the loss of rows: computed, open and closed contacts."""
     loss = np.maximum(rows[f"loss_{side}_dB"], LEAST_LOSS)
     states = {name: np.flatnonzero(here & (rows["contacts"] == name)) for name in ("computed", "open", "closed")}
     states = {name: those[np.argsort(place[those], kind="stable")] for name, those in states.items() if len(those)}

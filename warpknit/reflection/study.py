@@ -129,7 +129,8 @@ def reflect(directory: Path, scene: Scene, progress: Display | None = None) -> R
     options, display = options_of(scene), progress or Display()
     states = states_of(directory)
     if not states:
-        raise RunDirectoryError(f"{directory}: no recorded states; run the scene again with [reflection], and --force")
+        why = "a map keeps its states only with [reflection]" if (directory / "map.csv").exists() else "no recorded states"
+        raise RunDirectoryError(f"{directory}: {why}; run the scene again with [reflection], and --force")
     display.stage(f"reflection of {len(states)} states", number=1, of=1)
     found: dict[int, list[list[Scattering]]] = {}
     for record, waves in _solved(directory, scene, states):

@@ -174,7 +174,11 @@ def reflection_findings(rows: Sequence[LossRow], limit: float, is_map: bool) -> 
         of_state = {row.contacts: row for row in rows if (row.record, row.frequency_Hz) == (record, frequency)}
         given = of_state.get(COMPUTED) or next(iter(of_state.values()))
         least = least_tension(given_rows(rows, frequency), limit)
-        from_ = f"least tension {sides_text(least.tension, 'N/m')}" if least else "no least tension in these records"
+        from_ = (
+            f"least tension {sides_text(least.tension, 'N/m')}"
+            if least
+            else f"no least tension: larger tensions still change it by more than {NEAR_BEST:g} dB"
+        )
         name = f"reflection {engineering(frequency, 'Hz')}"
         yield Finding(name, f"loss {_losses(given)}; {from_}", short=True)
         for state in (OPEN, CLOSED):

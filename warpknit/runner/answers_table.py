@@ -304,7 +304,7 @@ def _validity(best: Best, beyond: str) -> str:
 def _sides(best: Best, name: str) -> str:
     """Record beyond an end of the range of the best tension."""
     tensions = [_tension(one) for one in best[f"{name}_between"]]
-    return f"not {tensions[0] if name == 'low' else tensions[1]}{', a snap-through' if best[f'{name}_jump'] else ''}"
+    return f"{tensions[0] if name == 'low' else tensions[1]} is outside{', a snap-through' if best[f'{name}_jump'] else ''}"
 
 
 def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None, inside: str = "") -> Iterator[str]:

@@ -117,8 +117,8 @@ def _error_text(result: Summary) -> str:
 def _error_parts(estimate: Estimate) -> str:
     """The parts of the estimated error of means."""
     parts = {"friction": estimate.friction, "nodes": estimate.nodes, "number of meshes": estimate.standard_error}
-    found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
-    return f" (largest parts: {', '.join(found)})" if found else ""
+    found = [f"{name} up to {short_percent(value)}" for name, value in parts.items() if value is not None]
+    return f" ({', '.join(found)})" if found else ""
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:

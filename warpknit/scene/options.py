@@ -436,7 +436,8 @@ class Reflection(Table):
     """[reflection]: a plane wave on the mesh, as an endless sheet of thin wires."""
 
     frequencies: values.FrequencyList = key(
-        'Frequencies, below the first grating lobe of the repeat; `["10 GHz", "30 GHz"]`, or `"1 to 40 GHz, 50"` for 50 of them.'
+        'Frequencies, below the first grating lobe of the repeat; `["10 GHz", "30 GHz"]`, or `"1 to 40 GHz, 50"` for 50 of them.',
+        allowed="a frequency from 1 MHz to 1 THz, a list, or a range with their number, such as `1 to 40 GHz, 50`",
     )
     theta: values.Incidence = key("Angle of incidence, from the normal of the mesh.", 0.0)
     phi: values.Angle = key(

@@ -116,8 +116,10 @@ def tight_knits(name: str, kind: str) -> str:
     error = PRESETS[name].of(kind, "relax").tight_error_percent
     if error is None:
         return ""
-    found = f"tight knits: tensions within {error:g} % of preset reference at nine of ten loads, else another equilibrium"
-    return f"{found}; compare tight knits with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
+    found = (
+        f"tight knits: tensions within {error:g} % of preset reference at nine of ten loads, another equilibrium at the others"
+    )
+    return f"{found}; compare with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
 
 
 def preset_like(kind: str, nodes_per_loop: int, axial_softening: float, precision: str, residual_tolerance: float) -> str | None:

@@ -51,6 +51,7 @@ OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yie
 ASSUMED = (*(("wire", name) for name in OF_THE_METAL), ("contact", "friction"), ("variants", "count"))  # by default
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
 _UNQUOTED = re.compile(r"""[=\[,]\s*([+-]?\d[^\s,"'#\]}]*[ \t]*[A-Za-zµμ°%/][^,"'#\]}]*)""")  # what may be a quantity
+_BARE_WORD = re.compile(r"=\s*(?!(?:true|false|inf|nan)\b)([A-Za-z][\w-]*)\s*(?:[,}#]|$)")  # text as a value
 
 
 def load_scene(
@@ -134,6 +135,8 @@ def _toml_fault(text: str, fault: str) -> tuple[str, str]:
         for quantity in map(str.strip, _UNQUOTED.findall(lines[int(place[1]) - 1])):
             if is_quantity(quantity):
                 return f"line {place[1]}: {quantity} without quotes", f'write "{quantity}"'
+        if word := _BARE_WORD.search(lines[int(place[1]) - 1]):
+            return f"line {place[1]}: {word[1]} without quotes", f'write "{word[1]}"'
     return fault, ""
 
 

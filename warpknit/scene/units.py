@@ -170,6 +170,7 @@ def _unit(text: str) -> Any | None:
     if not _UNIT.fullmatch(text):
         return None
     text = re.sub(r"(?<=[A-Za-zµμ])(\d)(?!\w)", r"^\1", text.lstrip())
+    text = re.sub(r"\bmil\b", "thou", text)  # of wire: a thousandth of an inch
     if text.startswith("/"):
         text = "1" + text
     registry = _registry()

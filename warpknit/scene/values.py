@@ -188,11 +188,11 @@ class Frequencies(ValueCheck):
     """Frequencies in a list, or evenly over a range."""
 
     each: Quantity = field(default_factory=lambda: Quantity("frequency", least=1e6, most=1e12))
-    allowed: str = "a list of frequencies from 1 MHz to 1 THz, or a range with their number, such as '1 to 40 GHz, 50'"
+    allowed: str = "a frequency from 1 MHz to 1 THz, a list, or a range with their number, such as '1 to 40 GHz, 50'"
 
     def __call__(self, value: Any) -> tuple[float, ...]:
         if isinstance(value, str):
-            return self._range(value)
+            return self._range(value) if " to " in value else (self._checked(value),)
         if not isinstance(value, list | tuple) or not value:
             raise self.refusal("is neither a list nor a range")
         return tuple(sorted({self._checked(one) for one in value}))

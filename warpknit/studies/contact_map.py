@@ -255,13 +255,13 @@ def drift_text(drift: TensionRange) -> str:
     snaps = f"; beyond it a snap-through {jumps}" if jumps else ""
     open_, diverged = (drift.open_low, drift.open_high), (drift.diverged_low, drift.diverged_high)
     if drift.low == drift.high:
-        reasons = ((open_, "beyond the edge of the map"), (diverged, "where the next pair did not converge"))
-        unknown = " and ".join(
-            f"{' and '.join(sides)}, {why}"
+        reasons = ((open_, "the map ends"), (diverged, "the next pair did not converge"))
+        unknown = (
+            f"; {' and '.join(sides)} it {why}"
             for found, why in reasons
             if (sides := [side for side, is_so in zip(("below", "above"), found, strict=True) if is_so])
         )
-        return "by less than one step of the map" + (f"; nothing is known {unknown}" if unknown else "") + snaps
+        return "in this cell of the map only" + "".join(unknown) + snaps
     ends = []
     for end, at, is_open, failed in zip((drift.low, drift.high), ("at most ", "at least "), open_, diverged, strict=True):
         text = sides_text(end, "N/m")
