@@ -167,8 +167,9 @@ def test_finished_run_is_never_lost(tmp_path: Path) -> None:
         run_scene(cell(), out=tmp_path / "r", device="cpu")
     assert run_scene(cell(), out=tmp_path / "r", device="cpu", resume=True).exit_code == 0
     assert (tmp_path / "r" / "summary.json").read_text() == before
-    with pytest.raises(RunDirectoryError, match="another scene"):
-        run_scene(cell("load.strain_weft=0.03"), out=tmp_path / "r", device="cpu", resume=True)
+    for resume in (True, False):
+        with pytest.raises(RunDirectoryError, match="with another load.strain_weft;"):
+            run_scene(cell("load.strain_weft=0.03"), out=tmp_path / "r", device="cpu", resume=resume)
     assert run_scene(cell(), out=tmp_path / "r", device="cpu", force=True).exit_code == 0
 
 

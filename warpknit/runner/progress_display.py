@@ -87,7 +87,7 @@ class StageLines(Display):
         course.report(done, load_factor)
         if course.clock - self._last_line > LINE_INTERVAL:
             self._last_line = course.clock
-            share = "" if course.is_search else f"{percent(course.done, 0)} done, now at "
+            share = "" if course.is_search else f"{percent(course.done, 0)} done, "
             rate = "" if node_steps_per_s is None else f", {rounded(node_steps_per_s):,} node-steps/s"
             part = f", {now}" if now else ""
             _log.info("  %sload %s%s, %s%s", share, percent(course.load_factor, 0), rate, course.time, part)

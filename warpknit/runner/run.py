@@ -118,13 +118,13 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
     if out.is_dir():
         with _locked(out, LOCK_TIMEOUT if resume or force else 0.0):
             pass
-    if resume and (finished := finished_summary(out, "summary.json", scene.hash, "run")) is not None:
+    if resume and (finished := finished_summary(out, "summary.json", scene, "run")) is not None:
         if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
             raise RunDirectoryError(
                 f"{out}: contains the finished run without the probe {min(missing)}; run it again with --force"
             )
         return Summary.of(finished)
-    check_directory(out, "run", resume=resume, force=force)
+    check_directory(out, "run", resume=resume, force=force, resolved=resolved_toml(scene))
     if resume and not force and holds_killed_run(out):
         refuse_other_scene(out, "run", resolved_toml(scene))
     return None

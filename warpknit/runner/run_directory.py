@@ -5,17 +5,25 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from ..base.files import write_aside
+from ..base.text import listed
 from ..errors import RunDirectoryError
 from ..scene.scene import RESOLVED, Scene, resolved_toml
 from ..scene.units import shown
 from ..scene.wire_file import WireArrays
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MOST_KEYS = 3  # that are named
 Tree: TypeAlias = Mapping[str, Any]  # of a JSON file
 Result = TypeVar("Result")
 OUTPUT_NAMES = ("summary.json", "history.csv", "scene.toml", "wires.npz", "layout.npz", "scene.usda", "wires.topology.usdc",
@@ -55,7 +63,7 @@ class CommandResult(Generic[Result]):
     goes_on: bool = True  # whether an interrupted one has more to compute
 
 
-def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tree | None:
+def finished_summary(out: Path, name: str, scene: Scene, command: str) -> Tree | None:
     """The summary `name` of the finished result in `out`, or None. command: that asks for it.
 
     Raises RunDirectoryError where it is of another scene.
@@ -63,12 +71,10 @@ def finished_summary(out: Path, name: str, scene_hash: str, command: str) -> Tre
     summary = read_summary(out, name)
     if summary is None:
         return None
-    if summary.get("scene", {}).get("hash") != scene_hash:
-        held = _finished(out, name)
-        raise RunDirectoryError(
-            f"{out}: contains the {held} of another scene, or with other --set, --preset or --error;"
-            f" {_alternatives(out, command, held)}"
-        )
+    if summary.get("scene", {}).get("hash") != scene.hash:
+        held, other = _finished(out, name), _other_keys(out, resolved_toml(scene))
+        of_scene = other or " of another scene, or with other --set, --preset or --error"
+        raise RunDirectoryError(f"{out}: contains the {held}{of_scene}; {_alternatives(out, command, held)}")
     return summary
 
 
@@ -82,7 +88,7 @@ def continues_earlier(
     Raises RunDirectoryError where `out` cannot be used.
     """
     is_begun = (out / table).exists()
-    check_directory(out, kind, resume=resume, force=force, command=command)
+    check_directory(out, kind, resume=resume, force=force, command=command, resolved=resolved)
     if not (resume and is_begun):
         return False
     refuse_other_scene(out, kind, resolved, command)
@@ -96,7 +102,27 @@ def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None 
     """
     kept = out / "scene.toml"
     if not kept.is_file() or kept.read_text(encoding="utf-8") != resolved:
-        raise RunDirectoryError(f"{out}: contains the {kind} of another scene; {_alternatives(out, command or kind, kind)}")
+        other = _other_keys(out, resolved) or " of another scene"
+        raise RunDirectoryError(f"{out}: contains the {kind}{other}; {_alternatives(out, command or kind, kind)}")
+
+
+def _other_keys(out: Path, resolved: str) -> str:
+    """Keys of scene.toml in `out` whose values differ from a scene with every default, in words; empty where none does."""
+    try:
+        kept, asked = (_flat(tomllib.loads(text)) for text in ((out / "scene.toml").read_text(encoding="utf-8"), resolved))
+    except (OSError, ValueError):
+        return ""
+    keys = [key for key in dict.fromkeys((*asked, *kept)) if kept.get(key) != asked.get(key)]
+    more = [] if len(keys) <= MOST_KEYS else [f"{len(keys) - MOST_KEYS} more keys"]
+    return f" with another {listed([*keys[:MOST_KEYS], *more])}" if keys else ""
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The values of a TOML file by dotted keys."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        found |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return found
 
 
 def write_scene(out: Path, scene: Scene) -> None:
@@ -116,10 +142,11 @@ def open_directory(out: Path, scene: Scene, *, keep: bool) -> None:
     write_scene(out, scene)
 
 
-def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, command: str | None = None) -> None:
+def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, command: str | None = None, resolved: str = "") -> None:
     """Refuse a directory with results that a run, map or trade (`wanted`) cannot continue.
 
-    command: that asks, where it is not `wanted`. Raises RunDirectoryError with the options to use.
+    command: that asks, where it is not `wanted`. resolved: its scene with every default, for the message. Raises
+    RunDirectoryError with the options to use.
     """
     command = command or wanted
     if out.exists() and not out.is_dir():
@@ -129,7 +156,7 @@ def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, comman
     if finished := [name for name in SUMMARIES if read_summary(out, name) is not None]:
         held = _finished(out, finished[0])
         scene = _read_json(out / finished[0]).get("scene", {}).get("name")
-        of_scene = "" if scene is None else f" of scene {scene!r}"
+        of_scene = ("" if scene is None else f" of scene {scene!r}") + (_other_keys(out, resolved) if resolved else "")
         raise RunDirectoryError(f"{out}: contains a {held}{of_scene}; {_alternatives(out, command, held)}")
     unfinished = [kind for name, kind in TABLES.items() if (out / name).exists()]
     for kind in unfinished:

@@ -65,7 +65,7 @@ def run_trade(
     # friction has another default in another model
     of_reference: Overrides = (("model.kind", against), ("contact.friction", scene.contact.friction)) if against else ()
     load(of_reference, None)  # refused before anything is written
-    if resume and (finished := finished_summary(out, "trade.json", scene.hash, "trade")) is not None:
+    if resume and (finished := finished_summary(out, "trade.json", scene, "trade")) is not None:
         return CommandResult(0, TradeSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)

@@ -102,7 +102,7 @@ def run_map(
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     _check(scene, device)
-    if resume and (finished := finished_summary(out, "map.json", scene.hash, command)) is not None:
+    if resume and (finished := finished_summary(out, "map.json", scene, command)) is not None:
         return CommandResult(0, MapSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
