@@ -107,7 +107,10 @@ def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None 
 
 
 def _other_keys(out: Path, resolved: str) -> str:
-    """Keys of scene.toml in `out` whose values differ from a scene with every default, in words; empty where none does."""
+    """Keys that differ from scene.toml in `out`; or empty.
+
+    resolved: the scene with every default.
+    """
     try:
         kept, asked = (_flat(tomllib.loads(text)) for text in ((out / "scene.toml").read_text(encoding="utf-8"), resolved))
     except (OSError, ValueError):
