@@ -37,19 +37,18 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     """
     tiles, edge, surface = tables["map"], tables["edge"], tables.get("surface")
     scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
-    stress = 1e-6 * tiles["stress_max_Pa"]
     maps: list[tuple[NDArray[Any], str, dict[str, Any]]] = [
         (tiles["active_percent"], "active contacts [% of the pairs]", {"vmin": 0.0, "vmax": 100.0, "cmap": "viridis"}),
-        (stress, "largest wire stress [MPa], square-root scale", {"norm": PowerNorm(0.5, *_range(stress)), "cmap": "magma_r"}),
-        *(
-            (
-                values := scale * tiles[f"tension_{side}_N_per_m"],
-                f"tension in {side} [{unit}]",
-                dict(zip(("vmin", "vmax"), _range(values), strict=True)) | {"cmap": "cividis"},
-            )
-            for side in ("weft", "warp")
-        ),
     ]
+    for values, label, colours in (
+        (1e-6 * tiles["stress_max_Pa"], "largest wire stress [MPa]", "magma_r"),
+        (scale * tiles["tension_weft_N_per_m"], f"tension in weft [{unit}]", "cividis"),
+        (scale * tiles["tension_warp_N_per_m"], f"tension in warp [{unit}]", "cividis"),
+    ):
+        low, high = float(values.min()), float(values.max())
+        high = max(high, low + LEAST_RANGE * float(np.abs(values).max()), low + 1e-12)
+        # a few tiles at the edge do not leave the rest in one colour
+        maps.append((values, f"{label}, square-root scale", {"norm": PowerNorm(0.5, low, high), "cmap": colours}))
     columns = 3 if surface is not None else 2
     round_ = 1e3 * np.stack([edge["x_m"], edge["y_m"]], axis=1)
     width, height = np.ptp(round_, axis=0)
@@ -67,12 +66,6 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     if axes[0, 0].get_legend_handles_labels()[1]:
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", frameon=False)
     return save_figure(figure, path)
-
-
-def _range(values: NDArray[Any]) -> tuple[float, float]:
-    """Range of colours of the values of all tiles."""
-    low, high = float(values.min()), float(values.max())
-    return low, max(high, low + LEAST_RANGE * float(np.abs(values).max()), low + 1e-12)
 
 
 def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str, Any]) -> Any:
