@@ -202,6 +202,8 @@ def transfer_elastic_slip(
     # in: what steers the step
     world_nodes: int,
     control: wp.array2d(dtype=wp.float64),
+    # in: [world] whether its pairs have just been searched; others stand in the order before
+    searched: wp.array(dtype=wp.int32),
     # in: the pairs before
     old_start: wp.array(dtype=wp.int32),
     old_count: wp.array(dtype=wp.int32),
@@ -211,8 +213,8 @@ def transfer_elastic_slip(
     old_place: wp.array2d(dtype=wp.vec2d),
     old_elastic_slip: wp.array2d(dtype=wp.vec3d),
     # in: the pairs now
-    pair_count: wp.array(dtype=wp.int32),
-    pair_first: wp.array(dtype=wp.int32),
+    start: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
     # out
@@ -220,21 +222,24 @@ def transfer_elastic_slip(
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
 ):
-    """Copy elastic slips from the old pair list to the new one; one thread a pair, which has two contacts."""
-    pair = wp.tid()
-    for k in range(2 * pair, 2 * pair + 2):
-        slip_step[0, k] = -1
-        slip_step[1, k] = -1
-    if pair >= pair_count[0]:
-        return
-    i = pair_first[pair]
+    """Copy elastic slips from the old pair list to the new one; a thread a segment. A pair has two contacts."""
+    i = wp.tid()
     half = int(control[i / world_nodes, STEP]) % 2
-    for old in range(old_start[i], old_start[i] + old_count[i]):
-        if old_second[old] == pair_second[pair] and wp.length(old_shift[old] - pair_shift[pair]) == wp.float64(0.0):
-            for a in range(2):
-                slip_step[half, 2 * pair + a] = old_step[half, 2 * old + a]
-                slip_place[half, 2 * pair + a] = old_place[half, 2 * old + a]
-                elastic_slip[half, 2 * pair + a] = old_elastic_slip[half, 2 * old + a]
+    for pair in range(start[i], start[i] + count[i]):
+        for k in range(2 * pair, 2 * pair + 2):
+            slip_step[0, k] = -1
+            slip_step[1, k] = -1
+        begin = old_start[i]
+        end = begin + old_count[i]
+        if searched[i / world_nodes] == 0:
+            begin += pair - start[i]
+            end = begin + 1
+        for old in range(begin, end):
+            if old_second[old] == pair_second[pair] and wp.length(old_shift[old] - pair_shift[pair]) == wp.float64(0.0):
+                for a in range(2):
+                    slip_step[half, 2 * pair + a] = old_step[half, 2 * old + a]
+                    slip_place[half, 2 * pair + a] = old_place[half, 2 * old + a]
+                    elastic_slip[half, 2 * pair + a] = old_elastic_slip[half, 2 * old + a]
 
 
 @wp.func

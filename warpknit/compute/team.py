@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ..kernels.barrier import wait_for_all
@@ -59,27 +60,26 @@ class Team:
 
         def of_thread(part: int) -> None:
             for graph in graphs[part]:
-                if not self._is_frozen(control, ...):
+                if not (self._on_cpu and FROZEN.issuperset(fetch(control)[..., int(STATUS)].ravel().tolist())):
                     wp.capture_launch(graph)
                     replayed[part] += 1
 
         self.together([partial(of_thread, part) for part in range(self.threads)])
         return replayed[0]
 
-    def replay_worlds(
-        self, graphs: Sequence[wp.Graph], times: int, control: wp.array, rows: Sequence[slice], threads: int
-    ) -> None:
-        """Replay each graph `times` times, on at most `threads` threads; on the CPU until all worlds `rows` [graph] freeze."""
+    def replay_worlds(self, graphs: Sequence[wp.Graph], times: int, status: Sequence[np.ndarray], threads: int) -> None:
+        """Replay each graph `times` times, on at most `threads` threads; on the CPU until all its worlds freeze.
 
-        def in_turn(graph: wp.Graph, worlds: slice) -> None:
+        status [graph]: of its worlds, views.
+        """
+
+        def in_turn(graph: wp.Graph, worlds: np.ndarray) -> None:
             for _ in range(times):
-                if not self._is_frozen(control, worlds):
-                    wp.capture_launch(graph)
+                if self._on_cpu and FROZEN.issuperset(worlds.tolist()):
+                    return
+                wp.capture_launch(graph)
 
-        self.each([partial(in_turn, graph, worlds) for graph, worlds in zip(graphs, rows, strict=True)], threads)
-
-    def _is_frozen(self, control: wp.array, worlds: Any) -> bool:
-        return self._on_cpu and FROZEN.issuperset(fetch(control)[..., int(STATUS)][worlds].ravel().tolist())
+        self.each([partial(in_turn, graph, worlds) for graph, worlds in zip(graphs, status, strict=True)], threads)
 
     def barrier(self) -> list[Launch]:
         """Launch by which a thread waits for all others; none for a single thread."""

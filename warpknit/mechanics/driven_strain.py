@@ -104,7 +104,10 @@ class DrivenStrain:
     def _tension(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """(row, 2) [N/m] true tensions of nominal stresses (row, 2, 2) [N/m]."""
         gradient = self._steering.gradient[rows]
-        return np.diagonal(true_stress(rotation(clamp_rotation(gradient)) @ stress, stretch(gradient)), axis1=1, axis2=2)
+        angle = clamp_rotation(gradient)
+        if angle.any():
+            stress, gradient = rotation(angle) @ stress, stretch(gradient)
+        return np.diagonal(true_stress(stress, gradient), axis1=1, axis2=2)
 
     def _probe(self, rows: np.ndarray) -> None:
         """Renew the affine stiffness of worlds, and the masses of their strains; they are to be evaluated anew."""

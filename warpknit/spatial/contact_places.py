@@ -49,13 +49,13 @@ def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
     """(site, 3) [m] midpoints between the nearest points of the two wires of sites, within their reach."""
     found = np.empty((len(sites), 3))
     one, two = (_range(r, sites, side) for side in (0, 1))
-    sizes, kind = np.unique(np.stack([one.size, two.size], axis=1), axis=0, return_inverse=True)
-    for number, (nodes, others) in enumerate(sizes.tolist()):
-        alike = np.flatnonzero(kind.ravel() == number)
-        for part in np.array_split(alike, -(-len(alike) * nodes * others // AT_A_TIME)):
-            line, drawn = _along(r, sites[part], 0, one.first[part], one.last[part], nodes)
-            other, _ = _along(r, sites[part], 1, two.first[part], two.last[part], others)
-            found[part] = _between(r, sites[part], line, other, drawn)
+    order = np.lexsort((two.size, one.size))
+    pairs = int(one.size.max(initial=1)) * int(two.size.max(initial=1))
+    for part in np.array_split(order, max(1, -(-len(sites) * pairs // AT_A_TIME))):
+        # shorter ones end in segments without length, of which the first ones before are as near
+        line, drawn = _along(r, sites[part], 0, one.first[part], one.last[part], int(one.size[part].max(initial=2)))
+        other, _ = _along(r, sites[part], 1, two.first[part], two.last[part], int(two.size[part].max(initial=2)))
+        found[part] = _between(r, sites[part], line, other, drawn)
     return found
 
 

@@ -138,19 +138,19 @@ def section_offsets(
     before, after = rods.previous[node], rods.following[node]
     has_before, has_more = (before >= 0)[:, None], (rods.following[after] >= 0)[:, None]
 
-    def across(section: np.ndarray, one: np.ndarray) -> np.ndarray:
-        d1 = director[section]
-        return one[:, :1] * d1 + one[:, 1:] * np.cross(tangent[section], d1)
+    def across(axes: tuple[np.ndarray, np.ndarray], one: np.ndarray) -> np.ndarray:
+        return one[:, :1] * axes[0] + one[:, 1:] * axes[1]
 
+    of_before, of_own, of_after = ((director[n], np.cross(tangent[n], director[n])) for n in (before, node, after))
     here, there = curve.row[node], curve.row[after]
     length, m = curve.length[:, None], curve.slope_weight[here][:, :, None]
     first, second, bump = curve.slope[here], curve.slope[there], curve.bump[here]
-    begin = np.where(has_before, m[:, 0] * length[curve.row[before]] * across(before, first), 0.0)
-    end = np.where(has_more, m[:, 3] * length[there] * across(after, second), 0.0)
+    begin = np.where(has_before, m[:, 0] * length[curve.row[before]] * across(of_before, first), 0.0)
+    end = np.where(has_more, m[:, 3] * length[there] * across(of_after, second), 0.0)
     s = place[:, None]
-    own = sum(s**k * across(node, bump[:, 2 * k : 2 * k + 2]) for k in range(BUMPS))
+    own = sum(s**k * across(of_own, bump[:, 2 * k : 2 * k + 2]) for k in range(BUMPS))
     h10, _, h11 = hermite(s)
-    middle = length[here] * (m[:, 1] * h10 * across(node, first) + m[:, 2] * h11 * across(node, second))
+    middle = length[here] * (m[:, 1] * h10 * across(of_own, first) + m[:, 2] * h11 * across(of_own, second))
     return np.stack([h10 * begin, middle + (s * (1 - s)) ** 2 * own, h11 * end], axis=1)
 
 

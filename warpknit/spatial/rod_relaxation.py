@@ -222,7 +222,7 @@ class RodRelaxation:
 
     def set_thermal_strain(self, thermal_strain: np.ndarray, world: int = 0) -> None:
         """Set the strain [node] of the natural lengths of a world beyond its length factor; the multipliers apply it."""
-        store(self.stepper.part(self.checks.arrays.thermal_strain, world), thermal_strain)
+        self.stepper.store_rows(self.checks.arrays.thermal_strain, np.array([world]), thermal_strain)
         self._has_multipliers[world] |= self.stepper.strip.ranks.any(bool(thermal_strain.any()))
 
     @property

@@ -28,7 +28,7 @@ from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
 from ..compute.team import Team
-from ..kernels.control import update_controls
+from ..kernels.control import STATUS, update_controls
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..mechanics.numerics import thread_count
 from ..mesh.strip import even_shares
@@ -130,8 +130,8 @@ class RodStepper:
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
         each = max(1, NODES_IN_CACHE * worlds // rods.node_count)
         self.parts = self.team.threads if worlds == 1 else min(worlds, max(PARTS * self.team.threads, -(-worlds // each)))
-        own = [self.share_of(range(worlds), part) for part in range(self.parts)]
-        self._worlds_of_part = [slice(share.start, share.stop) for share in own]
+        own, status = [self.share_of(range(worlds), part) for part in range(self.parts)], self.steering.values[:, int(STATUS)]
+        self._status = [status[share.start : share.stop] for share in own]  # [part] of its worlds, on a CPU as it changes
         # threads that share the launches of a check
         self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
         self._no_contact = no_contact(rods, device, precision)
@@ -316,7 +316,7 @@ class RodStepper:
             self.team.replay([[graph] * times for graph in graphs], self.state.control)
             return
         threads = self._threads_of(max(1, steps) * times)
-        self.team.replay_worlds(graphs, times, self.state.control, self._worlds_of_part, threads)
+        self.team.replay_worlds(graphs, times, self._status, threads)
 
     def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
         """The graph of each part, captured once by name and version of the contact; launches_of: of a part."""

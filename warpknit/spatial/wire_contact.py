@@ -198,11 +198,12 @@ class WireContact:
             pairs.replayed(f"carry {before.number} {before.capacity}", lambda: bind(carry_pairs, nodes, arrays, **new, **old))
         if self.friction > 0.0:
             pairs.replayed(f"slip {before.number} {before.capacity}", lambda: bind(
-                transfer_elastic_slip, pairs.capacity, stepper.arrays, control=state.control,
+                transfer_elastic_slip, stepper.rods.node_count, stepper.arrays, control=state.control,
+                searched=self._search.searched, start=pairs.start, count=pairs.count,
                 old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
                 old_step=before.slip_step, old_place=before.slip_place, old_elastic_slip=before.elastic_slip,
-                pair_count=pairs.total, slip_step=pairs.slip_step, slip_place=pairs.slip_place,
-                elastic_slip=pairs.elastic_slip, **pairs.named("first", "second", "shift"),
+                slip_step=pairs.slip_step, slip_place=pairs.slip_place, elastic_slip=pairs.elastic_slip,
+                **pairs.named("second", "shift"),
             ))  # fmt: skip
         pairs.order(total)
         self._list, self._other = pairs, before if self._has_two_lists else pairs
@@ -360,11 +361,13 @@ class WireContact:
         store(touch.touch_slip_work, 0.0)
         stepper.evaluate(0.0, accepting=True, rows=rows)
         near = self._near_pairs()
-        work = fetch(touch.touch_slip_work)[: PLACES * len(near)].reshape(-1, PLACES).sum(axis=1)
-        of_node = np.bincount(fetch(self._list.first)[near], work, stepper.rods.node_count)
+        begin, end = np.searchsorted(near, self._pairs_of(world)).tolist()
+        work = fetch(touch.touch_slip_work)[PLACES * begin : PLACES * end].reshape(-1, PLACES).sum(axis=1)
+        of_node = np.bincount(fetch(self._list.first)[near[begin:end]], work, stepper.rods.node_count)
         self.dissipated[world] += stepper.sums.of_nodes(of_node, rows)[0]
         for name, array in vars(self._before).items():
-            store(stepper.part(array, world), fetch(stepper.part(getattr(stepper.state, name.removeprefix("before_")), world)))
+            now = stepper.by_world(getattr(stepper.state, name.removeprefix("before_")))
+            stepper.store_rows(array, rows, now[rows])
         stepper.steering.set(rows, step=stepper.steering.step[rows] + 1.0)
 
     @property
