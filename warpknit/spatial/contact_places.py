@@ -52,7 +52,7 @@ def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
     order = np.lexsort((two.size, one.size))
     pairs = int(one.size.max(initial=1)) * int(two.size.max(initial=1))
     for part in np.array_split(order, max(1, -(-len(sites) * pairs // AT_A_TIME))):
-        # shorter ones end in segments without length, of which the first ones before are as near
+        # shorter lines end in segments without length: the last ones before them are as near, and count
         line, drawn = _along(r, sites[part], 0, one.first[part], one.last[part], int(one.size[part].max(initial=2)))
         other, _ = _along(r, sites[part], 1, two.first[part], two.last[part], int(two.size[part].max(initial=2)))
         found[part] = _between(r, sites[part], line, other, drawn)
