@@ -95,7 +95,8 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
     E/o^3."""
     relaxation = pressed()
     stepper, contact, mesh = relaxation.mechanics.stepper, relaxation.mechanics.contact, relaxation.model
-    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.relaxation, contact)
+    mechanics = relaxation.mechanics
+    last = read(mesh, mechanics.sites, mechanics.relaxation, contact, mechanics.state, 0)
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min()) / mesh.rods.section.thickness
     place = stepper.state.displacement.numpy().copy()

@@ -390,7 +390,7 @@ class SpatialMechanics:
     # --- observation
 
     def observe(self) -> SpatialObservables:
-        return read(self.model, self.sites, self.relaxation, self.contact, self.world)
+        return read(self.model, self.sites, self.relaxation, self.contact, self.state, self.world)
 
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         terms = [(observed.thermal_strain_force, observed.thermal_strain)]

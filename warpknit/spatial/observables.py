@@ -26,6 +26,7 @@ from .contact_places import contact_places, hook_contact, site_places, touched_p
 from .contacts import Contacts
 from .model import SpatialModel
 from .rest_curve import rest_place, section_offsets, spatial_curve
+from .rod_arrays import RodState
 from .rod_relaxation import RodRelaxation
 from .rods import Rods
 from .sites import NOWHERE, Sites
@@ -363,12 +364,12 @@ def _moved(r: Any) -> np.ndarray:
 
 
 def read(
-    model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact, world: int = 0
+    model: SpatialModel, sites: Sites, relaxation: RodRelaxation, contact: WireContact, state: RodState, world: int
 ) -> SpatialObservables:
     """Evaluate a world and copy it to the host; with several ranks a collective call, by which the first gets the mesh."""
     stepper, rows = relaxation.stepper, np.array([world])
     stepper.evaluate(rows=rows)
-    state, yielding = stepper.state.world(world, stepper.worlds), stepper.yielding
+    yielding = stepper.yielding
     strip = stepper.strip if stepper.worlds == 1 else RodStrip.alone(model.rods)
     if strip.ranks.is_first:
         model = model.global_model
@@ -378,7 +379,7 @@ def read(
         return strip.gathered(fetch(array))
 
     def own(values: np.ndarray) -> np.ndarray:
-        return values if stepper.worlds == 1 else np.split(values, stepper.worlds)[world]
+        return np.asarray(values.reshape(stepper.worlds, -1, *values.shape[1:])[world])
 
     inside = (rods.following >= 0) & (rods.previous >= 0)
     share = np.divide(1.0, rods.node_length * factor, out=np.zeros(rods.node_count), where=inside)

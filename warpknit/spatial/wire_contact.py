@@ -277,12 +277,11 @@ class WireContact:
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
-        kept = self._list.state_dict(self._pairs_of(world), self._nodes_of(world))
-        near = self._near_pairs()
-        begin, end = self._pairs_of(world)
+        near, (begin, end) = self._near_pairs(), self._pairs_of(world)
+        kept = self._list.state_dict((begin, end), self._nodes_of(world))
         kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
-            kept |= {name: fetch(self.stepper.part(array, world)).copy() for name, array in vars(self._before).items()}
+            kept |= {name: self.stepper.by_world(array)[world].copy() for name, array in vars(self._before).items()}
         if self._in_real_time:
             kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
         numbers = [

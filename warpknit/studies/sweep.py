@@ -29,6 +29,7 @@ from ..results.frame import state_file
 from ..results.row import Values, write_json
 from ..runner.cautions import sweep_cautions
 from ..runner.interrupts import Interrupted, Interrupts
+from ..runner.monitor import DISPLAY_INTERVAL
 from ..runner.other_model import FIGURES as COMPARED
 from ..runner.other_model import spatial_means
 from ..runner.progress_display import Display
@@ -150,7 +151,7 @@ class _Mapper:
             self.maps.pop()
         self.steps = self._stage = 0
         self._interrupts = Interrupts()
-        self._begin = self._saved = time.perf_counter()
+        self._begin = self._saved = self._shown = time.perf_counter()
 
     def run(self) -> CommandResult[MapSummary]:
         reason, code, message = "finished", 0, ""
@@ -263,6 +264,9 @@ class _Mapper:
 
         def monitor(batch: Batch) -> None:
             self._interrupts.check()
+            if time.perf_counter() - self._shown < DISPLAY_INTERVAL:
+                return
+            self._shown = time.perf_counter()
             self.steps = steps_before + batch.steps
             rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
             found = finished + share * batch.done
@@ -270,7 +274,8 @@ class _Mapper:
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        for outcome in Batch([self._model(mesh) for mesh, _pair in own], stages, levels, monitor=monitor).run():
+        batch = Batch([self._model(mesh) for mesh, _pair in own], stages, levels, monitor=monitor)
+        for outcome in batch.run():
             message = "" if outcome.error is None else str(outcome.error)
             mesh, pair = own[outcome.index]
             if self.keep_states and outcome.observables is not None:
@@ -279,6 +284,7 @@ class _Mapper:
                 pair, outcome.observables, message=message, steps=outcome.steps, dissipated=outcome.dissipated,
                 by_tension=by_tension,
             )  # fmt: skip
+        self.steps = steps_before + batch.steps
 
     # --- files ---
 
