@@ -112,7 +112,7 @@ def test_interrupted_study_goes_on_where_it_stopped(
     names = [row.point for row in rows]
     assert len(set(names)) == len(names)
     assert not any(re.search(r"[0-9]\.[0-9]{5,}", name) for name in names)  # labels of more digits than a table can show
-    said = [re.match(r"(\d+) points to run", message) for message in caplog.messages]
+    said = [re.match(r"(\d+) settings to run", message) for message in caplog.messages]
     assert [int(line[1]) for line in said if line] == [len(names), len(names) - 3]
     assert (tmp_path / "t" / "figures" / "trade.png").exists()
     _check_study(tmp_path / "t", rows, result.summary.json())

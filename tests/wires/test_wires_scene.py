@@ -185,6 +185,13 @@ def test_a_weave_that_overlaps_is_told_when_planned_and_run(tmp_path):
     assert any(line.startswith("W13") for line in said), said
 
 
+def test_round_off_without_load_is_no_prestress(tmp_path):
+    """Open wires that do not touch, without a load: tensions of 1e-14 N/m are zero, not a compression or a prestress."""
+    scene = load_scene("plain_knit_patch", {"output.usd": False, "output.figures": False}, preset="draft")
+    codes = {line[:3] for line in run_scene(scene, out=tmp_path / "run").summary.json()["warnings"]}
+    assert not codes & {"W07", "W13"}, codes
+
+
 def crossing(folder, gap, spacing):
     """A straight wire of 30 um over another, `gap` diameters apart."""
     lines = ["0,-2,0,0", "0,2,0,0", f"1,0,-2,{0.03 * gap}", f"1,0,2,{0.03 * gap}"]

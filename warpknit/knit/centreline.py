@@ -134,7 +134,7 @@ class LoopFrame:
             raise KnitError("wire.diameter", wrong, instead)
         if self.diameter > (1.0 + SAME) * thickest(given):
             unit, largest = "wale spacings" if is_general else "course spacings", (half - share * self.diameter) / spacing
-            raise KnitError(f"knit.loop.{name}", f"at {given!r} {meet}", f"write at most {at_most(largest, unit)}")
+            raise KnitError(f"knit.loop.{name}", f"at {given!r}, {meet}", f"write at most {at_most(largest, unit)}")
 
     def with_room(self, loops: Sequence[LoopProportions]) -> LoopFrame:
         """The frame with other loops, no wider than neighbouring wales allow."""

@@ -107,6 +107,11 @@ class Answers(Values):
     # temperature count as one. A load step that changes the temperature under constant tensions does not count
 
 
+def zero_tension(model: MeshModel) -> float:
+    """Tension [N/m] below which a tension is zero within the tolerance of the equilibria."""
+    return ZERO_TENSION * model.scene.solver.residual_tolerance * measure.tension_scale(model)
+
+
 def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> Answers | None:
     """The answers from the rows of a run; None of two hooked wires, which have no tension.
 
@@ -142,7 +147,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
         largest_stress=_peak(max(rows, key=lambda row: row.stress_max_Pa)),
         largest_tension=state_of(max(rows, key=mean_tension)),
         asked_tension_N_per_m=asked,
-        tension_tolerance_N_per_m=ZERO_TENSION * scene.solver.residual_tolerance * measure.tension_scale(model),
+        tension_tolerance_N_per_m=zero_tension(model),
         tension_error_percent=tension_error(scene),
         heat=heat_of(rows, scene.stages, jumps),
         best=best and with_margin(best, limit, inner_yield),

@@ -197,5 +197,7 @@ def _about_ramp(rows: Sequence[Row]) -> Iterator[ResultWarning]:
         text = f"The ramp did not reach equilibrium (residual {rows[-1].residual:.2g}), so the result is not static."
         yield ResultWarning("W34", text)
     if moving > QUASI_STATIC:
-        text = f"The load is too fast for a quasi-static result: kinetic energy reached {moving:.2g} of the stored energy."
+        text = (
+            f"The load is too fast for a quasi-static result: kinetic energy reached {percent(moving, 0)} of the stored energy."
+        )
         yield ResultWarning("W35", text)

@@ -13,6 +13,7 @@ from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
 from ..results.finding import ResultWarning
 from ..results.row import Row
+from .answers import zero_tension
 from .branches import jumps_of, tensions_text
 from .cautions import cautions, cut_cautions
 from .history import ends_of, missing_steps
@@ -109,7 +110,9 @@ def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning
             yield ResultWarning("W06", f"The mesh is compressed, where a real mesh would {model.when_compressed}.")
             return
         # the tension of a ramp has inertia in it
-        if model.scene.solver.drive == "relax" and np.any(pushed := imposed & (tension < PUSHED * largest)):
+        if model.scene.solver.drive == "relax" and np.any(
+            pushed := imposed & (tension < min(PUSHED * largest, -zero_tension(model)))
+        ):
             sides = " and ".join(side for side, is_pushed in zip(("weft", "warp"), pushed, strict=True) if is_pushed)
             shown = sides_text(tension.tolist(), "N/m")
             yield ResultWarning(
@@ -156,7 +159,7 @@ def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[Resu
     if release := _release(model, rows):
         yield ResultWarning("W12", *release)
     elif model.scene.wires is not None:
-        yield from _prestressed(rows)
+        yield from _prestressed(model, rows)
     elif rows and rows[0].active_pairs:
         released = model.scene.wire.set_fraction < 1.0
         tension = sides_text(rows[0].tension, "N/m")
@@ -194,13 +197,13 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
     return f", and shortens the mesh by {' and '.join(sides)}" if sides else ""
 
 
-def _prestressed(rows: Sequence[Row]) -> Iterator[ResultWarning]:
+def _prestressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
     """Warning on wires of a file with tension before they are loaded."""
     if not rows or rows[0].load_factor > 0.0:
         return
     tension = [rows[0].tension_weft_N_per_m, rows[0].tension_warp_N_per_m]
     largest = max(max(abs(row.tension_weft_N_per_m), abs(row.tension_warp_N_per_m)) for row in rows)
-    if max(map(abs, tension)) > PRESTRESS * largest:
+    if max(map(abs, tension)) > max(PRESTRESS * largest, zero_tension(model)):
         stress = engineering(rows[0].stress_max_Pa, "Pa")
         text = f"The mesh is prestressed before loading: {sides_text(tension, 'N/m')}, wire stress {stress}."
         yield ResultWarning("W13", text)

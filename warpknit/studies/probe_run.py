@@ -136,7 +136,7 @@ def settings_for_error(scene: Scene, percent: float) -> Setting:
     setting, errors = choose_setting(probe, percent)
     what = "segments a wire" if edge_of(scene) == "hook" else "nodes a loop"
     _log.info(
-        "%d %s, softening %g, tolerance %g: error of a small mesh of this scene %.2g %% (probe runs: %.2g node-steps)",
+        "chosen: %d %s, softening %g, tolerance %g (error of a small mesh %.2g %%; probe runs took %.2g node-steps)",
         setting.nodes_per_loop, what, setting.axial_softening, setting.residual_tolerance, errors.largest_percent,
         probe.node_steps,
     )  # fmt: skip

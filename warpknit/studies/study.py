@@ -97,13 +97,13 @@ class _Study:
                 for warning in self.base.warnings([]):
                     _log.warning("warning %s: %s", warning.code, warning)
                 points = self._points()
-                _log.info("%d points to run", len(points) - len(self.rows))
+                _log.info("%d settings to run", len(points) - len(self.rows))
                 for number, point in enumerate(points, start=1):
                     self._interrupts.check()
                     self.display.stage(point.name, number=number, of=len(points))
                     self._run(point)
             except Interrupted:
-                reason, code, message = "interrupted", 130, f"interrupted; finished points are kept in {self.out}"
+                reason, code, message = "interrupted", 130, f"interrupted; finished settings are kept in {self.out}"
         summary = self._summary(reason)
         write_json(self.out / "trade.json", summary.json())
         if code == 0:
