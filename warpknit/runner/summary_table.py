@@ -110,7 +110,7 @@ def _error_text(result: Summary) -> str:
     estimate = result.estimate
     parts = {"tension" if estimate.strain is None else "strain": estimate.tension, "stress": estimate.stress}
     found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
-    active = [] if estimate.active_percent is None else [f"active {estimate.active_percent:.2g} points"]
+    active = [] if estimate.active_percent is None else [f"active {round(estimate.active_percent, 2):.2g} points"]
     return ", ".join(found + active)
 
 
