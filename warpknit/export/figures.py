@@ -24,6 +24,7 @@ from warpknit.export.run_record import RunRecord
 from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
 from warpknit.results.row import Columns
 
+SHOWN = 90.0  # [%] of the tiles whose stress and tension the colours cover, from the least on
 LEAST_RANGE = 0.02  # of the largest value: values of tiles that differ by less are drawn alike
 LONGEST = 2.5  # median edges: longer ones of a triangulation of points lie outside the panel
 NET_NODES = 200  # places that hold a panel up to which each is marked
@@ -45,10 +46,11 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
         (scale * tiles["tension_weft_N_per_m"], f"tension in weft [{unit}]", "cividis"),
         (scale * tiles["tension_warp_N_per_m"], f"tension in warp [{unit}]", "cividis"),
     ):
-        low, high = float(values.min()), float(values.max())
+        low, high, largest = np.percentile(values, (0.0, SHOWN, 100.0)).tolist()
         high = max(high, low + LEAST_RANGE * float(np.abs(values).max()), low + 1e-12)
+        more = f"\none tile in ten beyond, up to {float(f'{largest:.3g}'):g}" if largest > high else ""
         # a few tiles at the edge do not leave the rest in one colour
-        maps.append((values, f"{label}, square-root scale", {"norm": PowerNorm(0.5, low, high), "cmap": colours}))
+        maps.append((values, f"{label}, square-root scale{more}", {"norm": PowerNorm(0.5, low, high), "cmap": colours}))
     columns = 3 if surface is not None else 2
     round_ = 1e3 * np.stack([edge["x_m"], edge["y_m"]], axis=1)
     width, height = np.ptp(round_, axis=0)
@@ -58,7 +60,8 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     axes = figure.subplots(2, columns, squeeze=False)
     for ax, (values, label, look) in zip(axes[:, :2].ravel(), maps, strict=True):
         image = _draw_tiles(ax, tiles, values, look)
-        figure.colorbar(image, ax=ax, shrink=0.85, aspect=32, pad=0.025).set_label(label)
+        extend = "max" if values.max() > image.get_clim()[1] else "neither"
+        figure.colorbar(image, ax=ax, shrink=0.85, aspect=32, pad=0.025, extend=extend).set_label(label)
         _draw_edge(ax, round_, edge["held"] > 0.0, image)
     if surface is not None:
         for ax, image in _draw_surface(figure, axes[:, 2], surface):
