@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -94,7 +95,7 @@ class Beside:
 def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | None]:
     """Begin with the changes of meshes; None on a GPU or a single core, which both would share."""
     started = None
-    if device == "cpu" and thread_count(2) > 1:
+    if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
         with suppress(OSError):
             started = start_process(__spec__.name)
     if started is None:
@@ -120,7 +121,7 @@ def main(arguments: list[str]) -> None:
         if pipe.poll():
             raise EOFError
 
-    with suppress(EOFError, OSError):
+    with suppress(Exception):  # the run then finds them itself, and reports why not
         scene, numbers = pipe.recv()
         pipe.send(changed_rows(scene, "cpu", numbers, check))
 
