@@ -115,6 +115,7 @@ def main(arguments: list[str]) -> None:
     """Send the rows of what comes through the pipe, until the run closes it."""
     for number in (signal.SIGINT, signal.SIGTERM):  # meant for the run
         signal.signal(number, signal.SIG_IGN)
+    os.environ["WARPKNIT_THREADS"] = "1"  # the run has the other cores
     pipe = Connection(int(arguments[0]))
 
     def check(_steps: int) -> None:
