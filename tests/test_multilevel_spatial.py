@@ -244,6 +244,7 @@ def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pyt
     nodes = drive.smaller.model.panel.node_count
     drive.smaller.mechanics.fields.add({"z": np.linspace(0.0, 1e-6, nodes)})
     assert not drive.prolongation.carry(drive._response)
+    drive.prolongation.put_back()
     for name, value in drive.mechanics.fields.read().items():
         assert value == pytest.approx(kept[name], rel=1e-12, abs=1e-12 * np.abs(kept[name]).max()), name
     tension, active = observed(drive.mechanics)
@@ -329,15 +330,16 @@ def test_repeated_corrections_that_overshoot_are_relaxed() -> None:
     assert aitken.next_factor(np.array([1.0]), 0.3) == 0.3
 
 
-def test_an_edge_on_cords_has_no_smaller_mesh_in_space() -> None:
-    """Its stations move with the mesh itself (spatial/clamps.py)."""
+def test_a_mesh_on_cords_starts_from_one_repeat_in_space() -> None:
+    """Its stations move with the mesh itself (spatial/clamps.py), in other places than those of a smaller mesh."""
     cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
     model = mesh(STRIP, "model.boundary=gripped", *cords)
-    assert not isinstance(Simulation(model).drive, MultilevelRelaxation)
+    drive = Simulation(model).drive
+    assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None and drive.smaller.scene.knit.repeats == (1, 1)
 
 
 def test_plan_says_from_which_mesh_a_run_starts() -> None:
-    """As in the plane; an edge that moves has no smaller mesh."""
+    """A mesh whose edge moves starts from one repeat."""
     cords = ("panel.grip_pitch=5 mm", "panel.cord.tension=20 mN", "panel.cord.stiffness=10 N")
 
     def starts(*changes: str) -> list[str]:
@@ -347,17 +349,7 @@ def test_plan_says_from_which_mesh_a_run_starts() -> None:
 
     assert "8 x 3 repeats" in starts(STRIP, "model.boundary=gripped")[0]
     assert "1 x 1 repeats" in starts("knit.repeats=[3, 2]")[0]
-    assert not starts(STRIP, "model.boundary=gripped", *cords) and not starts("knit.repeats=[1, 1]")
-
-
-def test_plan_says_what_is_corrected_as_a_membrane() -> None:
-    """A panel of 400 repeats and more; a smaller one is not."""
-    for size, wanted in (("50 mm", True), ("20 mm", False)):
-        scene = load_scene(
-            CELL, [*SCENE, "model.boundary=gripped", "panel.outline=hexagon", f"panel.size={size}", "contact.friction=0"]
-        )
-        found = [line for line in overview_of(scene, "cpu").physics if line.startswith("membrane corrections")]
-        assert bool(found) == wanted
+    assert "1 x 1 repeats" in starts(STRIP, "model.boundary=gripped", *cords)[0] and not starts("knit.repeats=[1, 1]")
 
 
 def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -381,16 +373,16 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
 
 
 def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It moves its edge itself and has no smaller mesh; one repeat gives the stiffness. The equilibrium is the one without
-    corrections, with its cords in balance."""
+    """It moves its edge itself; one repeat is its start, and gives the stiffness. The equilibrium is the one without either, with
+    its cords in balance."""
     panel = ("model.boundary=gripped", "panel.outline=hexagon", "panel.size=12 mm", "contact.friction=0", "panel.grip_pitch=6 mm")
     panel = (*panel, "model.nodes_per_loop=16")
     changes = (*panel, 'panel.cord={tension="50 mN", stiffness="50 N"}', "solver.residual_tolerance=0.01")
-    alone, drive, _ = solved(*changes)
-    assert not isinstance(drive, MultilevelRelaxation)
-    monkeypatch.setattr("warpknit.mesh.layout.MEMBRANE", 1)
-    mechanics, drive, _ = solved(*changes, "output.usd=false")
-    assert isinstance(drive, MultilevelRelaxation) and drive.smaller is None and drive.membrane is not None
+    mechanics, drive, _ = solved(*changes)
+    assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None and drive.membrane is not None
+    monkeypatch.setattr("warpknit.solve.simulate.smaller_scene", lambda _: None)
+    alone, other, _ = solved(*changes, "output.usd=false")
+    assert not isinstance(other, MultilevelRelaxation)
     assert drive.membrane.tangent.any() and drive.rim is mechanics.rim and mechanics.edge is not None
     assert drive.progress.imbalance <= 1.0
     assert mechanics.edge.residual_ratio(0.01) <= 1.0

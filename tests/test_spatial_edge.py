@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
 from warpknit import measure
 from warpknit.compute.kept import Owner, restore, save
@@ -37,8 +38,9 @@ def at_rest(*settings: str) -> tuple[Simulation, Record]:
 
 def test_stations_that_move_as_one_sheet_carry_the_mesh_as_that_sheet():
     """A thin plate through the clamps gives linear motions back at every node; both nodes of a clamp move as the clamp does."""
-    edge = Edge(build_model(scene_of(*SMALL, *CORD)))
-    mesh, rim = edge.model, edge.rim
+    mesh = build_model(scene_of(*SMALL, *CORD))
+    edge = Edge(mesh, wp.array(mesh.rods.position, dtype=wp.vec3d, device=mesh.device))
+    rim = edge.rim
     sheet = np.array([[0.02, 0.03], [-0.01, 0.05], [0.04, -0.02]])
     found = edge.mesh_displacement(rim.place @ sheet.T)
     held = mesh.wires.held_node

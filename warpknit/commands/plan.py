@@ -19,7 +19,7 @@ from ..compute.memory import available_memory, required_memory
 from ..knit.cloth import Cloth, same_cloth
 from ..knit.lapping import parse_chain
 from ..mechanics.protocols import Model
-from ..mesh.layout import copies_of_cloth, is_membrane, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
+from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
 from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import Finding, ResultTable, ResultWarning
@@ -358,8 +358,6 @@ def _panel_physics(scene: Scene) -> Iterator[str]:
     if smaller is not None:
         repeats = " x ".join(map(str, smaller.knit.repeats))
         yield f"multilevel start: from the equilibrium of a smaller mesh of {repeats} repeats, recursively"
-    elif scene.solver.drive == "relax" and is_membrane(scene):
-        yield "membrane corrections: long waves are balanced on a grid, with the stiffness of one repeat"
     if panel.outline != "rectangle":
         yield f"outline: the mesh is cut along a {panel.outline}, panel.outline"
     if panel.cord is not None and panel.grip_pitch is not None:

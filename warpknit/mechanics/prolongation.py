@@ -28,8 +28,8 @@ FADED = 1.5  # loops of wire from a clamp over which the change is tapered
 class RepeatProlongation:
     """Adds fields of a small mesh, or their changes, to a large one."""
 
-    def __init__(self, large: Model, small: Model, *sources: object) -> None:
-        """sources: arrays of the large mesh by name, at least `RepeatArrays`."""
+    def __init__(self, large: Model, small: Model, *sources: object, fades: bool = True) -> None:
+        """sources: arrays of the large mesh by name, at least `RepeatArrays`; fades: a change of one repeat, along the wires."""
         self.large, self.small = large, small.global_model
         self._sources = sources
         panel, table, device = large.panel, large.table, large.device
@@ -43,7 +43,7 @@ class RepeatProlongation:
         m.repeat, m.low = wp.vec2d(*repeat), wp.vec2d(*panel.low)
         m.large, m.small, m.offset = (wp.vec2i(*map(int, pair)) for pair in (large_repeats, small_repeats, self._offset))
         m.rim, m.periodic = RIM, int(self.is_periodic)
-        fades = self.is_periodic and panel.boundary == "gripped"
+        fades = fades and self.is_periodic and panel.boundary == "gripped"
         m.taper = wp.float64(FADED * large.scene.model.nodes_per_loop if fades else 0.0)
         self._meshes = m
         block_place = np.rint(panel.block_origin / repeat)

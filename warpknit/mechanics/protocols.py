@@ -210,7 +210,8 @@ class Mechanics(Protocol):
         """Prolongation to this mesh from the mechanics of a smaller one.
 
         Its `carry(response)` adds the changes of the smaller mesh since the last call; `response`: of the cloth at the load. It
-        returns False, without a change, where the larger mesh cannot take them.
+        returns False where the larger mesh cannot take them, which `put_back()` undoes. `replaces`: its state takes the place of
+        the larger mesh's; else the change of one repeat is added.
         """
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> Any:

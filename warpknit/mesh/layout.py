@@ -95,7 +95,6 @@ def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
 RATIO = 3  # repeats of a mesh over the smaller one
 LEAST = 8  # repeats of the smaller mesh, at least
 WORTH = 1.5  # ratio from which a smaller mesh pays
-MEMBRANE = 400  # repeats from which corrections as a membrane pay
 
 
 def _smaller_side(repeats: int) -> int:
@@ -107,17 +106,15 @@ def _smaller_side(repeats: int) -> int:
 def smaller_scene(scene: Scene) -> Scene | None:
     """Scene of the smaller mesh; None for small meshes, or where none is similar.
 
-    A mesh of another outline than a rectangle starts from one repeat in the planar model only. In the spatial model, where the
-    change fades out towards the clamps, wires would pass through each other.
+    A mesh of another outline than a rectangle starts from one repeat, whose change fades out towards the clamps. In the spatial
+    model so does one on cords.
     """
     repeats = scene.knit.repeats
     if scene.hook is not None or scene.wires is not None or scene.knit.scatter or scene.depends_on_path:
         return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
-    elif not scene.model.of_kind.fades_out and (scene.panel.outline != "rectangle" or scene.has_moving_edge):
-        return None
-    elif scene.panel.outline != "rectangle":
+    elif scene.panel.outline != "rectangle" or (scene.has_moving_edge and not scene.model.of_kind.fades_out):
         return one_repeat(scene)
     else:
         smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])
@@ -126,13 +123,6 @@ def smaller_scene(scene: Scene) -> Scene | None:
     if smaller == repeats:
         return None
     return of_repeats(scene, *smaller)
-
-
-def is_membrane(scene: Scene) -> bool:
-    """Whether a mesh is corrected as a membrane, without a smaller mesh: a large panel of the spatial model."""
-    is_even = scene.knit.scatter == 0.0 and not scene.depends_on_path and not scene.model.of_kind.fades_out
-    has_own_edge = scene.model.boundary == "gripped" and (scene.panel.outline != "rectangle" or scene.has_moving_edge)
-    return is_even and has_own_edge and math.prod(scene.knit.repeats) >= MEMBRANE
 
 
 def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:

@@ -28,6 +28,11 @@ class Prolongation:
         self._repeats = RepeatProlongation(large, small, large.mesh, large.rest, large.constants)
         self._one = wp.full(len(large.panel.wire_first), 1.0, dtype=large.precision.real, device=large.device)
 
+    @property
+    def replaces(self) -> bool:
+        """Whether the state of the small mesh replaces the state here; else its change is added."""
+        return self._repeats.replaces
+
     def carry(self, response: Response) -> bool:
         """Bring the large mesh to the state of the small one; update its stiffnesses and masses.
 
@@ -55,6 +60,9 @@ class Prolongation:
         repeats.add_to_bodies(state.body_uy, "body_y", change, response, counts)
         repeats.add_to_bodies(state.pair_offset, "body_offset", change, response, per_body=2, is_positive=True)
         return True
+
+    def put_back(self) -> None:
+        """Nothing to put back: bodies of a plane take any displacement."""
 
     def _follow_stiffness(self) -> None:
         """Raise stiffness and mass of each wire to the largest of its sources."""

@@ -116,7 +116,7 @@ class Drive(ABC):
         """Go on to the next stage."""
         progress = self.progress
         progress.stage_index += 1
-        progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
+        progress.level, progress.start, progress.time, progress.keeps_own = 0, LoadStart(), 0.0, False
 
     def load_now(self) -> LoadStart:
         """The current load, at the start of a stage."""

@@ -13,8 +13,10 @@ from ..mesh.rim import Rim
 from .membrane import CORRECTION_CHECKS, CORRECTION_GAIN, MAX_FAILED_CORRECTIONS, Aitken, Correction, Membrane, is_settled
 
 LIFT_TOLERANCE = 0.01  # of the height of the edge above the apex: error of the height of the mesh
-LEAST_LIFT = 0.01  # the same, of the thickness of the wire, at least
+LEAST_LIFT = 0.1  # the same, of the thickness of the wire, at least
 MAX_SLOPE = 0.05  # of one correction, which tilts loops rigidly
+# of a correction: the mesh inside has less tension than its mean, where cut wires at the grips carry more
+LARGEST_FACTOR = 2.0
 UNKNOWN = 1e30
 
 
@@ -28,7 +30,7 @@ class Lift:
         scene = mechanics.model.scene
         self.membrane = Membrane(mechanics, rim, scene.knit.wale_spacing)
         self._tolerance, self._least = scene.solver.residual_tolerance, LEAST_LIFT * scene.wire.thickness
-        self._aitken = Aitken()
+        self._aitken = Aitken(LARGEST_FACTOR)
         self.begin()
 
     def warm_up(self) -> None:
@@ -64,7 +66,7 @@ class Lift:
             self.imbalance = 0.0
             return
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
-        self.imbalance = float(np.abs(lift.grid).max()) / tolerance
+        self.imbalance = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
         self._failed += 1
         if self.imbalance < CORRECTION_GAIN * self._least_imbalance:
             self._least_imbalance, self._failed = self.imbalance, 0

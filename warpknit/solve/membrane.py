@@ -28,7 +28,7 @@ CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this s
 MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
 # short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
 SETTLED, SLOW_DECAY = 1.5, 0.8
-FACTORS = (0.1, 1.0)  # of a correction, smallest and largest
+FACTORS = (0.1, 1.0)  # of a correction, smallest, and largest by default
 
 
 def is_settled(residual: float, before: float) -> bool:
@@ -62,7 +62,8 @@ class Aitken:
 
     KEPT = ("factor", "_last")
 
-    def __init__(self) -> None:
+    def __init__(self, largest: float = FACTORS[1]) -> None:
+        self._factors = FACTORS[0], largest
         self.factor = 1.0  # of the last correction
         self._last = np.zeros(0)
 
@@ -75,7 +76,7 @@ class Aitken:
         last, self._last, share = self._last, correction, 1.0
         if len(last) == len(correction):
             change = correction - last
-            share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *FACTORS))
+            share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *self._factors))
         self.factor = max_factor * share
         return self.factor
 

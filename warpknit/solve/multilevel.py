@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..compute.kept import Kept, Owner, strip_prefix
+from ..errors import Diverged, NoProgress
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text
@@ -44,7 +45,7 @@ MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 class MultilevelRelaxation(Relaxation):
     """A relaxation with a smaller mesh, or one periodic repeat, that is solved first."""
 
-    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations")
+    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations", "_own")
 
     def __init__(
         self,
@@ -76,6 +77,7 @@ class MultilevelRelaxation(Relaxation):
             self.membrane = Membrane(mechanics, rim)
             self._stations = np.zeros((len(rim.arc), 2))
         self._correction, self._lift = Aitken(), Aitken()
+        self._own: Kept = {}  # load before this level started from the smaller mesh, to return to where it fails
 
     @property
     def rim(self) -> Rim | None:
@@ -183,23 +185,43 @@ class MultilevelRelaxation(Relaxation):
         progress.start = LoadStart()
 
     def _start_level(self, target: LoadPoint) -> None:
-        if self.prolongation is None:
+        progress = self.progress
+        if self.prolongation is None or progress.keeps_own:
             super()._start_level(target)
         else:
             begin = _load_of(self)
+            self._own = {"gradient": begin.gradient.copy(), "temperature": np.array(begin.temperature)}
             self.mechanics.set_load(replace(target, tension=None), 0)
-            self.progress.is_prolonged = self.prolongation.carry(self._response)
+            progress.is_prolonged = self.prolongation.carry(self._response)
+            if not progress.is_prolonged:
+                self._return_to_own(target)
             self.mechanics.stop()
             self.mechanics.search()
-            if not self.progress.is_prolonged:
-                self.mechanics.notes.append(
-                    f"at strains of {strain_text(target.gradient)} the mesh started from its own state, because a start from a"
-                    " smaller mesh would overlap its wires too deeply"
-                )
-                self.mechanics.set_load(begin, 0)
-            if target.tension is not None or not self.progress.is_prolonged:
+            if target.tension is not None or self.mechanics.rim is not None or not progress.is_prolonged:
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)
+
+    def _return_to_own(self, target: LoadPoint) -> None:
+        """Return to the state before this level started from the smaller mesh; the load step goes on without one repeat."""
+        assert self.prolongation is not None
+        steps, own = self.progress.steps, self._own
+        if self._before and not self.prolongation.replaces:
+            self.restore(self._before)
+        else:
+            self.prolongation.put_back()
+            self.mechanics.set_load(LoadPoint(own["gradient"], float(own["temperature"])), 0)
+            self.mechanics.stop()
+        self._own, self.progress.steps, self.progress.keeps_own = {}, steps, not self.prolongation.replaces
+        note = "the mesh started from its own state, because a start from a smaller mesh would overlap its wires too deeply"
+        self.mechanics.notes.append(f"at strains of {strain_text(target.gradient)} {note}")
+
+    def _cut(self, error: Diverged) -> None:
+        lasts = error.is_final or isinstance(error, NoProgress)
+        if lasts or not self._own or self.prolongation is None or self.prolongation.replaces:
+            super()._cut(error)
+        else:
+            self._return_to_own(LoadPoint(self.state.gradient.copy(), 0.0))
+            self.progress.solving = False
 
     def _move_edge(self, target: LoadPoint) -> None:
         """Move held stations of the rim to prescribed places; the mesh follows as a membrane."""
@@ -231,7 +253,7 @@ class MultilevelRelaxation(Relaxation):
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
-        progress.is_uncorrected = not progress.is_prolonged
+        progress.is_uncorrected = not (progress.is_prolonged or progress.keeps_own)
         progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else 1e30
         progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
         self._correction.begin()

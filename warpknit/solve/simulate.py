@@ -15,7 +15,7 @@ from ..compute.ranks import One, Ranks
 from ..errors import Diverged, InputError, ModelError
 from ..measure.table import Record
 from ..mechanics.protocols import Mechanics, Model
-from ..mesh.layout import estimated_nodes, is_membrane, one_repeat, smaller_scene
+from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
 from ..scene import Scene
 from .drive import Drive
 from .model import build_model, initial_state, mechanics_of
@@ -153,9 +153,9 @@ class Simulation:
         """A relaxation with its smaller meshes; one whose mechanics move the edge has none."""
         model: Model = mechanics.model
         monitored = partial(self._monitored, model=model)
-        scene = smaller_scene(model.scene) if mechanics.rim is None and model.cloth is not None else None
+        scene = smaller_scene(model.scene) if model.cloth is not None else None
         if scene is None:
-            if cell is None or not (model.scene.has_moving_edge or is_membrane(model.scene)):
+            if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, monitored)
             return MultilevelRelaxation(mechanics, progress, monitored, cell=cell)
         smaller = build_model(scene, self._device_of(model, scene), self._ranks_of(model, scene))
@@ -182,8 +182,7 @@ class Simulation:
         scene = model.scene
         if model.cloth is None or scene.model.boundary == "periodic":
             return None
-        has_one = smaller_scene(scene) is not None or scene.has_moving_edge
-        if not is_membrane(scene) and (mechanics.rim is not None or not has_one):
+        if smaller_scene(scene) is None and (mechanics.rim is not None or not scene.has_moving_edge):
             return None
         repeat = one_repeat(scene)
         cell = build_model(repeat, cls._device_of(model, repeat))

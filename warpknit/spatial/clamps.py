@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 from scipy import sparse
-from scipy.interpolate import RBFInterpolator, RectBivariateSpline
+from scipy.interpolate import RBFInterpolator
 from scipy.sparse.linalg import splu
 
 from ..compute.host import Entries
@@ -22,6 +22,7 @@ from ..kernels.rod_clamps import move_clamps
 from ..mesh.rim import LoadPoint, Rim, build_rim
 from .model import SpatialModel
 from .rod_step import RodStepper
+from .surface import Surface
 
 LEAST_CELLS = 4  # of the grid on which the thin-plate spline is evaluated, in each direction
 SMOOTHING = 1e-8  # of the thin-plate spline, over the mesh size: keeps it regular where clamps coincide
@@ -95,7 +96,8 @@ class Edge:
 
     KEPT = ("station_displacement", "start", "target", "residual", "_step_factor", "_last_rms", "_raised")
 
-    def __init__(self, model: SpatialModel) -> None:
+    def __init__(self, model: SpatialModel, rest_position: wp.array) -> None:
+        """rest_position: [node] [m] of the nodes."""
         self.model = model
         self.rim: Rim = build_rim(model.panel, model.scene)
         self.station_displacement = np.zeros((len(self.rim.arc), 3))  # [station, 3] [m] in addition to the load
@@ -108,9 +110,9 @@ class Edge:
             model.panel.clamp_position / size, self.rim.clamps.toarray(), kernel="thin_plate_spline", smoothing=SMOOTHING
         )
         low, high, spacing = place.min(axis=0), place.max(axis=0), self.rim.outline.length / len(self.rim.arc)
-        counts = np.maximum(np.ceil((high - low) / spacing).astype(int), LEAST_CELLS) + 1
-        self._axes = [np.linspace(low[axis], high[axis], counts[axis]) for axis in (0, 1)]
-        grid = np.stack(np.meshgrid(*self._axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        counts = np.maximum(np.ceil((high - low) / spacing).astype(int), LEAST_CELLS)
+        self._surface = Surface(low, (high - low) / counts, counts, rest_position, model.device)
+        grid = np.stack(np.meshgrid(*self._surface.axes, indexing="ij"), axis=-1).reshape(-1, 2)
         self._on_grid = plate(grid / size)  # (grid node, station)
 
     def set_target(self, load: LoadPoint) -> None:
@@ -122,6 +124,11 @@ class Edge:
         """(station, 3) [m] displacement of given stations under a load."""
         assert load.stations is not None
         return np.column_stack([load.stations, self._height(load.gradient, load.stations, load.raised)])
+
+    def strain_to(self, load: LoadPoint) -> float:
+        """Mean strain by what given stations still have to move along x and y."""
+        left = (self.target_of(load) - self.station_displacement)[self.rim.given, :2]
+        return float(np.abs(left).max(initial=0.0) / np.min(self.model.panel.size))
 
     def _height(self, gradient: np.ndarray, moved: np.ndarray, raised: float) -> np.ndarray:
         """[station] [m] height of the paraboloid, times `raised`, at stations displaced by (station, 2) [m]."""
@@ -139,11 +146,7 @@ class Edge:
 
     def mesh_displacement(self, station_displacement: np.ndarray) -> np.ndarray:
         """(node, 3) [m] interpolated from stations (station, 3) [m]; held nodes move with their clamps."""
-        place, moved = self.model.rods.position, np.zeros((self.model.rods.node_count, 3))
-        for axis, values in enumerate((self._on_grid @ station_displacement).T):
-            if values.any():
-                surface = RectBivariateSpline(*self._axes, values.reshape([len(one) for one in self._axes]))
-                moved[:, axis] = surface.ev(place[:, 0], place[:, 1])
+        moved = np.stack([self._surface.at_nodes(values)[0] for values in (self._on_grid @ station_displacement).T], axis=1)
         moved[self.model.wires.held_node] = np.repeat(self.rim.clamps @ station_displacement, 2, axis=0)
         return moved
 

@@ -162,8 +162,8 @@ class Fields:
 
     def put_back(self, snapshot: dict[str, np.ndarray]) -> None:
         """Return to the state of a `snapshot`, at the load of now."""
-        for name, value in snapshot.items():
-            store(getattr(self.stepper.state, name), value)
+        for name in CHANGED:
+            store(getattr(self.stepper.state, name), snapshot[name])
         self._begin_anew()
 
     def _begin_anew(self) -> None:

@@ -64,7 +64,7 @@ class SpatialMechanics:
         self.strip = self.stepper.strip if self.stepper.worlds == 1 else RodStrip.alone(model.rods)
         self.state = self.stepper.state.world(world, self.stepper.worlds)
         self._held = Entries(model.wires.held_node, model.device)
-        self.edge = Edge(model) if scene.has_moving_edge else None
+        self.edge = Edge(model, self.stepper.arrays.rest_position) if scene.has_moving_edge else None
         # a large gripped mesh starts from a smaller one that was tested
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._release: tuple[float, float] | None = None  # shares of the release before and after the part in progress
@@ -185,7 +185,7 @@ class SpatialMechanics:
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         (small, large), strain = LOAD_STRAINS, self._strain_to(load)
-        is_slow = self._release is not None or self.edge is not None or load.tension is not None
+        is_slow = self._release is not None or load.tension is not None
         share = max(1.0 if is_slow else min(1.0, strain / small), strain / large)
         return CHECK_STEPS * round(LOAD_STEPS / CHECK_STEPS * share)
 
@@ -199,7 +199,7 @@ class SpatialMechanics:
                 np.abs(self._thermal_strain(load) - fetch(self._part(self.relaxation.checks.arrays.thermal_strain)))
             )
         if self.edge is not None and load.stations is not None:
-            strain += float(np.abs(self.edge.target_of(load) - self.edge.target).max() / np.min(self.model.panel.size))
+            strain += self.edge.strain_to(load)
         return strain
 
     def _thermal_strain(self, load: LoadPoint) -> np.ndarray:
@@ -287,15 +287,13 @@ class SpatialMechanics:
             if edge.rim.is_free:
                 edge.measure(self.state.gradient, fetch(self.state.force))
         unmet = edge.residual_ratio(self.model.scene.solver.residual_tolerance)
-        if loading or (control.ramp_steps > 0.0 and not edge.is_at_target):
-            move = edge.move_given(control.ramp_step / control.ramp_steps)
+        if loading or not edge.is_at_target:
+            move = edge.move_given(control.ramp_step / max(control.ramp_steps, 1.0) if loading else 1.0)
         elif unmet >= 1.0 and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
             move = edge.relax_free(self.state.gradient, fetch(self.state.force))
         if np.any(move):
-            displacement = fetch(self.state.displacement).copy()
-            displacement += move
-            store(self.state.displacement, displacement)
-            self.search_pairs()
+            store(self.state.displacement, fetch(self.state.displacement) + move)
+            self.contact.refresh(float(np.linalg.norm(move, axis=1).max()), self.rows)
             self.relaxation.reset_damping_estimate(self.rows)
         return max(ratio, unmet)
 
@@ -365,7 +363,7 @@ class SpatialMechanics:
         return upload_repeats(self.model.panel, self.model.table, self.model.device)
 
     def prolongation(self, smaller: SpatialMechanics) -> Prolongation:
-        return Prolongation(self.fields, smaller.fields, self.repeats)
+        return Prolongation(self.fields, smaller.fields, self.repeats, self.edge)
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
         return MembraneGrid(self.fields, low, cell, cells)
@@ -375,7 +373,7 @@ class SpatialMechanics:
 
     @property
     def checked_stress(self) -> np.ndarray:
-        return self.stress()
+        return self.group.stress_now(self.rows)[0]
 
     def stop(self) -> None:
         self.relaxation.stop_motion(self.rows)

@@ -9,39 +9,60 @@ from __future__ import annotations
 
 import numpy as np
 import warp as wp
-from scipy.interpolate import RectBivariateSpline
 
 from ..compute.host import fetch, store, take
 from ..compute.launch import bind
-from ..kernels.membrane_transfer import Grid, gather_forces, respond_to_strain, spread_surface
+from ..kernels.membrane_transfer import gather_forces, respond_to_strain
 from ..mechanics.grid import CountedForces
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
 from ..mechanics.repeat_mesh import RepeatArrays
 from ..mechanics.response import Response
+from .clamps import Edge
 from .fields import OF_SEGMENTS, Fields
+from .model import SpatialModel
+from .surface import Surface
 
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
 LEAST_LIFT = 1.0  # thicknesses: over a panel, changes strains and contacts by far less than any tolerance
 
 
+def share_of_repeat(model: SpatialModel) -> np.ndarray:
+    """[rod node] share of what a repeat does that a gripped mesh does: less within a repeat of the edge.
+
+    By place, not along the wires: what touches moves together.
+    """
+    assert model.panel.outline is not None
+    away = model.panel.outline.nearest(model.rods.position[:, :2])[1]
+    return np.asarray(np.minimum(away / min(model.scene.knit.repeat), 1.0))
+
+
 class Prolongation:
     """Brings a large mesh to the state of a small one (warpknit/mechanics/prolongation.py)."""
 
-    KEPT = ("_last",)
+    KEPT = ("_last", "_before")
 
-    def __init__(self, large: Fields, small: Fields, arrays: RepeatArrays) -> None:
-        """arrays: of the large mesh."""
-        self.large, self.small = large, small
-        self._repeats = RepeatProlongation(large.model, small.model, arrays)
+    def __init__(self, large: Fields, small: Fields, arrays: RepeatArrays, edge: Edge | None) -> None:
+        """arrays, edge: of the large mesh."""
+        self.large, self.small, self._edge = large, small, edge
+        self._repeats = RepeatProlongation(large.model, small.model, arrays, fades=False)
         self._last = small.read_everywhere()
+        self._before: dict[str, np.ndarray] = {}  # state of the large mesh before the last `carry`
         self._nodes = large.model.panel.node_count
+        self._share: np.ndarray | float = 1.0
+        if self._repeats.is_periodic and large.model.panel.boundary == "gripped":
+            self._share = large.nodes.of_panel(share_of_repeat(large.model))
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
+
+    @property
+    def replaces(self) -> bool:
+        """Whether the state of the small mesh replaces the state here; else its change is added."""
+        return self._repeats.replaces
 
     def carry(self, response: Response) -> bool:
         """Bring the large mesh to the small one's state, and raise its stiffnesses.
 
-        `response`: of the cloth at the load. False where wires would overlap: the large mesh keeps its own state.
+        `response`: of the cloth at the load. False where wires would overlap too deeply.
         """
         last, self._last = self._last, self.small.read_everywhere()
         taken, stiffness = self._repeats.taken(self._last, last), self.small.read_stiffness()
@@ -51,15 +72,22 @@ class Prolongation:
         }
         raised = {name: self._prolonged(name, change, response) for name in stiffness}
         self.large.stiffen(raised, self.small.multipliers.mean_force)
+        stations = {} if self._edge is None else {"stations": self._edge.station_displacement.copy()}
+        self._before = self.large.snapshot() | stations
         if taken is None:
             return True
         own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
-        before = self.large.snapshot()
-        self.large.add({name: self._prolonged(name, change, response) - own[name] for name in taken})
-        if self.large.overlap() <= MAX_OVERLAP:  # else wires may push each other through
-            return True
-        self.large.put_back(before)
-        return False
+        self.large.add({name: self._share * (self._prolonged(name, change, response) - own[name]) for name in taken})
+        fits = self.large.overlap() <= MAX_OVERLAP  # else wires may push each other through
+        if fits and self.replaces:
+            self._before = {}
+        return fits
+
+    def put_back(self) -> None:
+        """Return the large mesh to its state before the last `carry`."""
+        if self._edge is not None:
+            self._edge.station_displacement = self._before["stations"]
+        self.large.put_back(self._before)
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""
@@ -75,18 +103,13 @@ class MembraneGrid:
         self.fields, self.model = fields, fields.model
         self.least_lift = LEAST_LIFT * self.model.rods.section.thickness
         self.max_strain = MAX_SHIFT * self.model.rods.section.thickness / self.model.scene.knit.wale_spacing
-        self._grid = Grid()
-        self._grid.low, self._grid.cell, self._grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
+        self._surface = Surface(low, cell, cells, fields.stepper.arrays.rest_position, self.model.device)
         count = int(np.prod(cells + 1))
         stiffness = self.model.rods.section.axial_stiffness
         self._force, self._across_force = (CountedForces(count, stiffness, self.model.device) for _ in range(2))
         panel, device = self.model.panel, self.model.device
         self._entry: wp.array = wp.array(panel.node_entry, dtype=wp.int32, device=device)
-        # by place, not along the wires: what touches moves together
-        assert panel.outline is not None
-        away = panel.outline.nearest(self.model.rods.position[:, :2])[1]
-        self._share = np.minimum(away / min(self.model.scene.knit.repeat), 1.0)
-        self._axes = [begin + size * np.arange(count + 1) for begin, size, count in zip(low, cell, cells, strict=True)]
+        self._share = share_of_repeat(self.model)
 
     def gather(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], in the state last evaluated."""
@@ -95,7 +118,7 @@ class MembraneGrid:
         self._across_force.counts.zero_()
         own = stepper.strip.nodes
         bind(
-            gather_forces, len(own), stepper.arrays, stepper.state, first_node=own.start, grid=self._grid,
+            gather_forces, len(own), stepper.arrays, stepper.state, first_node=own.start, grid=self._surface.grid,
             grid_force=self._force.counts, across_force=self._across_force.counts, force_unit=self._force.unit,
         ).run(self.model.device)  # fmt: skip
         return self._force.read(stepper.strip.ranks)
@@ -106,7 +129,7 @@ class MembraneGrid:
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
         """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
-        x, y = self._surface(displacement[:, 0]), self._surface(displacement[:, 1])
+        x, y = self._surface.at_nodes(displacement[:, 0]), self._surface.at_nodes(displacement[:, 1])
         shear = 0.5 * (x[2] + y[1])  # sections rotate with the mesh as below
         changes = self._answer({"gradient_xx": x[1], "gradient_xy": shear, "gradient_yx": shear, "gradient_yy": y[2]}, response)
         changes["x"], changes["y"] = changes.get("x", 0.0) + x[0], changes.get("y", 0.0) + y[0]
@@ -118,7 +141,7 @@ class MembraneGrid:
     def spread_across(self, displacement: np.ndarray) -> None:
         """Move the mesh out of plane with the grid [grid node] [m], and stop it; clamps stay."""
         stepper, rods = self.fields.stepper, self.model.rods
-        lift, *slope = self._surface(displacement)
+        lift, *slope = self._surface.at_nodes(displacement)
         along_x, along_y = self._on_mesh(*slope)
         height = rods.position[:, 2] - stepper.strip.whole.position[:, 2].mean()
         tangent = fetch(stepper.state.tangent)
@@ -139,22 +162,6 @@ class MembraneGrid:
             ).run(device)  # fmt: skip
             answer[name] = self._share * nodes.of_rods(fetch(value), of_segments=name in OF_SEGMENTS)
         return answer
-
-    def _surface(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Values and slopes along x and y [1/m] of a cubic spline at rest places [node]. values [grid node]."""
-        nodes, device, counts = self.model.node_count, self.model.device, [len(axis) for axis in self._axes]
-        if not values.any():  # so for a single cell, whose edge is held
-            return np.zeros(nodes), np.zeros(nodes), np.zeros(nodes)
-        spline = RectBivariateSpline(*self._axes, values.reshape(counts), kx=min(3, counts[0] - 1), ky=min(3, counts[1] - 1))
-        cell = [axis[1] - axis[0] for axis in self._axes]
-        known = [spline(*self._axes, dx=a, dy=b).ravel() * cell[0] ** a * cell[1] ** b for b in (0, 1) for a in (0, 1)]
-        surface: wp.array = wp.array(np.ascontiguousarray(np.transpose(known)), dtype=wp.float64, device=device)
-        value, slope_x, slope_y = (wp.zeros(nodes, dtype=wp.float64, device=device) for _ in range(3))
-        bind(
-            spread_surface, nodes, self.fields.stepper.arrays, grid=self._grid, surface=surface, value=value, slope_x=slope_x,
-            slope_y=slope_y,
-        ).run(device)  # fmt: skip
-        return take(value), take(slope_x), take(slope_y)
 
     def _on_mesh(self, slope_x: np.ndarray, slope_y: np.ndarray) -> np.ndarray:
         """(2, node) slopes on the deformed mesh, of those at rest."""
