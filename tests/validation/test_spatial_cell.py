@@ -17,7 +17,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.observables import NEAR, SpatialObservables, read
+from warpknit.spatial.observables import NEAR, SpatialObservables
 from warpknit.spatial.search_cells import search_cells
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
@@ -87,7 +87,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
     stepper.state.contact_penalty.fill_(mesh.contact_stiffness)
     stepper.state.contact_offset.fill_(offset)
     stepper.state.steering.set(bow_moment=0.0)  # chords: the length of arcs is kept by multipliers, at rest only
-    last = read(mesh, relaxation.mechanics.sites, relaxation.mechanics.relaxation, contact)
+    last = relaxation.mechanics.observe()
     assert len(last.touching.force) > 4
     step = 0.01 * float(last.touching.overlap.min() + 2.0 * offset) / mesh.panel.size.max()
     gradient, found = last.gradient.copy(), np.zeros((2, 2))
@@ -252,7 +252,7 @@ def test_forces_in_a_narrow_tile_are_those_in_many_repeats() -> None:
     assert there.contact.pair_count == 12 * one.contact.pair_count
     force = one.state.force.numpy()[node]
     assert np.abs(there.state.force.numpy() - force).max() < 4.0 * float(SINGLE_STEP) ** 2 * np.abs(force).max()
-    few, all_of_them = (read(s.model, s.mechanics.sites, s.mechanics.relaxation, s.mechanics.contact) for s in (relaxation, many))
+    few, all_of_them = (s.mechanics.observe() for s in (relaxation, many))
     assert all_of_them.near.force.size == 12 * few.near.force.size
     assert np.sort(all_of_them.site_force)[::12] == pytest.approx(
         np.sort(few.site_force), rel=1e-6, abs=1e-9 * few.site_force.max()
