@@ -11,6 +11,7 @@ from ..base.text import exact
 from ..compute.memory import refuse_beyond_memory
 from ..knit.cloth import Cloth, same_cloth
 from ..scene import PanelOptions, Scene, Stage
+from ..scene.panel_options import covering_repeats
 from ..wires.read import drawn_wires
 from .panel import Panel, build_panel, table_lead
 from .rest_table import Table, rest_table
@@ -129,6 +130,19 @@ def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
     """Scene of a tile or gripped rectangle of these repeats. Without loads that vary over the mesh."""
     knit = replace(scene.knit, repeats=(columns, rows))
     return replace(scene, knit=knit, panel=PanelOptions(), stages=_plain_stages(scene))
+
+
+def shrunk(scene: Scene, share: float) -> Scene:
+    """Scene of a gripped mesh of the same form and a `share` of its size. Without loads that vary over the mesh."""
+    panel, knit = scene.panel, scene.knit
+    corners = None if panel.corners is None else tuple((share * x, share * y) for x, y in panel.corners)
+    size, pitch = (None if length is None else share * length for length in (panel.size, panel.grip_pitch))
+    panel = replace(panel, size=size, corners=corners, grip_pitch=pitch)
+    if panel.outline == "rectangle":
+        columns, rows = (max(1, round(share * repeats)) for repeats in knit.repeats)
+    else:
+        columns, rows = covering_repeats(panel.shape(knit.size), knit.repeat)
+    return replace(scene, panel=panel, knit=replace(knit, repeats=(columns, rows)), stages=_plain_stages(scene))
 
 
 def one_repeat(scene: Scene) -> Scene:

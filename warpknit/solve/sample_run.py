@@ -13,7 +13,7 @@ from statistics import median
 from ..errors import Diverged
 from ..mechanics.numerics import thread_count
 from ..mechanics.protocols import Model
-from ..mesh.layout import mesh_nodes, of_repeats, smaller_scene
+from ..mesh.layout import mesh_nodes, of_repeats, shrunk, smaller_scene
 from ..scene import Scene
 from .model import build_model
 from .progress import Progress
@@ -161,13 +161,16 @@ def measure_run(sample: Model, nodes: int, scene: Scene) -> Measured:
     """Steps and time of a run of `nodes` nodes, from its `sample_model`. Raises the errors of a run.
 
     Events within a repeat take the same steps in any number of repeats, long waves between grips take steps in proportion to the
-    repeats a side. The geometric mean of both is expected, except for a multilevel start.
+    repeats a side. The geometric mean of both is expected, except for a multilevel start. A mesh that starts from one repeat has
+    a small one of the same form.
     """
     is_knit = scene.hook is None and scene.wires is None
-    is_gripped, is_rectangle = is_knit and scene.model.boundary == "gripped", scene.panel.outline == "rectangle"
-    is_large = scene.solver.drive == "relax" and is_rectangle and smaller_scene(scene) is not None
-    small_scene, (columns, rows) = sample.scene, scene.knit.repeats
-    if is_gripped:
+    is_gripped = is_knit and scene.model.boundary == "gripped"
+    smaller = smaller_scene(scene) if scene.solver.drive == "relax" else None
+    is_large, small_scene, (columns, rows) = smaller is not None, sample.scene, scene.knit.repeats
+    if is_gripped and smaller is not None and smaller.model.boundary == "periodic":
+        small_scene = scene if nodes <= SAMPLE_NODES else shrunk(scene, math.sqrt(0.5 * SAMPLE_NODES / nodes))
+    elif is_gripped:
         small_scene = of_repeats(scene, *(LARGE if is_large else (min(PATCH, columns), min(PATCH, rows))))
     elif is_knit and not is_large:
         small_scene = of_repeats(scene, 1, 1)
