@@ -133,7 +133,7 @@ def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
 
 
 def shrunk(scene: Scene, share: float) -> Scene:
-    """Scene of a gripped mesh of the same form and a `share` of its size. Without loads that vary over the mesh."""
+    """Scene of a smaller gripped mesh of the same form. Without loads that vary over the mesh."""
     panel, knit = scene.panel, scene.knit
     corners = None if panel.corners is None else tuple((share * x, share * y) for x, y in panel.corners)
     size, pitch = (None if length is None else share * length for length in (panel.size, panel.grip_pitch))
