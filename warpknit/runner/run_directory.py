@@ -120,9 +120,9 @@ def _other_keys(out: Path, resolved: str) -> str:
     return f" with another {listed([*keys[:MOST_KEYS], *more])}" if keys else ""
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
     """The values of a TOML file by dotted keys."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for key, value in table.items():
         found |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
     return found

@@ -51,7 +51,7 @@ def as_list(overrides: Overrides) -> list[Override]:
 
 def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> dict[str, Any]:
     """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
-    made: dict[str, Any] = as_written(table, file)
+    made = as_written(table, file)
     keys_set: set[tuple[int | str, ...]] = set()
     added: dict[Location, Location] = {}  # entries of lists that are new, by the override that added each
     for override in as_list(overrides):

@@ -66,8 +66,8 @@ def joined_curves(curves: Sequence[RestCurve], rods: Rods) -> RestCurve:
         return curves[0]
     names = ("slope", "slope_weight", "length", "bump", "bulge")
     arrays: dict[str, Any] = {name: np.concatenate([getattr(curve, name) for curve in curves]) for name in names}
-    bounds: dict[str, Any] = {name: np.array([getattr(curve, name) for curve in curves]) for name in ("weight_square", "lever")}
-    return replace(curves[0], row=rods.row, fit_error=max(curve.fit_error for curve in curves), **arrays, **bounds)
+    arrays |= {name: np.array([getattr(curve, name) for curve in curves]) for name in ("weight_square", "lever")}
+    return replace(curves[0], row=rods.row, fit_error=max(curve.fit_error for curve in curves), **arrays)
 
 
 def catmull_rom(rods: Rods) -> RestCurve:
