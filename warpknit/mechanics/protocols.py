@@ -204,7 +204,7 @@ class Mechanics(Protocol):
     def owners(self) -> list[Owner]:
         """Owners of variables of mesh and solver that outlast a step."""
 
-    # --- large meshes, which start from smaller ones and are corrected as membranes (solve/multilevel.py); `rim` is None
+    # --- large meshes, which start from smaller ones and are corrected as membranes (solve/multilevel.py)
 
     def prolongation(self, smaller: Any) -> Any:
         """Prolongation to this mesh from the mechanics of a smaller one.

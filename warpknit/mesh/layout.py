@@ -115,7 +115,7 @@ def smaller_scene(scene: Scene) -> Scene | None:
         return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
-    elif scene.panel.outline != "rectangle" or (scene.has_moving_edge and not scene.model.of_kind.fades_out):
+    elif scene.panel.outline != "rectangle" or (scene.has_moving_edge and scene.model.of_kind.steps_edge):
         return one_repeat(scene)
     else:
         smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])

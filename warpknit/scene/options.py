@@ -41,7 +41,7 @@ class KindOfModel:
     has_branches: bool  # a tight knit may have several equilibria under one load, without friction too
     friction: float  # coefficient by default: docs/studies/friction.md
     own_loops: bool  # worlds side by side may have loops, wires and friction of their own
-    fades_out: bool  # a mesh starts from one repeat up to an edge of any shape, or one that moves
+    steps_edge: bool  # an edge that moves is stepped with the mesh; else the solver moves it with the membrane
     leaves_plane: bool  # nodes move out of the plane
 
 
@@ -52,7 +52,7 @@ KINDS = {
         has_branches=False,
         friction=0.0,
         own_loops=False,
-        fades_out=True,
+        steps_edge=False,
         leaves_plane=False,
     ),
     "spatial": KindOfModel(
@@ -61,7 +61,7 @@ KINDS = {
         has_branches=True,
         friction=0.2,
         own_loops=True,
-        fades_out=False,
+        steps_edge=True,
         leaves_plane=True,
     ),
 }

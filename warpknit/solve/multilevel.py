@@ -194,15 +194,18 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.set_load(replace(target, tension=None), 0)
             progress.is_prolonged = self.prolongation.carry(self._response)
             if not progress.is_prolonged:
-                self._return_to_own(target)
+                self._return_to_own(target.gradient)
             self.mechanics.stop()
             self.mechanics.search()
             if target.tension is not None or self.mechanics.rim is not None or not progress.is_prolonged:
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)
 
-    def _return_to_own(self, target: LoadPoint) -> None:
-        """Return to the state before this level started from the smaller mesh; the load step goes on without one repeat."""
+    def _return_to_own(self, failed: np.ndarray) -> None:
+        """Return to the state before this level started from the smaller mesh; the load step goes on without one repeat.
+
+        failed: (2, 2) deformation gradient of that start.
+        """
         assert self.prolongation is not None
         steps, own = self.progress.steps, self._own
         if self._before and not self.prolongation.replaces:
@@ -213,14 +216,14 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.stop()
         self._own, self.progress.steps, self.progress.keeps_own = {}, steps, not self.prolongation.replaces
         note = "the mesh started from its own state, because a start from a smaller mesh would overlap its wires too deeply"
-        self.mechanics.notes.append(f"at strains of {strain_text(target.gradient)} {note}")
+        self.mechanics.notes.append(f"at strains of {strain_text(failed)} {note}")
 
     def _cut(self, error: Diverged) -> None:
         lasts = error.is_final or isinstance(error, NoProgress)
         if lasts or not self._own or self.prolongation is None or self.prolongation.replaces:
             super()._cut(error)
         else:
-            self._return_to_own(LoadPoint(self.state.gradient.copy(), 0.0))
+            self._return_to_own(self.state.gradient.copy())
             self.progress.solving = False
 
     def _move_edge(self, target: LoadPoint) -> None:

@@ -150,7 +150,7 @@ class Simulation:
     # --- drives
 
     def _relaxation(self, mechanics: Mechanics, progress: Progress, cell: Relaxation | None) -> Relaxation:
-        """A relaxation with its smaller meshes; one whose mechanics move the edge has none."""
+        """A relaxation with its smaller meshes."""
         model: Model = mechanics.model
         monitored = partial(self._monitored, model=model)
         scene = smaller_scene(model.scene) if model.cloth is not None else None
