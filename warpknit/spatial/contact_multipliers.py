@@ -22,7 +22,8 @@ from .wire_contact import WireContact
 
 OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
-LOADED, SLOW = 0.2, 0.01  # share of the floor that is kept once the load is applied and no wire moves faster [thicknesses a step]
+# shares of the floor that are kept once the load is applied, by the mean force, and no wire moves faster [thicknesses a step]
+SOFTEST, LOADED, SLOW = 0.02, 0.2, 0.01
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,12 @@ class ContactMultipliers:
     @property
     def _loading_floor(self) -> np.ndarray:
         """[world] [N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
-        return np.maximum(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
+        return np.maximum(self._floor, self._of_force)
+
+    @property
+    def _of_force(self) -> np.ndarray:
+        """[world] [N/m] penalty of a contact with the mean force."""
+        return FORCE_PENALTY * self.mean_force / self._thickness
 
     def error_ratio(self, contacts: ContactSums) -> np.ndarray:
         """[row] Overlaps over what is allowed."""
@@ -79,7 +85,8 @@ class ContactMultipliers:
         steering = self._contact.stepper.steering
         self.mean_force[rows] = np.where(contacts.mean_push > 0.0, contacts.mean_push, self.mean_force[rows])
         is_fast = loading | (steering.speed_max[rows] > SLOW * self._thickness)
-        floor = np.where(is_fast, self._loading_floor[rows], LOADED * self._floor)
+        soft = np.clip(self._of_force[rows], SOFTEST * self._floor, LOADED * self._floor)
+        floor = np.where(is_fast, self._loading_floor[rows], soft)
         steering.set(rows, multiplier_rate=rate, penalty_floor=floor, loading=loading)
         self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
 

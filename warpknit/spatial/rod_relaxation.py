@@ -73,7 +73,7 @@ VIBRATION = 3.0  # speed of the whole motion over the mean motion, above which i
 # largest speed that counts by diagonal masses over banded ones: smooth motion's grows with the nodes a loop, from
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
-LEAST_DAMPING = 0.01  # [1/s] banded masses leave few modes slower than half of it
+LEAST_DAMPING = 0.003  # [1/s] banded masses leave few modes slower than half of it
 COUPLING = 0.5  # of displacements and twist
 
 

@@ -57,6 +57,7 @@ NODES_IN_CACHE = 1_000  # of worlds that take their steps before others do
 PARTS = 2  # a thread, of worlds, as some have converged before others
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 GROUP_NODES = 4096  # of a group, or one longer wire: their forces take 64 B a node
+UNEVEN = 1.2  # nodes of the wires of a thread over their mean, above which threads share the forces of a wire
 
 
 class WireGroup(NamedTuple):
@@ -149,6 +150,8 @@ class RodStepper:
             parts = [self.share_of(wires, part) for part in range(self.parts)]
             self._groups = [wire_groups(rods, own, block_wire, 1, on_cpu=on_cpu)[0] for own in parts]
         self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
+        most = max(sum(len(group.nodes) for group in groups) for groups in self._groups)
+        self._share_wires = worlds == 1 and most * self.parts > UNEVEN * rods.wire_count[wires.start : wires.stop].sum()
         shares = [self.team.share_of(wires, part, self.few) for part in range(self.few)]
         self._factor = [replay(factor_launches(self.arrays, self.state, share), device) for share in shares if share]
         self.factor_masses()
@@ -246,18 +249,21 @@ class RodStepper:
         """Launches of one thread's part of a step up to the motion.
 
         The forces of a group of wires move its nodes at once. On a CPU the next group then takes their memory, and all steps but
-        the last compute the next frames, while all is in the cache; not where clamps move by forces.
+        the last compute the next frames, while all is in the cache; not where clamps move by forces. Threads share the forces of
+        wires that are too long for one of them; then each moves its wires.
         """
         state, groups = self.state, self._groups[part]
-        in_cache = self.device == "cpu" and (self.clamps is None or not self.clamps.need_forces)
+        in_cache = self.device == "cpu" and not self._share_wires and (self.clamps is None or not self.clamps.need_forces)
         launches, touch = self._contact_launches(part, UNLESS_AHEAD if in_cache and not is_first else ALWAYS)
         forces = self._shared[part] if in_cache else [StepForces.of(state)] * len(groups)
         row = part if self.worlds == 1 else -1  # of the counts of the stress
         if self.step_stress is not None:
             launches += self.step_stress.of_contacts(self.share_of(self.blocks, part), row)
+        if self._share_wires:
+            launches += [force_launch(self.rods, self.arrays, state, touch, self.share_of(self.blocks, part)), *self._wait()]
         for group, stored in zip(groups, forces, strict=True):
             launches += [
-                force_launch(self.rods, self.arrays, state, touch, group.blocks, stored),
+                *([] if self._share_wires else [force_launch(self.rods, self.arrays, state, touch, group.blocks, stored)]),
                 *(self.step_stress.of_group(group, stored, row) if self.step_stress is not None else ()),
                 motion_launch(self.arrays, state, group.wires, stored),
             ]
