@@ -162,14 +162,14 @@ def joined(parts: list[NearPairs]) -> NearPairs:
 
 
 def near_pairs(
-    segments: Segments, wires: Wires, thickness: float | np.ndarray, *, with_neighbours: bool = False
+    segments: Segments, wires: Wires, thickness: float | np.ndarray, *, reach: float = REACH, with_neighbours: bool = False
 ) -> Iterator[NearPairs | None]:
-    """Pairs nearer than REACH thicknesses and some farther ones, in blocks; None where there are too many.
+    """Pairs nearer than `reach` thicknesses and some farther ones, in blocks; None where there are too many.
 
     with_neighbours: along one wire, too.
     """
     of_wires = np.broadcast_to(thickness, len(wires.points))
-    radius = REACH * float(of_wires.max()) + float(segments.length.max())
+    radius = reach * float(of_wires.max()) + float(segments.length.max())
     if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
         yield None
         return

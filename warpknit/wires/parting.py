@@ -173,7 +173,7 @@ def _at(wires: Wires, nodes: _Nodes, points: np.ndarray) -> Wires:
 def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None:
     """Pairs of segments nearer than NEAR thicknesses that are no neighbours; None where they are too many."""
     segments, near_ones = segments_of(wires), []
-    for near in near_pairs(segments, wires, thickness, with_neighbours=True):
+    for near in near_pairs(segments, wires, thickness, reach=NEAR, with_neighbours=True):
         if near is None:
             return None
         longest = near.between + segments.length[near.segment].sum(axis=1)
