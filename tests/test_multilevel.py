@@ -232,6 +232,7 @@ def test_corrections_wait_after_failed_ones_and_those_of_an_edge_alone_do_not(is
     drive = SimpleNamespace(progress=progress, _correction=factor, _move_clamps=moved.append)
     drive._move_in_parts = lambda _membrane, correction: moved.append(correction)
     correction = Correction(np.ones((1, 2)), np.ones((1, 2)))
-    MultilevelRelaxation._move_as_membrane(drive, None, correction)
+    membrane = SimpleNamespace(solve=lambda share: (correction.scaled(share), 0.0))
+    MultilevelRelaxation._move_as_membrane(drive, membrane, correction, ())
     assert len(moved) == 1 and progress.failed_corrections == 3
     assert progress.next_correction == (100 + wait if wait else 0)

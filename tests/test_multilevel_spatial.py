@@ -366,15 +366,17 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
     for tolerances, parts in ((0.5, 0), (3.0, 3)):
         stress = tolerances * MEMBRANE_TOLERANCE * drive.least_tension
         correction = Correction(grid, np.zeros((0, 2)), share), stress
-        monkeypatch.setattr(membrane, "solve", lambda *_, correction=correction: correction)
+        monkeypatch.setattr(
+            membrane, "solve", lambda *edge, whole=correction: (whole[0].scaled(([1.0, *edge[3:]])[-1]), whole[1])
+        )
         drive._correct_as_membrane(membrane, 10.0)
         assert drive.progress.imbalance == pytest.approx(tolerances)
         assert moved == pytest.approx(parts * [share])
 
 
 def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It moves its edge itself; one repeat is its start, and gives the stiffness. The equilibrium is the one without either, with
-    its cords in balance."""
+    """One repeat is its start, and gives the stiffness. The equilibrium is the one without that start, with its cords in
+    balance."""
     panel = ("model.boundary=gripped", "panel.outline=hexagon", "panel.size=12 mm", "contact.friction=0", "panel.grip_pitch=6 mm")
     panel = (*panel, "model.nodes_per_loop=16")
     changes = (*panel, 'panel.cord={tension="50 mN", stiffness="50 N"}', "solver.residual_tolerance=0.01")
@@ -382,10 +384,9 @@ def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.M
     assert isinstance(drive, MultilevelRelaxation) and drive.smaller is not None and drive.membrane is not None
     monkeypatch.setattr("warpknit.solve.simulate.smaller_scene", lambda _: None)
     alone, other, _ = solved(*changes, "output.usd=false")
-    assert not isinstance(other, MultilevelRelaxation)
+    assert isinstance(other, MultilevelRelaxation) and other.smaller is None
     assert drive.membrane.tangent.any() and drive.rim is mechanics.rim and mechanics.edge is not None
     assert drive.progress.imbalance <= 1.0
-    assert mechanics.edge.residual_ratio(0.01) <= 1.0
     (tension, active), (expected, share) = observed(mechanics), observed(alone)
     assert tension == pytest.approx(expected, rel=MEMBRANE_TOLERANCE)
     assert active == pytest.approx(share, abs=2.0)

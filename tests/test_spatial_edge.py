@@ -12,6 +12,7 @@ from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.state import initial_state
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
+from warpknit.solve.multilevel import EDGE_TOLERANCE
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.clamps import Edge
 
@@ -67,7 +68,8 @@ def test_a_cord_carries_what_the_clamps_between_net_nodes_do():
     free = ~edge.rim.given
     balance = edge.unbalanced_forces(r.gradient, r.force)
     carried = edge.rim.clamps.T @ edge.grip_forces(r.force)
-    tolerance = 0.01 * np.sqrt(np.mean(carried[free] ** 2))
+
+    tolerance = EDGE_TOLERANCE * np.sqrt(np.mean(carried[free] ** 2))
     assert free.sum() == 6 and np.sqrt(np.mean(balance[free] ** 2)) < tolerance
     middle = edge.rim.place.mean(axis=0)
     assert np.all(np.sum(last.stations[free, :2] * (edge.rim.place[free] - middle), axis=1) < 0.0)
@@ -82,11 +84,10 @@ def test_an_edge_is_taken_up_where_it_was_left():
     edge = relaxation.mechanics.edge
     edge.set_target(LoadPoint(np.eye(2), 293.15, stations=np.full((len(edge.rim.arc), 2), 1e-6)))
     edge.move_given(0.5)
-    edge.relax_free(np.eye(2), relaxation.state.force.numpy() + 1e-6)
+    edge.move(np.where(edge.rim.given[:, None], 0.0, 1e-6))
     other = Simulation(build_model(scene_of(*SMALL, *CORD)))
     restore(save(Owner(edge)), Owner(other.mechanics.edge))
-    force = np.random.default_rng(0).normal(size=(edge.model.rods.node_count, 3))
-    assert np.array_equal(other.mechanics.edge.relax_free(np.eye(2), force), edge.relax_free(np.eye(2), force))
+    assert np.array_equal(other.mechanics.edge.station_displacement, edge.station_displacement)
     assert np.array_equal(other.mechanics.edge.move_given(0.7), edge.move_given(0.7))
 
 

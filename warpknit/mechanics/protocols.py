@@ -239,8 +239,11 @@ class Mechanics(Protocol):
     def move_clamps(self, begin: np.ndarray, end: np.ndarray) -> None:
         """Set displacements (clamp, 2) [m] of clamps at start and end of the next load."""
 
+    def move_stations(self, change: np.ndarray) -> None:
+        """Move stations of a rim of the mechanics by (station, 3) [m], and the clamps with them."""
+
     def clamp_forces(self) -> np.ndarray:
-        """Forces (clamp, 2) [N] of the wires at their clamps, from the last convergence check."""
+        """Forces (clamp, n) [N] of the wires at their clamps, from the last convergence check; n = 2, or 3 in space."""
 
     def renew_damping(self) -> None:
         """Set the damping by the motion of the last steps."""

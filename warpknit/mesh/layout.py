@@ -146,8 +146,8 @@ def shrunk(scene: Scene, share: float) -> Scene:
 
 
 def one_repeat(scene: Scene) -> Scene:
-    """The scene of one periodic repeat of the same cloth."""
-    knit, options = replace(scene.knit, repeats=(1, 1)), replace(scene.model, boundary="periodic")
+    """The scene of one periodic repeat of the same cloth, of even loops and without a history."""
+    knit, options = replace(scene.knit, repeats=(1, 1), scatter=0.0), replace(scene.model, boundary="periodic")
     contact, wire = replace(scene.contact, friction=0.0), replace(scene.wire, plastic=False)
     stages = _plain_stages(scene)
     return replace(scene, wire=wire, knit=knit, model=options, panel=PanelOptions(), contact=contact, stages=stages)

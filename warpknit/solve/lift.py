@@ -1,4 +1,4 @@
-"""Corrections out of the plane, for a mesh on a paraboloid.
+"""Corrections out of the plane, for a mesh on a paraboloid or on cords.
 
 Long waves out of the plane carry little force: a mesh that is far from its height may be within the tolerance of its residual.
 They are balanced on a grid of the mesh as a membrane (membrane.py), whose correction measures the error of the height.
@@ -36,7 +36,7 @@ class Lift:
     def warm_up(self) -> None:
         """Compile its kernels by launching them."""
         count = len(self.membrane.imbalance())
-        self.membrane.lift(Correction(np.zeros((count, 1)), np.zeros((0, 2))))
+        self.membrane.lift(Correction(np.zeros((count, 1)), np.zeros((0, 1))))
 
     def begin(self) -> None:
         """Begin a load level."""
@@ -61,19 +61,22 @@ class Lift:
         """
         mechanics, membrane = self.mechanics, self.membrane
         membrane.imbalance()
-        lift = membrane.solve_across(mechanics.state.gradient, mechanics.checked_stress, MAX_SLOPE)
+        edge = (mechanics.stations, mechanics.clamp_forces())
+        lift = membrane.solve_across(mechanics.state.gradient, mechanics.checked_stress, *edge, MAX_SLOPE)
         if lift is None:  # a slack mesh has no height of its own
             self.imbalance = 0.0
             return
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
         self.imbalance = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
+        if self.imbalance <= 1.0:
+            return
         self._failed += 1
         if self.imbalance < CORRECTION_GAIN * self._least_imbalance:
             self._least_imbalance, self._failed = self.imbalance, 0
-        if self.imbalance <= 1.0:
-            return
         if self._failed > MAX_FAILED_CORRECTIONS:
             mechanics.notes.append(f"the height of the mesh is balanced to {100.0 * LIFT_TOLERANCE * self.imbalance:.2g} %")
             return
-        membrane.lift(lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor)))
+        lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
+        membrane.lift(lift)
+        mechanics.move_stations(lift.in_space)
         mechanics.search()

@@ -23,12 +23,13 @@ from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
 MAX_CELLS = 96  # cells of the grid in one direction
-CORRECTION_CHECKS = 4  # convergence checks between corrections, at least; a multiple after some that failed
+CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
 # short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
 SETTLED, SLOW_DECAY = 1.5, 0.8
 FACTORS = (0.1, 1.0)  # of a correction, smallest, and largest by default
+CORD_STEPS, CORD_ERROR = 8, 1e-3  # Newton steps of a cord in a correction, and their error
 
 
 def is_settled(residual: float, before: float) -> bool:
@@ -40,17 +41,30 @@ def is_settled(residual: float, before: float) -> bool:
 class Correction:
     """A displacement of the mesh as a membrane."""
 
-    grid: np.ndarray  # (grid node, 2) [m]
-    stations: np.ndarray  # (station, 2) [m] of the rim
+    grid: np.ndarray  # (grid node, 2) [m], or (grid node, 1) out of the plane
+    stations: np.ndarray  # (station, 2) [m] of the rim, or (station, 1)
     max_factor: float = 1.0  # largest share to apply at once
 
     def scaled(self, share: float) -> Correction:
         return Correction(share * self.grid, share * self.stations, min(1.0, self.max_factor / share))
 
     @property
+    def in_space(self) -> np.ndarray:
+        """(station, 3) [m] of the rim."""
+        before = 2 if self.stations.shape[1] == 1 else 0
+        return np.pad(self.stations, [(0, 0), (before, 3 - before - self.stations.shape[1])])
+
+    @property
     def vector(self) -> np.ndarray:
         """All displacements in one array [m]."""
         return np.concatenate([self.grid.ravel(), self.stations.ravel()])
+
+
+def _with_cord(stiffness: sparse.csr_matrix, cord: sparse.csr_matrix) -> sparse.csr_matrix:
+    """The stiffness of grid nodes, then stations [N/m], with that of the cord between stations added."""
+    there, first = cord.tocoo(), stiffness.shape[0] - cord.shape[0]
+    placed = (there.data, (there.row + first, there.col + first))
+    return stiffness + sparse.csr_matrix(placed, shape=stiffness.shape)
 
 
 class Aitken:
@@ -108,20 +122,23 @@ class Membrane:
         return outline.cover(self.model.panel.low, self._cell, (int(nx), int(ny)))
 
     def _tie_grid(self) -> None:
-        """Build `_tied` (2 grid node, unknown + 2 station): the grid as a function of free nodes and stations."""
+        """Build `_tied` (2 grid node, unknown + 2 station), and `_tied_across` with half of both: the grid as a function of free
+        nodes and stations.
+        """
         nx, ny = self._cells
         is_inside = np.zeros((nx + 2, ny + 2), dtype=bool)
         is_inside[1:-1, 1:-1] = self._filled > 1.0 - 1e-9
         free = (is_inside[:-1, :-1] & is_inside[1:, :-1] & is_inside[:-1, 1:] & is_inside[1:, 1:]).ravel()
-        self._inside = np.flatnonzero(free)
         ix, iy = (a.ravel() for a in np.meshgrid(np.arange(nx + 1), np.arange(ny + 1), indexing="ij"))
         place = self.model.panel.low + self._cell * np.stack([ix, iy], axis=1)
         arc, _ = self.rim.outline.nearest(place[~free])
         identity = sparse.identity(len(free), format="csc")
         both = sparse.hstack([identity[:, free], identity[:, ~free] @ self.rim.weights(arc)]).tocsr()
+        self._tied_across = both
         self._tied = sparse.kron(both, sparse.identity(2)).tocsr()
         moves = np.concatenate([np.ones(free.sum(), dtype=bool), ~self.rim.given])
-        self._free = np.nonzero(np.repeat(moves, 2))[0]
+        self._free_across = np.flatnonzero(moves)
+        self._free = np.flatnonzero(np.repeat(moves, 2))
 
     def renew(self, response: Response) -> None:
         """Assemble the stiffness from the response of the cloth."""
@@ -152,7 +169,8 @@ class Membrane:
 
     def imbalance(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], as the last convergence check found them."""
-        return self._grid.gather()
+        self._unbalanced = self._grid.gather()
+        return self._unbalanced
 
     def warm_up(self, response: Response) -> None:
         """Compile every kernel by launching it; the mesh does not move."""
@@ -160,77 +178,91 @@ class Membrane:
         self.imbalance()
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
-    def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
-        """The balancing correction, and its rms stress [N/m] over the mesh.
+    def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, share: float = 1.0) -> tuple[Correction, float]:
+        """The correction in the plane that balances a share of the forces, and its rms stress [N/m] over the mesh.
 
-        `gradient` (2, 2) and `stations` (station, 2) [m] define the edge, `held` (clamp, 2) [N] are forces of the wires on it.
+        `gradient` (2, 2) and `stations` (station, n) [m] define the edge, `held` (clamp, n) [N] are forces of the wires on it;
+        n = 2, or 3 in the spatial model.
         """
-        force = self._tied.T @ self.imbalance().reshape(-1)
+        force = self._tied.T @ self._unbalanced.reshape(-1)
         if self.rim.is_free:
-            pull = self._pull(gradient, stations, held)
+            pull = self._pull(gradient, stations, held)[:, :2]
             force[-pull.size :] += pull.ravel()
-        return self._correction(force, np.zeros(len(force)), gradient, stations)
+        return self._correction(share * force, np.zeros(len(force)), gradient, stations)
 
     def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
-        """Rms force on free stations over the wires' force, or over `least` [N/m].
+        """Rms force on free stations in the plane over the wires' force, or over `least` [N/m].
 
         A stiff cord may be out of balance with little effect on the mesh.
         """
         free = ~self.rim.given
         if not free.any():
             return 0.0
-        cord = self.rim.cord_forces(gradient, stations)[0]
-        total = self._pull(gradient, stations, held)
+        cord = self.rim.cord_forces(gradient, stations)[0][:, :2]
+        total = self._pull(gradient, stations, held)[:, :2]
         wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
         spacing = self.rim.outline.length / len(self.rim.arc)
         return float(np.sqrt(np.mean(total[free] ** 2))) / max(wires, least * spacing)
 
     def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
         """The same for the edge alone, with the mesh behind it fixed."""
-        pull = self._pull(gradient, stations, held)
-        free = np.nonzero(np.repeat(~self.rim.given, 2))[0]
-        first = self._tied.shape[1] - pull.size
-        matrix = self._matrix(gradient, stations)[first + free][:, first + free]
-        moved = np.zeros(pull.size)
-        moved[free] = splu(matrix.tocsc()).solve(pull.ravel()[free])
+        pull = self._pull(gradient, stations, held)[:, :2]
+        force = np.zeros(self._tied.shape[1])
+        force[-pull.size :] = pull.ravel()
+        free = self._free[self._free >= len(force) - pull.size]
+        moved = self._balance(force, np.zeros(len(force)), gradient, stations, free)[-pull.size :].reshape(-1, 2)
         excess = float(np.abs(moved).max()) / (self._grid.max_strain * float(self._cell.min()))
-        correction = Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved.reshape(-1, 2), 1.0 / max(1.0, excess))
-        return correction, 0.0
+        return Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved, 1.0 / max(1.0, excess)), 0.0
 
     def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Forces (station, 2) [N] of the wires on all ranks, and of the cord."""
+        """Forces (station, n) [N] of the wires on all ranks, and of the cord."""
         return self.model.ranks.sum(self.rim.clamps.T @ held) + self.rim.cord_forces(gradient, stations)[0]
 
     def follow(self, given: np.ndarray, gradient: np.ndarray, stations: np.ndarray) -> Correction:
         """Displacement of the mesh as a membrane when held stations move by `given` (station, 2) [m]."""
         known = np.zeros(self._tied.shape[1])
         known[-given.size :] = np.where(self.rim.given[:, None], given, 0.0).ravel()
-        return self._correction(-(self._matrix(gradient, stations) @ known), known, gradient, stations)[0]
+        return self._correction(np.zeros(len(known)), known, gradient, stations)[0]
 
     def _matrix(self, gradient: np.ndarray, stations: np.ndarray) -> sparse.csr_matrix:
         """Stiffness [N/m] of free grid nodes and stations, cord included."""
         if not self.rim.is_free:
             return self._stiffness
-        cord = self.rim.cord_stiffness(gradient, stations).tocoo()
-        first = self._tied.shape[1] - cord.shape[0]
-        there = (cord.data, (cord.row + first, cord.col + first))
-        return self._stiffness + sparse.csr_matrix(there, shape=self._stiffness.shape)
+        return _with_cord(self._stiffness, self.rim.cord_stiffness(gradient, stations[:, :2]))
 
     def _correction(
         self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray
     ) -> tuple[Correction, float]:
         """The displacement under forces [N] with the `known` displacements, and its stress [N/m]."""
-        solve = self._solve or splu(self._matrix(gradient, stations)[self._free][:, self._free].tocsc()).solve
-        solution = known.copy()
-        solution[self._free] = solve(force[self._free])
+        solution = self._balance(force, known, gradient, stations, self._free)
         grid = self._tied @ solution
         slope = self._gradient(grid)
         stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
-        share = self._filled / self._filled.sum()
-        out_of_balance = float(np.sqrt(np.sum(share * np.sum(stress**2, axis=(2, 3)))))
+        square = np.sum(stress**2, axis=(2, 3))
+        out_of_balance = float(np.sqrt(np.average(square, weights=self._filled)))
         max_factor = min(1.0, self._grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
-        there = solution[len(solution) - 2 * len(self.rim.arc) :].reshape(-1, 2)
-        return Correction(grid.reshape(-1, 2), there, max_factor), out_of_balance
+        moved = solution[len(solution) - 2 * len(self.rim.arc) :].reshape(-1, 2)
+        return Correction(grid.reshape(-1, 2), moved, max_factor), out_of_balance
+
+    def _balance(
+        self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray, free: np.ndarray
+    ) -> np.ndarray:
+        """The `known` displacements and those of the `free` that balance forces [N]; a cord turns as it moves."""
+        solution = known.copy()
+        if self._solve is not None:
+            solution[free] = self._solve((force - self._stiffness @ known)[free])
+            return solution
+        edge = slice(len(solution) - 2 * len(stations), None)
+        begin = self.rim.cord_forces(gradient, stations[:, :2])[0]
+        for _ in range(CORD_STEPS):
+            there = stations[:, :2] + solution[edge].reshape(-1, 2)
+            unbalanced = force - self._stiffness @ solution
+            unbalanced[edge] += (self.rim.cord_forces(gradient, there)[0] - begin).ravel()
+            step = splu(self._matrix(gradient, there)[free][:, free].tocsc()).solve(unbalanced[free])
+            solution[free] += step
+            if np.abs(step).max() <= CORD_ERROR * np.abs(solution).max():
+                break
+        return solution
 
     def _gradient(self, moved: np.ndarray) -> np.ndarray:
         """Displacement gradient (cells x, cells y, 2, 2) at the cell centres, from (2 grid node,) [m]."""
@@ -238,28 +270,35 @@ class Membrane:
         along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
 
-    def solve_across(self, gradient: np.ndarray, stress: np.ndarray, max_slope: float | None = None) -> Correction | None:
-        """Out-of-plane correction (grid node, 1) of a spatial mesh under tension, by its imbalance; None without tension.
+    def solve_across(
+        self, gradient: np.ndarray, stress: np.ndarray, stations: np.ndarray, held: np.ndarray, max_slope: float | None = None
+    ) -> Correction | None:
+        """Correction out of the plane, (grid node, 1) and (station, 1), of a spatial mesh under tension; None without tension.
 
-        max_slope: largest of one correction; default: the largest strain of the grid.
-        `gradient` (2, 2) of the edge, `stress` (2, 2) [N/m] nominal. The tension S = F^-1 P resists: div(S grad w) + R = 0.
+        gradient, stations, held: as for `solve`; stress (2, 2) [N/m] nominal. max_slope: largest of one correction; default: the
+        largest strain of the grid. The tension S = F^-1 P resists: div(S grad w) + R = 0.
         """
         force, tension = self._grid.gather_across(), np.linalg.solve(gradient, stress)
         tension = 0.5 * (tension + tension.T)
-        if force is None or not len(self._inside) or np.linalg.eigvalsh(tension).min() <= 0.0:
+        if force is None or not len(self._free_across) or np.linalg.eigvalsh(tension).min() <= 0.0:
             return None
         # two uncoupled displacements; one is used
-        free = self._inside
+        tied, free = self._tied_across, self._free_across
         pulled, laplacian = (
-            self._assembled(np.einsum("ac,bd->abcd", np.eye(2), part))[::2, ::2][free][:, free] for part in (tension, np.eye(2))
+            (tied.T @ self._assembled(np.einsum("ac,bd->abcd", np.eye(2), part))[::2, ::2] @ tied).tocsr()
+            for part in (tension, np.eye(2))
         )
-        area = float(np.prod(self._cell))
-        matrix = pulled + self._bending_stiffness / area * (laplacian @ laplacian)
-        displacement = np.zeros(len(force))
-        displacement[self._inside] = splu(matrix.tocsc()).solve(force[free])
+        force = tied.T @ force
+        if self.rim.is_free:
+            force[-len(stations) :] += self._pull(gradient, stations, held)[:, 2]
+            pulled = _with_cord(pulled, self.rim.cord_stiffness(gradient, stations)[2::3, 2::3])
+        matrix = pulled + self._bending_stiffness / float(np.prod(self._cell)) * (laplacian @ laplacian)
+        solution = np.zeros(tied.shape[1])
+        solution[free] = splu(matrix[free][:, free].tocsc()).solve(force[free])
+        displacement = tied @ solution
         slope = self._gradient(np.repeat(displacement, 2))
         share = min(1.0, (max_slope or self._grid.max_strain) / max(float(np.abs(slope).max()), 1e-30))
-        return Correction(displacement[:, None], np.zeros((0, 2)), share)
+        return Correction(displacement[:, None], solution[tied.shape[1] - len(self.rim.arc) :, None], share)
 
     @property
     def least_lift(self) -> float:

@@ -35,11 +35,14 @@ from .progress import LoadStart, Progress
 from .relax import Relaxation, WantedTension
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
-EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
+EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
+
+
+EdgeState = tuple[np.ndarray, np.ndarray, np.ndarray]  # gradient, stations and forces on clamps, see `Membrane.solve`
 
 
 class MultilevelRelaxation(Relaxation):
@@ -69,10 +72,8 @@ class MultilevelRelaxation(Relaxation):
         self._rim: Rim | None = None
         self._stations = np.zeros((0, 2))
         if cell is not None:
-            rim = build_rim(self.model.panel, self.scene)
-            if mechanics.rim is not None:  # it moves its edge itself
-                rim = rim.held()
-            elif self.scene.has_moving_edge:
+            rim = mechanics.rim or build_rim(self.model.panel, self.scene)
+            if self.scene.has_moving_edge and mechanics.rim is None:
                 self._rim, self.edge_work = rim, EdgeWork()
             self.membrane = Membrane(mechanics, rim)
             self._stations = np.zeros((len(rim.arc), 2))
@@ -255,8 +256,9 @@ class MultilevelRelaxation(Relaxation):
         super()._begin_solving(to_ratio)
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
-        # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either
-        progress.is_uncorrected = not (progress.is_prolonged or progress.keeps_own)
+        # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either, nor one that is unlike it
+        is_unlike = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
+        progress.is_uncorrected = is_unlike or not (progress.is_prolonged or progress.keeps_own)
         progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else 1e30
         progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
         self._correction.begin()
@@ -291,30 +293,33 @@ class MultilevelRelaxation(Relaxation):
         """
         progress, rim = self.progress, membrane.rim
         least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
-        pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 2))
+        pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 3))
+        membrane.imbalance()
         solve = membrane.solve_rim if progress.is_uncorrected else membrane.solve
-        correction, stress = solve(self.state.gradient, self.stations, pulled)
+        edge: EdgeState = (self.state.gradient, self.stations, pulled)
+        correction, stress = solve(*edge)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
-            edge = membrane.edge_imbalance(self.state.gradient, self.stations, pulled, self.least_tension)
-            progress.imbalance = max(progress.imbalance, edge / EDGE_TOLERANCE)
+            progress.imbalance = max(progress.imbalance, membrane.edge_imbalance(*edge, self.least_tension) / EDGE_TOLERANCE)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
         moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction
         if moves:
-            self._move_as_membrane(membrane, correction)
+            self._move_as_membrane(membrane, correction, edge)
         lift = None
         if ratio > 1.0 and self.lift is None:
-            lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress)
+            lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress, *edge[1:])
         lifts = lift is not None and float(np.abs(lift.grid).max()) >= membrane.least_lift
         if lift is not None and lifts:
-            membrane.lift(lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor)))
+            lift = lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor))
+            membrane.lift(lift)
+            self._move_clamps(lift)
         self.mechanics.search()
         return moves or lifts
 
-    def _move_as_membrane(self, membrane: Membrane, correction: Correction) -> None:
-        """Move the mesh by a correction, or the edge alone once corrections are abandoned."""
+    def _move_as_membrane(self, membrane: Membrane, correction: Correction, edge: EdgeState) -> None:
+        """Move the mesh by a correction, or the edge alone once corrections are abandoned. edge: see `Membrane.solve`."""
         progress = self.progress
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
@@ -330,7 +335,9 @@ class MultilevelRelaxation(Relaxation):
             progress.next_correction = progress.checks + CORRECTION_CHECKS * (1 + progress.failed_corrections)
             # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
             most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
-            self._move_in_parts(membrane, correction.scaled(self._correction.next_factor(correction.vector, most)))
+            share = self._correction.next_factor(correction.vector, most)
+            part = correction if share == 1.0 else membrane.solve(*edge, share)[0]
+            self._move_in_parts(membrane, part)
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
         """Move the mesh by a correction, in parts that it may take at once; in smaller ones after one that overlapped deeply."""
@@ -355,6 +362,8 @@ class MultilevelRelaxation(Relaxation):
             self._stations = self.stations + correction.stations
             clamps = self._rim.clamps @ self.stations
             self.mechanics.move_clamps(clamps, clamps)
+        elif self.mechanics.rim is not None:
+            self.mechanics.move_stations(correction.in_space)
 
 
 def _load_of(relaxation: Relaxation) -> LoadPoint:

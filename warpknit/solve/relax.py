@@ -112,8 +112,8 @@ class Relaxation(Drive):
         self._may_cut = self.model.global_model.node_count <= MOST_KEPT
         self.equilibrium = equilibrium or Equilibrium(mechanics.group, [self])
         self.row = row
-        is_raised = mechanics.rim is not None and self.scene.panel.focal_length is not None
-        self.lift = Lift(mechanics, mechanics.rim) if is_raised and mechanics.rim is not None else None
+        rim, is_raised = mechanics.rim, self.scene.panel.focal_length is not None
+        self.lift = Lift(mechanics, rim) if rim is not None and (is_raised or rim.is_free) else None
         self._last_gradient: np.ndarray | None = None  # of the previous level
         self._wanted: WantedTension | None = None  # of this level
         self._before: dict[str, np.ndarray] = {}  # the last equilibrium, to return to where an increment fails

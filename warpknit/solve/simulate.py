@@ -182,7 +182,7 @@ class Simulation:
         scene = model.scene
         if model.cloth is None or scene.model.boundary == "periodic":
             return None
-        if smaller_scene(scene) is None and (mechanics.rim is not None or not scene.has_moving_edge):
+        if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None
         repeat = one_repeat(scene)
         cell = build_model(repeat, cls._device_of(model, repeat))

@@ -2,19 +2,16 @@
 
 Stations of an edge stand along the outline (mesh/rim.py). A clamp takes the displacement q interpolated between the two stations
 around it: from rest position c it moves to F c + q. Given stations are pulled, and raised to the height r^2/(4 f) of a
-paraboloid. A free station hangs on the cord and carries the force of its clamps, R = cord + sum of w f. A damped Newton step
-moves the free stations by a fraction of K^-1 R, with the stiffness K of the cord; the fraction is halved when R has grown. A
-thin-plate spline through the clamps moves the whole mesh with the stations, so that the wires see a smooth strain, as they do
-when the load changes. It lays the mesh on the facets between raised net nodes. Clamps keep their direction.
+paraboloid, free ones with the straight lines between them. A thin-plate spline through the clamps moves the whole mesh with the
+stations, so that the wires see a smooth strain, as they do when the load changes. It lays the mesh on the facets between raised
+net nodes. Free stations hang on the cord, and move with the membrane (solve/multilevel.py). Clamps keep their direction.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import warp as wp
-from scipy import sparse
 from scipy.interpolate import RBFInterpolator
-from scipy.sparse.linalg import splu
 
 from ..compute.host import Entries
 from ..compute.launch import Launch, bind
@@ -26,9 +23,6 @@ from .surface import Surface
 
 LEAST_CELLS = 4  # of the grid on which the thin-plate spline is evaluated, in each direction
 SMOOTHING = 1e-8  # of the thin-plate spline, over the mesh size: keeps it regular where clamps coincide
-MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.7, 0.02  # fraction of a Newton step
-STEP_DECREASE, STEP_INCREASE = 0.5, 1.1
-MAX_MOVE = 2.0  # node spacings, largest displacement of a station in one step
 HEIGHT_ERROR = 1e-3  # of the thickness: largest distance of given stations from the paraboloid
 
 
@@ -94,7 +88,7 @@ class MovingClamps:
 class Edge:
     """Stations of a gripped spatial mesh: pulled, raised or on cords."""
 
-    KEPT = ("station_displacement", "start", "target", "residual", "_step_factor", "_last_rms", "_raised")
+    KEPT = ("station_displacement", "start", "target", "_raised")
 
     def __init__(self, model: SpatialModel, rest_position: wp.array) -> None:
         """rest_position: [node] [m] of the nodes."""
@@ -102,8 +96,6 @@ class Edge:
         self.rim: Rim = build_rim(model.panel, model.scene)
         self.station_displacement = np.zeros((len(self.rim.arc), 3))  # [station, 3] [m] in addition to the load
         self.start, self.target = self.station_displacement, self.station_displacement  # of given stations, over a load level
-        self.residual = np.array([np.inf, 1.0])  # [N] rms at free stations: unbalanced force, and force of their clamps
-        self._step_factor, self._last_rms = MAX_STEP_FACTOR, np.inf  # and the unbalanced force [N] before the last step
         self._raised = 0.0  # share of the height of the paraboloid
         size, place = float(model.panel.size.max()), model.rods.position[:, :2]
         plate = RBFInterpolator(
@@ -118,7 +110,6 @@ class Edge:
     def set_target(self, load: LoadPoint) -> None:
         """Set the place of given stations at the end of the load level."""
         self.start, self.target, self._raised = self.station_displacement, self.target_of(load), load.raised
-        self.residual, self._last_rms = np.array([np.inf, 1.0]), np.inf
 
     def target_of(self, load: LoadPoint) -> np.ndarray:
         """(station, 3) [m] displacement of given stations under a load."""
@@ -166,52 +157,21 @@ class Edge:
         self.station_displacement[~given, 2] += raised[~given]
         return self.mesh_displacement(self.station_displacement - before)
 
+    def move(self, change: np.ndarray) -> np.ndarray:
+        """Move stations by (station, 3) [m]; returns the displacement (held node, 3) [m] of their clamps."""
+        self.station_displacement = self.station_displacement + change
+        return np.asarray(np.repeat(self.rim.clamps @ change, 2, axis=0))
+
     @property
     def is_at_target(self) -> bool:
         """Whether the given stations are where the load level ends."""
         given = self.rim.given
         return bool(np.array_equal(self.station_displacement[given], self.target[given]))
 
-    def relax_free(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Move free stations towards equilibrium; returns the displacement (node, 3) [m] of the mesh.
-
-        force: (node, 3) [N] of the wires on their nodes.
-        """
-        step = self._newton_step(gradient, force)
-        self.station_displacement = self.station_displacement + step
-        return self.mesh_displacement(step)
-
     def unbalanced_forces(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
         """(station, 3) [N] cord force less clamp force; at given stations too, where it is the reaction."""
         cord, _ = self.rim.cord_forces(gradient, self.station_displacement)
         return np.asarray(cord - self.rim.clamps.T @ self.grip_forces(force))
-
-    def _newton_step(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(station, 3) [m] damped step of the free stations; updates the step factor."""
-        free = np.flatnonzero(~self.rim.given)
-        unbalanced = self.unbalanced_forces(gradient, force)[free]
-        rms = float(np.sqrt(np.mean(unbalanced**2)))
-        factor = self._step_factor * (STEP_DECREASE if rms > self._last_rms else STEP_INCREASE)
-        self._step_factor, self._last_rms = float(np.clip(factor, MIN_STEP_FACTOR, MAX_STEP_FACTOR)), rms
-        columns = (3 * free[:, None] + np.arange(3)).ravel()
-        stiffness = sparse.csc_matrix(self.rim.cord_stiffness(gradient, self.station_displacement))[columns][:, columns]
-        step = self._step_factor * splu(sparse.csc_matrix(stiffness)).solve(unbalanced.ravel()).reshape(-1, 3)
-        largest = float(np.linalg.norm(step, axis=1).max(initial=0.0))
-        limit = MAX_MOVE * float(self.model.rods.natural_length.max())
-        limited = np.zeros_like(self.station_displacement)
-        limited[free] = step * min(1.0, limit / max(largest, 1e-300))
-        return limited
-
-    def measure(self, gradient: np.ndarray, force: np.ndarray) -> None:
-        """Measure the balance of the free stations; force: (node, 3) [N] of the wires on their nodes."""
-        free = ~self.rim.given
-        clamp_force = (self.rim.clamps.T @ self.grip_forces(force))[free]
-        unbalanced = self.unbalanced_forces(gradient, force)[free]
-        self.residual = np.array([np.sqrt(np.mean(values**2)) for values in (unbalanced, clamp_force)])
-
-    def residual_ratio(self, tolerance: float) -> float:
-        """Unbalanced force at free stations over `tolerance` times the force of their clamps."""
-        return float(self.residual[0] / max(tolerance * self.residual[1], 1e-300)) if self.rim.is_free else 0.0
 
     @property
     def clamp_displacement(self) -> np.ndarray:

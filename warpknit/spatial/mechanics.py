@@ -32,8 +32,6 @@ from .transfer import MembraneGrid, Prolongation
 
 # steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond
 LOAD_STEPS, LOAD_STRAINS = 200, (0.001, 0.03)
-EDGE_CHECKS = 4  # convergence checks between steps of the free stations
-EDGE_RATIO = 20.0  # residual ratio below which the free stations move
 MAX_PREDICTION = 0.2  # of the thickness: largest displacement of the prediction
 RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is applied from one equilibrium to the next
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
@@ -276,26 +274,32 @@ class SpatialMechanics:
     def has_left(self) -> bool:
         return bool(self.stability.has_left[self.world])
 
-    def move_edge(self, edge: Edge, checks: int, ratio: float, *, loading: bool) -> float:
-        """Move held stations while the load is applied, free ones near convergence. Returns the larger residual ratio of mesh and
-        edge.
-        """
-        control = self.state.steering.read()
-        move = np.zeros(1)
+    def raise_edge(self, edge: Edge, *, loading: bool) -> None:
+        """Move given stations while the load is applied, then with the strains to the paraboloid."""
         if not loading:
             edge.follow(self.state.gradient)
-            if edge.rim.is_free:
-                edge.measure(self.state.gradient, fetch(self.state.force))
-        unmet = edge.residual_ratio(self.model.scene.solver.residual_tolerance)
-        if loading or not edge.is_at_target:
-            move = edge.move_given(control.ramp_step / max(control.ramp_steps, 1.0) if loading else 1.0)
-        elif unmet >= 1.0 and checks % EDGE_CHECKS == 0 and ratio < EDGE_RATIO:
-            move = edge.relax_free(self.state.gradient, fetch(self.state.force))
+        if not loading and edge.is_at_target:
+            return
+        control = self.state.steering.read()
+        self._move(edge.move_given(control.ramp_step / max(control.ramp_steps, 1.0) if loading else 1.0))
+
+    def move_stations(self, change: np.ndarray) -> None:
+        """Move stations of the edge by (station, 3) [m]; their clamps follow."""
+        assert self.edge is not None
+        moved = np.zeros((self.model.rods.node_count, 3))
+        moved[self.model.wires.held_node] = self.edge.move(change)
+        self._move(moved)
+
+    def _move(self, move: np.ndarray) -> None:
+        """Move nodes by (node, 3) [m]."""
         if np.any(move):
             store(self.state.displacement, fetch(self.state.displacement) + move)
             self.contact.refresh(float(np.linalg.norm(move, axis=1).max()), self.rows)
             self.relaxation.reset_damping_estimate(self.rows)
-        return max(ratio, unmet)
+
+    def clamp_forces(self) -> np.ndarray:
+        assert self.edge is not None
+        return -self.edge.grip_forces(fetch(self.state.force))
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import warp as wp
-from scipy.interpolate import RectBivariateSpline
+from scipy.interpolate import RectBivariateSpline, interpn
 
 from ..compute.host import take
 from ..compute.launch import bind
@@ -27,9 +27,14 @@ class Surface:
     def at_nodes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
         """Value [node] and slopes along x and y [node] [1/m] of the spline through values [grid node]."""
         nodes, device, counts = len(self._rest_position), self._device, [len(axis) for axis in self.axes]
-        if not values.any():  # so for a single cell, whose edge is held
+        if not values.any():
             return np.zeros(nodes), np.zeros(nodes), np.zeros(nodes)
-        spline = RectBivariateSpline(*self.axes, values.reshape(counts), kx=min(3, counts[0] - 1), ky=min(3, counts[1] - 1))
+        places, through = self.axes, values.reshape(counts)
+        if min(counts) < 3:  # a spline has slopes from three places on
+            places = [axis if len(axis) > 2 else np.linspace(axis[0], axis[1], 3) for axis in self.axes]
+            through = interpn(self.axes, through, np.stack(np.meshgrid(*places, indexing="ij"), axis=-1))
+        degree_x, degree_y = (min(3, len(place) - 1) for place in places)
+        spline = RectBivariateSpline(*places, through, kx=degree_x, ky=degree_y)
         cell = [axis[1] - axis[0] for axis in self.axes]
         known = [spline(*self.axes, dx=a, dy=b).ravel() * cell[0] ** a * cell[1] ** b for b in (0, 1) for a in (0, 1)]
         surface: wp.array = wp.array(np.ascontiguousarray(np.transpose(known)), dtype=wp.float64, device=device)

@@ -129,8 +129,7 @@ class SpatialWorlds(Worlds):
         state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
         self.touches[rows] = (contacts.pushing > 0) | self.model.scene.wire.plastic
         self.strains.forget(rows[~self.touches[rows]])
-        measured = ~loading | np.array([member.edge is not None for member in members])
-        ratio = np.where(measured, self.residual.ratio(state, contacts, rows), np.inf)
+        ratio = np.where(loading, np.inf, self.residual.ratio(state, contacts, rows))
         missing = self.strains.ratio(rows)
         counted = ~loading & ~stability.is_running[rows]
         relaxation.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
@@ -139,9 +138,9 @@ class SpatialWorlds(Worlds):
             self.multipliers.renew(contacts, relaxation.multiplier_rate(rows), rows, loading=loading)
         relaxation.renew_masses(rows, loading=loading)
         relaxation.keep_motion(rows)
-        for k, member in enumerate(members):
+        for member, one in zip(members, loading.tolist(), strict=True):
             if member.edge is not None:
-                ratio[k] = member.move_edge(member.edge, int(checks[k]), float(ratio[k]), loading=bool(loading[k]))
+                member.raise_edge(member.edge, loading=one)
         left = stability.has_left.copy()
         ratio = np.maximum(ratio, missing)
         if not loading.all():
