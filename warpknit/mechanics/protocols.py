@@ -243,7 +243,7 @@ class Mechanics(Protocol):
         """Move stations of a rim of the mechanics by (station, 3) [m], and the clamps with them."""
 
     def clamp_forces(self) -> np.ndarray:
-        """Forces (clamp, n) [N] of the wires at their clamps, from the last convergence check; n = 2, or 3 in space."""
+        """Forces (clamp, n) [N] of the wires at their clamps, from the last convergence check; n = 2 or 3."""
 
     def renew_damping(self) -> None:
         """Set the damping by the motion of the last steps."""

@@ -146,7 +146,7 @@ def shrunk(scene: Scene, share: float) -> Scene:
 
 
 def one_repeat(scene: Scene) -> Scene:
-    """The scene of one periodic repeat of the same cloth, of even loops and without a history."""
+    """One periodic repeat of the same cloth, of even loops and without a history."""
     knit, options = replace(scene.knit, repeats=(1, 1), scatter=0.0), replace(scene.model, boundary="periodic")
     contact, wire = replace(scene.contact, friction=0.0), replace(scene.wire, plastic=False)
     stages = _plain_stages(scene)

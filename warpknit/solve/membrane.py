@@ -61,7 +61,7 @@ class Correction:
 
 
 def _with_cord(stiffness: sparse.csr_matrix, cord: sparse.csr_matrix) -> sparse.csr_matrix:
-    """The stiffness of grid nodes, then stations [N/m], with that of the cord between stations added."""
+    """Stiffness of grid nodes, then stations, with the cord's between stations [N/m]."""
     there, first = cord.tocoo(), stiffness.shape[0] - cord.shape[0]
     placed = (there.data, (there.row + first, there.col + first))
     return stiffness + sparse.csr_matrix(placed, shape=stiffness.shape)
@@ -179,7 +179,7 @@ class Membrane:
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
     def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, share: float = 1.0) -> tuple[Correction, float]:
-        """The correction in the plane that balances a share of the forces, and its rms stress [N/m] over the mesh.
+        """Correction that balances a share of the forces, and its rms stress [N/m] over the mesh.
 
         `gradient` (2, 2) and `stations` (station, n) [m] define the edge, `held` (clamp, n) [N] are forces of the wires on it;
         n = 2, or 3 in the spatial model.
@@ -191,7 +191,7 @@ class Membrane:
         return self._correction(share * force, np.zeros(len(force)), gradient, stations)
 
     def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
-        """Rms force on free stations in the plane over the wires' force, or over `least` [N/m].
+        """Rms force on free stations over the wires' force, or over `least` [N/m].
 
         A stiff cord may be out of balance with little effect on the mesh.
         """
@@ -247,7 +247,7 @@ class Membrane:
     def _balance(
         self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray, free: np.ndarray
     ) -> np.ndarray:
-        """The `known` displacements and those of the `free` that balance forces [N]; a cord turns as it moves."""
+        """Displacements, `known` or `free`, that balance forces [N]; a cord turns as it moves."""
         solution = known.copy()
         if self._solve is not None:
             solution[free] = self._solve((force - self._stiffness @ known)[free])

@@ -275,7 +275,7 @@ class SpatialMechanics:
         return bool(self.stability.has_left[self.world])
 
     def raise_edge(self, edge: Edge, *, loading: bool) -> None:
-        """Move given stations while the load is applied, then with the strains to the paraboloid."""
+        """Move given stations while the load is applied, then with the strains."""
         if not loading:
             edge.follow(self.state.gradient)
         if not loading and edge.is_at_target:
