@@ -23,7 +23,7 @@ from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
 MAX_CELLS = 96  # cells of the grid in one direction
-CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
+CORRECTION_CHECKS = 4  # convergence checks between corrections, at least; a multiple after some that failed
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
 # short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
@@ -179,7 +179,7 @@ class Membrane:
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
     def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, share: float = 1.0) -> tuple[Correction, float]:
-        """Correction that balances a share of the forces, and its rms stress [N/m] over the mesh.
+        """Correction that balances a share of the forces; its rms stress [N/m].
 
         `gradient` (2, 2) and `stations` (station, n) [m] define the edge, `held` (clamp, n) [N] are forces of the wires on it;
         n = 2, or 3 in the spatial model.
