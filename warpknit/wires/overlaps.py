@@ -217,8 +217,8 @@ def segment_distances(
     C. Ericson, Real-Time Collision Detection, section 5.1.9.
     """
     along_a, along_b, between = end_a - begin_a, end_b - begin_b, begin_a - begin_b
-    a, e = (along_a**2).sum(axis=1), (along_b**2).sum(axis=1)
-    b, c, f = (along_a * along_b).sum(axis=1), (along_a * between).sum(axis=1), (along_b * between).sum(axis=1)
+    a, e = dot(along_a, along_a), dot(along_b, along_b)
+    b, c, f = dot(along_a, along_b), dot(along_a, between), dot(along_b, between)
     across = a * e - b * b
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.where(across > 1e-12 * a * e, np.clip((b * f - c * e) / across, 0.0, 1.0), 0.0)
@@ -226,7 +226,12 @@ def segment_distances(
         s = np.where(t < 0.0, np.clip(-c / a, 0.0, 1.0), np.where(t > 1.0, np.clip((b - c) / a, 0.0, 1.0), s))
     s, t = np.where(a > 0.0, s, 0.0), np.clip(t, 0.0, 1.0)
     gap = between + s[:, None] * along_a - t[:, None] * along_b
-    return np.linalg.norm(gap, axis=1), s, t
+    return np.sqrt(dot(gap, gap)), s, t
+
+
+def dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Scalar products (pair,) of vectors (pair, n)."""
+    return np.asarray(np.einsum("pk,pk->p", one, other))
 
 
 def segments_of(wires: Wires) -> Segments:

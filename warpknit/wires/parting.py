@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from warpknit.base.text import engineering, short_percent
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.overlaps import CLOSEST, joined, near_pairs, segments_of
+from warpknit.wires.overlaps import CLOSEST, dot, joined, near_pairs, segments_of
 
 LENGTH = 1.5  # thicknesses
 GAIN = 1.5  # of moves before they are spread
@@ -53,7 +53,7 @@ class _Pairs:
     def is_neighbour(self) -> np.ndarray:
         """Whether the places are neighbours along one wire (pair,), without contact."""
         inner = np.where(self.is_ahead[:, None], [1.0, 0.0], [0.0, 1.0])  # the ends that face each other along the wire
-        return self.between + (np.abs(self.place - inner) * self.length).sum(axis=1) < ALONG * self.touch
+        return self.between + dot(np.abs(self.place - inner), self.length) < ALONG * self.touch
 
 
 class _Nodes:
@@ -100,14 +100,17 @@ class _Nodes:
 
     def curve(self, points: np.ndarray, segment: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points (pair, 3) [m] of segments at places s, derivatives by s, weights (pair, 4) of nodes."""
-        x = points[self.number[segment]] + self.shift[segment]
+        x = np.take(points, np.take(self.number, segment, axis=0), axis=0)
+        if self.shift.any():
+            x += np.take(self.shift, segment, axis=0)
 
         def weights(one: float, h10: np.ndarray, h01: np.ndarray, h11: np.ndarray) -> np.ndarray:
             half = 0.5 * np.stack([-h10, -h11, h10, h11], axis=1)
             return half + np.stack([0.0 * h01, one - h01, h01, 0.0 * h01], axis=1)
 
-        at = weights(1.0, s * (1.0 - s) ** 2, s**2 * (3.0 - 2.0 * s), s**2 * (s - 1.0))
-        along = weights(0.0, 1.0 - 4.0 * s + 3.0 * s**2, 6.0 * s * (1.0 - s), 3.0 * s**2 - 2.0 * s)
+        square = s * s
+        at = weights(1.0, s * (1.0 - s) ** 2, square * (3.0 - 2.0 * s), square * (s - 1.0))
+        along = weights(0.0, 1.0 - 4.0 * s + 3.0 * square, 6.0 * s * (1.0 - s), 3.0 * square - 2.0 * s)
         return np.einsum("pa,pak->pk", at, x), np.einsum("pa,pak->pk", along, x), at
 
 
@@ -188,7 +191,10 @@ def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None
     every = np.arange(len(nodes.number))
     curves = [nodes.curve(points, every, np.full(len(every), s))[0] for s in samples]
     places = np.stack(np.meshgrid(samples, samples, indexing="ij"), axis=-1).reshape(-1, 2)
-    distance = np.stack([np.linalg.norm(a[first] - b[second] - shift, axis=1) for a in curves for b in curves])
+    of_first, of_second = ([np.take(curve, side, axis=0) for curve in curves] for side in (first, second))
+    of_second = [one + shift for one in of_second]
+    apart = (a - b for a in of_first for b in of_second)
+    distance = np.sqrt(np.stack([dot(one, one) for one in apart]))
     found.is_ahead = distance[-1 - SAMPLES] <= distance[SAMPLES]  # at (1, 0) and (0, 1)
     for number, place in enumerate(places):
         found.place = np.broadcast_to(place, (len(first), 2))
@@ -208,7 +214,7 @@ def _closest(nodes: _Nodes, points: np.ndarray, pairs: _Pairs) -> tuple[np.ndarr
     step = np.stack([b * g - c * f, a * g - b * f], axis=1) / (a * c - b * b)[:, None]
     place = np.clip(pairs.place + np.clip(step, -LONGEST, LONGEST), 0.0, 1.0)
     between_there, _, weights_there = _apart(nodes, points, pairs, place)
-    distance, distance_there = (np.linalg.norm(apart, axis=1) for apart in (between, between_there))
+    distance, distance_there = (np.sqrt(dot(apart, apart)) for apart in (between, between_there))
     is_nearer = distance_there < distance
     pairs.place[is_nearer] = place[is_nearer]
     between[is_nearer], weights[is_nearer] = between_there[is_nearer], weights_there[is_nearer]
