@@ -43,6 +43,7 @@ class Residual:
         """multipliers: of the contacts, where there are any."""
         self.model, self.relaxation, self.multipliers = model, relaxation, multipliers
         self.tolerance = model.scene.solver.residual_tolerance
+        self._scale = np.full(relaxation.stepper.worlds, np.inf)  # [world] [N] reference force at the last check
 
     def ratio(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
         """[row] the largest criterion over its tolerance: residual, and errors of softened axial strain and soft contacts."""
@@ -64,11 +65,16 @@ class Residual:
         relaxation, scene = self.relaxation, self.model.scene
         bent = self.model.bending_stiffness / scene.knit.wale_spacing
         scale = np.maximum(contacts.mean_push, self._least_force(FORCE_FLOOR * bent / scene.knit.wale_spacing, rows))
+        self._scale[rows] = scale
         rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
         stepper = relaxation.stepper
         loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
         motion = np.sqrt(relaxation.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
         return np.maximum(np.maximum(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale), motion)
+
+    def moving_blocks(self, world: int) -> int:
+        """Blocks of nodes of a world that a residual far above its tolerance moves."""
+        return self.relaxation.moving_blocks(LOCAL_ALLOWANCE * self.tolerance * float(self._scale[world]), world)
 
 
 class Stability:

@@ -12,6 +12,8 @@ import warp as wp
 from .. import measure
 from ..compute.host import Entries, fetch, store
 from ..compute.kept import Owner
+from ..kernels.rod_blocks import ROD_BLOCK
+from ..measure.strain import strain_text
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT
 from ..mechanics.protocols import Drift, strength_exceeded
 from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
@@ -218,6 +220,9 @@ class SpatialMechanics:
         self.state.steering.set(friction=self.model.scene.contact.friction if rubs else 0.0)
 
     def advance_history(self) -> None:
+        if self.model.ramp is None and (moving := self.group.residual.moving_blocks(self.world)):
+            blocks = f"{moving} block{'s' if moving > 1 else ''} of up to {ROD_BLOCK} nodes"
+            self.tell(f"at strains of {strain_text(self.state.gradient)}, {blocks} still moved in the equilibrium of the mesh")
         self.stepper.yielding.advance(self.world)
         self.contact.advance_history(self.world)
 

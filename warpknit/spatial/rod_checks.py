@@ -129,6 +129,11 @@ class RodChecks:
             mean_excess=excess[rows],
         )
 
+    def unbalanced_blocks(self, limit: float, world: int) -> int:
+        """Blocks of a world with an unbalanced force above `limit` [N], in the last `sums`."""
+        exceeds = fetch(self.arrays.state_partial)[:, int(k.UNBALANCED_MAX)] > limit**2
+        return int(self.stepper.sums.total(exceeds[:, None].astype(float), np.array([world]))[0, 0])
+
     def renew_tension_offsets(self, stiffening: np.ndarray) -> None:
         """Move the tension offsets by the multiplier rate times the errors of the softening; `stiffening` [wire of all worlds]
         raises the stiffness."""
