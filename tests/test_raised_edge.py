@@ -13,7 +13,7 @@ from warpknit.mesh.rim import build_rim
 from warpknit.runner.summary import report_panel
 from warpknit.scene import load_scene
 from warpknit.scene.outline import regular
-from warpknit.solve.lift import LIFT_TOLERANCE
+from warpknit.solve.membrane import LIFT_TOLERANCE
 from warpknit.solve.model import build_model
 from warpknit.solve.progress import Progress
 from warpknit.solve.simulate import Record, Simulation

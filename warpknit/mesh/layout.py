@@ -107,15 +107,15 @@ def _smaller_side(repeats: int) -> int:
 def smaller_scene(scene: Scene) -> Scene | None:
     """Scene of the smaller mesh; None for small meshes, or where none is similar.
 
-    A mesh of another outline than a rectangle starts from one repeat, whose change fades out towards the clamps. In the spatial
-    model so does one on cords.
+    A mesh of another outline than a rectangle, or on an edge that moves, starts from one repeat, whose change fades out towards
+    the clamps.
     """
     repeats = scene.knit.repeats
     if scene.hook is not None or scene.wires is not None or scene.knit.scatter or scene.depends_on_path:
         return None  # no repeat is like another, or what was before counts
     if scene.model.boundary == "periodic":
         smaller = (1, 1)
-    elif scene.panel.outline != "rectangle" or (scene.has_moving_edge and scene.model.of_kind.steps_edge):
+    elif scene.panel.outline != "rectangle" or scene.has_moving_edge:
         return one_repeat(scene)
     else:
         smaller = _smaller_side(repeats[0]), _smaller_side(repeats[1])

@@ -41,7 +41,6 @@ class KindOfModel:
     has_branches: bool  # a tight knit may have several equilibria under one load, without friction too
     friction: float  # coefficient by default: docs/studies/friction.md
     own_loops: bool  # worlds side by side may have loops, wires and friction of their own
-    steps_edge: bool  # an edge that moves is stepped with the mesh; else the solver moves it with the membrane
     leaves_plane: bool  # nodes move out of the plane
 
 
@@ -52,7 +51,6 @@ KINDS = {
         has_branches=False,
         friction=0.0,
         own_loops=False,
-        steps_edge=False,
         leaves_plane=False,
     ),
     "spatial": KindOfModel(
@@ -61,7 +59,6 @@ KINDS = {
         has_branches=True,
         friction=0.2,
         own_loops=True,
-        steps_edge=True,
         leaves_plane=True,
     ),
 }

@@ -6,12 +6,16 @@ Out-of-balance forces are therefore gathered at intervals onto a grid of bilinea
 periodic repeat in equilibrium. The displacement that balances the forces is applied to the mesh; its stress measures the
 imbalance.
 
+Long waves out of the plane carry little force: a mesh that is far from its height may be within the tolerance of its residual.
+They are balanced in the same way, by `Lift`, whose correction measures the error of the height.
+
 Grid nodes of cells that the outline cuts follow the nearest place of the outline (rim.py). They are fixed where the edge is
 held; on a cord the stations of the cord are unknowns like the grid nodes.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +27,16 @@ from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim
 
 MAX_CELLS = 96  # cells of the grid in one direction
-CORRECTION_CHECKS = 4  # convergence checks between corrections, at least; a multiple after some that failed
+CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
 CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
 MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
 # short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
 SETTLED, SLOW_DECAY = 1.5, 0.8
+LIFT_TOLERANCE = 0.01  # of the height of the edge above the apex: error of the height of the mesh
+LEAST_LIFT = 0.1  # the same, of the thickness of the wire, at least
+MAX_SLOPE = 0.05  # of one correction, which tilts loops rigidly
+# of a correction: the mesh inside has less tension than its mean, where cut wires at the grips carry more
+LARGEST_FACTOR = 2.0
 FACTORS = (0.1, 1.0)  # of a correction, smallest, and largest by default
 CORD_STEPS, CORD_ERROR = 8, 1e-3  # Newton steps of a cord in a correction, and their error
 
@@ -312,3 +321,65 @@ class Membrane:
     def move(self, correction: Correction) -> None:
         """Move the mesh with the grid; the clamps stay."""
         self._grid.spread(correction.grid, self._response)
+
+
+class Lift:
+    """The error of the height of a mesh over its tolerance, and its correction."""
+
+    KEPT = ("imbalance", "_least_imbalance", "_failed", "_next_check", "_residual", "_aitken")
+
+    def __init__(self, mechanics: Mechanics, rim: Rim) -> None:
+        self.mechanics = mechanics
+        scene = mechanics.model.scene
+        self.membrane = Membrane(mechanics, rim, scene.knit.wale_spacing)
+        self._tolerance, self._least = scene.solver.residual_tolerance, LEAST_LIFT * scene.wire.thickness
+        self._aitken = Aitken(LARGEST_FACTOR)
+        self.begin()
+
+    def warm_up(self) -> None:
+        """Compile its kernels by launching them."""
+        count = len(self.membrane.imbalance())
+        self.membrane.lift(Correction(np.zeros((count, 1)), np.zeros((0, 1))))
+
+    def begin(self) -> None:
+        """Begin a load level."""
+        self.imbalance = self._least_imbalance = self._residual = math.inf
+        self._next_check, self._failed = CORRECTION_CHECKS, 0
+        self._aitken.begin()
+
+    def correct(self, check: int, residual: float) -> float:
+        """Error of the height over its tolerance, after a correction if one is due; by the number and the residual of a check."""
+        residual /= self._tolerance
+        is_due = check >= self._next_check and is_settled(residual, self._residual)
+        self._residual = residual
+        if is_due and self._failed <= MAX_FAILED_CORRECTIONS:
+            self._next_check = check + CORRECTION_CHECKS
+            self._correct()
+        return self.imbalance if self._failed <= MAX_FAILED_CORRECTIONS else 0.0
+
+    def _correct(self) -> None:
+        """Measure the error of the height, and lift the mesh by it.
+
+        Not where it is small, or has not decreased by many corrections.
+        """
+        mechanics, membrane = self.mechanics, self.membrane
+        membrane.imbalance()
+        edge = (mechanics.stations, mechanics.clamp_forces())
+        lift = membrane.solve_across(mechanics.state.gradient, mechanics.checked_stress, *edge, MAX_SLOPE)
+        if lift is None:  # a slack mesh has no height of its own
+            self.imbalance = 0.0
+            return
+        tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
+        self.imbalance = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
+        if self.imbalance <= 1.0:
+            return
+        self._failed += 1
+        if self.imbalance < CORRECTION_GAIN * self._least_imbalance:
+            self._least_imbalance, self._failed = self.imbalance, 0
+        if self._failed > MAX_FAILED_CORRECTIONS:
+            mechanics.notes.append(f"the height of the mesh is balanced to {100.0 * LIFT_TOLERANCE * self.imbalance:.2g} %")
+            return
+        lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
+        membrane.lift(lift)
+        mechanics.move_stations(lift.in_space)
+        mechanics.search()

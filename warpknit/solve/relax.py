@@ -29,7 +29,7 @@ from ..mesh.tight_loops import is_tight
 from ..scene import Stage
 from .drive import Drive
 from .equilibrium import ON_THE_WAY, Equilibrium
-from .lift import Lift
+from .membrane import Lift
 from .progress import Progress
 from .stage_load import history_steps
 
