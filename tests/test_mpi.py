@@ -29,6 +29,7 @@ needs_mpi = pytest.mark.skipif(
 )
 SMALL = ("--set", "knit.repeats=[2, 2]", "--set", "model.nodes_per_loop=12")
 PATCH = (str(SCENES / "atlas_patch.toml"), "--preset=draft", "--device=cpu", *SMALL)
+FACET = str(SCENES / "reflector_facet.toml")
 KINDS = {
     "planar": ("--set", "output.figures=false"),
     "spatial": ("--set", "model.kind=spatial", "--set", "model.nodes_per_loop=20"),
@@ -127,6 +128,19 @@ def assert_near(found: object, expected: object) -> None:
         assert found == pytest.approx(expected, rel=1e-5, abs=0)
     else:
         assert found == expected
+
+
+@needs_mpi
+@pytest.mark.slow
+@pytest.mark.parametrize("load", ["", 'load.pull=[{at=["6 mm", "0 mm"], by=["20 um", "0 mm"]}]'])
+def test_a_facet_on_cords_is_the_same_on_two_ranks(tmp_path: Path, load: str) -> None:
+    """Stations of the cord, heights of the paraboloid, corrections as a membrane: the same bits as one process."""
+    facet = ("panel.size=6 mm", "panel.grip_pitch=3 mm", "output.usd=false", *([load] if load else ["load.strain_weft=0.09"]))
+    changes = [part for change in facet for part in ("--set", change)]
+    for ranks in (1, 2):
+        done = run("run", FACET, "--preset", "draft", *changes, "--out", tmp_path / str(ranks), ranks=ranks)
+        assert done.returncode == 0, done.stderr
+    assert_same_states(tmp_path / "2", tmp_path / "1")
 
 
 @needs_mpi

@@ -363,7 +363,7 @@ RULES = (
     Rule("ramp", ("map",), RELAX, "a map consists of equilibria"),
     Rule("ramp", ("error",), RELAX, "errors are estimated for equilibria only"),
     Rule("spatial", ("error", "hook"), "write 'planar'", "errors of spatial hooks are not known"),
-    *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "cord", "pull", "focal length", "wires")),
+    *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "wires")),
     Rule("gripped", ("report",), "write 'periodic'", "a card describes endless cloth"),
     *(
         Rule(trait, ("map",), LEAVE_OUT, why)

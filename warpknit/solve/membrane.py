@@ -24,7 +24,7 @@ from scipy.sparse.linalg import splu
 
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import Response
-from ..mesh.rim import REPEATS_A_CELL, Rim
+from ..mesh.rim import REPEATS_A_CELL, Rim, build_rim
 
 MAX_CELLS = 96  # cells of the grid in one direction
 CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
@@ -120,6 +120,7 @@ class Membrane:
         # of the cloth [N m]: straight wires in all directions
         wires = float(self.model.global_model.panel.wire_length.sum()) / self.model.panel.area
         self._bending_stiffness = 0.375 * self.model.bending_stiffness * wires
+        self._clamps = build_rim(self.model.global_model.panel, self.model.scene).clamps  # of all ranks
         self._tie_grid()
 
     def _filled_share(self) -> np.ndarray:
@@ -225,7 +226,8 @@ class Membrane:
 
     def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Forces (station, n) [N] of the wires on all ranks, and of the cord."""
-        return self.model.ranks.sum(self.rim.clamps.T @ held) + self.rim.cord_forces(gradient, stations)[0]
+        of_mesh = np.concatenate(self.model.ranks.everyone(held))
+        return np.asarray(self._clamps.T @ of_mesh + self.rim.cord_forces(gradient, stations)[0])
 
     def follow(self, given: np.ndarray, gradient: np.ndarray, stations: np.ndarray) -> Correction:
         """Displacement of the mesh as a membrane when held stations move by `given` (station, 2) [m]."""

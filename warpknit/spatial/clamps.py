@@ -92,14 +92,17 @@ class Edge:
 
     def __init__(self, model: SpatialModel, rest_position: wp.array) -> None:
         """rest_position: [node] [m] of the nodes."""
-        self.model = model
-        self.rim: Rim = build_rim(model.panel, model.scene)
+        self.model, mesh = model, model.global_model
+        self.rim: Rim = build_rim(mesh.panel, model.scene)  # with the clamps of all ranks
+        held, nodes = mesh.wires.held_node, model.wires.held_node
+        own = np.searchsorted(held, nodes if model.strip is None else model.strip.nodes_of_mesh[nodes])[::2] // 2
+        self._own_clamps = self.rim.clamps[own]
         self.station_displacement = np.zeros((len(self.rim.arc), 3))  # [station, 3] [m] in addition to the load
         self.start, self.target = self.station_displacement, self.station_displacement  # of given stations, over a load level
         self._raised = 0.0  # share of the height of the paraboloid
-        size, place = float(model.panel.size.max()), model.rods.position[:, :2]
+        size, place = float(mesh.panel.size.max()), mesh.rods.position[:, :2]
         plate = RBFInterpolator(
-            model.panel.clamp_position / size, self.rim.clamps.toarray(), kernel="thin_plate_spline", smoothing=SMOOTHING
+            mesh.panel.clamp_position / size, self.rim.clamps.toarray(), kernel="thin_plate_spline", smoothing=SMOOTHING
         )
         low, high, spacing = place.min(axis=0), place.max(axis=0), self.rim.outline.length / len(self.rim.arc)
         counts = np.maximum(np.ceil((high - low) / spacing).astype(int), LEAST_CELLS)
@@ -138,12 +141,12 @@ class Edge:
     def mesh_displacement(self, station_displacement: np.ndarray) -> np.ndarray:
         """(node, 3) [m] interpolated from stations (station, 3) [m]; held nodes move with their clamps."""
         moved = np.stack([self._surface.at_nodes(values)[0] for values in (self._on_grid @ station_displacement).T], axis=1)
-        moved[self.model.wires.held_node] = np.repeat(self.rim.clamps @ station_displacement, 2, axis=0)
+        moved[self.model.wires.held_node] = np.repeat(self._own_clamps @ station_displacement, 2, axis=0)
         return moved
 
     def grip_forces(self, force: np.ndarray) -> np.ndarray:
-        """Forces (clamp, 3) [N] of clamps on wires, from forces (node, 3) of wires on nodes."""
-        return -force[self.model.wires.held_node].reshape(-1, 2, 3).sum(axis=1)
+        """Forces (clamp, 3) [N] of clamps on wires, from the wires' (node, 3) of all ranks."""
+        return -force[self.model.global_model.wires.held_node].reshape(-1, 2, 3).sum(axis=1)
 
     def move_given(self, share: float) -> np.ndarray:
         """Move given stations to `share` of the load level; returns the displacement (node, 3) [m] of the mesh.
@@ -160,7 +163,7 @@ class Edge:
     def move(self, change: np.ndarray) -> np.ndarray:
         """Move stations by (station, 3) [m]; returns the displacement (held node, 3) [m] of their clamps."""
         self.station_displacement = self.station_displacement + change
-        return np.asarray(np.repeat(self.rim.clamps @ change, 2, axis=0))
+        return np.asarray(np.repeat(self._own_clamps @ change, 2, axis=0))
 
     @property
     def is_at_target(self) -> bool:

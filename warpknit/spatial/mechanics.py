@@ -297,14 +297,15 @@ class SpatialMechanics:
 
     def _move(self, move: np.ndarray) -> None:
         """Move nodes by (node, 3) [m]."""
-        if np.any(move):
+        moved = self.strip.largest_of_nodes(np.linalg.norm(move, axis=1))
+        if moved > 0.0:
             store(self.state.displacement, fetch(self.state.displacement) + move)
-            self.contact.refresh(float(np.linalg.norm(move, axis=1).max()), self.rows)
+            self.contact.refresh(moved, self.rows)
             self.relaxation.reset_damping_estimate(self.rows)
 
     def clamp_forces(self) -> np.ndarray:
         assert self.edge is not None
-        return -self.edge.grip_forces(fetch(self.state.force))
+        return self._held.fetch(self.state.force).reshape(-1, 2, 3).sum(axis=1)
 
     def stress(self) -> np.ndarray:
         """(2, 2) [N/m] nominal stress of the mesh."""
@@ -401,6 +402,6 @@ class SpatialMechanics:
 
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         terms = [(observed.thermal_strain_force, observed.thermal_strain)]
-        if self.edge is not None:
+        if self.edge is not None and self.model.ranks.is_first:  # which observes the whole mesh
             terms.append((self.edge.grip_forces(observed.force), self.edge.clamp_displacement))
         return terms
