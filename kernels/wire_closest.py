@@ -36,7 +36,6 @@ from .wire_minima import (
     closest_on_curves,
     distance_at,
     followed_saddle,
-    is_at_end,
     is_beside,
     nearest_sample,
     projected_end,
@@ -46,7 +45,6 @@ from .wire_near import first_of_nodes, first_of_part, first_of_share
 from .wire_travel import travel_of_pair
 
 MIN_BARRIER = wp.constant(wp.float64(1.0e-11))  # between two minima, of the contact distance: ten times NEWTON_ACCURACY squared
-END_BARRIER = wp.constant(wp.float64(1.0e-14))  # the same beside a place at a node: the minimum is in the next segment
 MISSED = wp.constant(wp.float64(0.01))  # of the contact distance, by which a third minimum has to be nearer than two others
 RENEWAL_TRAVEL = wp.constant(wp.float64(0.01))  # of the contact distance
 RUNNING_TRAVEL = wp.constant(wp.float64(0.04))  # of the contact distance, beyond that while steps follow each other
@@ -317,7 +315,7 @@ def find_closest_places(
         place = 3 * pair
         was_two = wp.abs(found) == TWO_PLACES
         is_due = travel > pair_renewal_travel[pair] + wp.where(is_running, RUNNING_TRAVEL, wp.float64(0.0)) * contact_distance
-        # of three minima a new search may find another two: two inside the segments are kept, unless they miss the nearest
+        # of three minima a new search may find another two: two that are known are kept, unless they miss the nearest
         is_followed = found != NOT_NEAR and (was_two or not is_due)
         is_split = pair_renewal_travel[pair] == SPLIT_PAIR
         if is_followed:
@@ -329,7 +327,6 @@ def find_closest_places(
             other = wp.vec2d(from_other[0], from_other[1])
             is_followed = wp.max(from_one[2], from_other[2]) < NEWTON_ACCURACY and from_one[3] == wp.float64(0.0)
             is_followed = is_followed and was_two == are_distinct(one, other)
-            is_followed = is_followed and not (is_due and (is_at_end(one) or is_at_end(other)))
             if is_followed and is_running and not was_two:
                 is_split = wp.abs(one[0] - pair_place[place][0]) + wp.abs(one[1] - pair_place[place][1]) > SPLIT
         if not is_followed:
@@ -380,8 +377,7 @@ def find_closest_places(
             saddle = wp.vec2d(from_saddle[0], from_saddle[1])
             if from_saddle[2] >= NEWTON_ACCURACY:
                 saddle = saddle_of(curve_p, curve_q, one, other)
-            at_end = is_at_end(one) or is_at_end(other)
-            barrier = wp.where(at_end, END_BARRIER, MIN_BARRIER) * contact_distance
+            barrier = MIN_BARRIER * contact_distance
             if distance_at(curve_p, curve_q, saddle) > wp.max(nearest, other_distance) + barrier:
                 minima = TWO_PLACES
                 pair_place[place + 2] = saddle

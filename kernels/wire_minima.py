@@ -229,27 +229,25 @@ def turned(place: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
-def nearer_end(place: wp.float64, k: int) -> wp.float64:
-    """The end, 0 or 1, nearer to a place; the farther one for k = 1. Next to a place at an end is the other one."""
-    end = wp.round(place)
+def nearer_end(place: wp.float64) -> wp.float64:
+    """The end, 0 or 1, next to a place inside a segment; of a place at an end, the other one."""
     if place <= wp.float64(0.0) or place >= wp.float64(1.0):
-        end = wp.float64(1.0) - place
-    return wp.where(k == 0, end, wp.float64(1.0) - end)
+        return wp.float64(1.0) - place
+    return wp.round(place)
 
 
 @wp.func
-def falling_end(p: Powers, q: Powers, place: wp.vec2d, end: wp.float64) -> wp.vec3d:
-    """End of p, and nearest place of q: (s, t), and squared distance [m2]. FAR where the distance does not decrease beyond the
-    end, and where the minimum at `place` is.
+def falling_end(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec3d:
+    """End of p nearer to a minimum, and nearest place of q: (s, t), and squared distance [m2]. FAR where the
+    distance does not decrease beyond the end.
 
     The search ends early where the rest of its steps cannot change that.
     """
+    end = nearer_end(place[0])
     at_p = point_at(p, end)
     dp = derivative_at(p, end)
     outwards = wp.float64(2.0) * end - wp.float64(1.0)
     t = place[1]
-    if place[0] == end:
-        return wp.vec3d(end, t, FAR)
     for _step in range(END_STEPS):
         r = at_p - point_at(q, t)
         dq = derivative_at(q, t)
@@ -270,19 +268,14 @@ def falling_end(p: Powers, q: Powers, place: wp.vec2d, end: wp.float64) -> wp.ve
 def beyond_saddle(p: Powers, q: Powers, place: wp.vec2d) -> wp.vec4d:
     """As `closest_on_curves`, from an end with less distance beyond, across a saddle; else `place`.
 
-    Of both segments the end nearer to the minimum at `place` is tried first; of both the one with the least distance counts.
+    Of either segment the end nearer to the minimum at `place` is tried; of both the one with the least distance counts.
     """
-    end = wp.vec2d(place)
-    least = FAR
-    for k in range(2):
-        if least == FAR:
-            of_p = falling_end(p, q, place, nearer_end(place[0], k))
-            of_q = falling_end(q, p, turned(place), nearer_end(place[1], k))
-            least = wp.min(of_p[2], of_q[2])
-            end = wp.vec2d(of_p[0], of_p[1])
-            if of_q[2] < of_p[2]:
-                end = wp.vec2d(of_q[1], of_q[0])
-    if least < FAR and are_distinct(end, place):
+    of_p = falling_end(p, q, place)
+    of_q = falling_end(q, p, turned(place))
+    end = wp.vec2d(of_p[0], of_p[1])
+    if of_q[2] < of_p[2]:
+        end = wp.vec2d(of_q[1], of_q[0])
+    if wp.min(of_p[2], of_q[2]) < FAR and are_distinct(end, place):
         return closest_on_curves(p, q, end)
     return wp.vec4d(place[0], place[1], wp.float64(0.0), wp.float64(0.0))
 
@@ -330,12 +323,6 @@ def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
 def are_distinct(one: wp.vec2d, other: wp.vec2d) -> bool:
     """Whether two searches found different places."""
     return wp.abs(one[0] - other[0]) + wp.abs(one[1] - other[1]) >= SAME_PLACE
-
-
-@wp.func
-def is_at_end(place: wp.vec2d) -> bool:
-    """Whether a place is at an end of either segment."""
-    return wp.min(place[0], place[1]) <= wp.float64(0.0) or wp.max(place[0], place[1]) >= wp.float64(1.0)
 
 
 @wp.func

@@ -108,7 +108,6 @@ def test_a_kind_that_is_given_stays(kind: str) -> None:
     [
         ({"solver": {"multipliers": False}}, {}, "no multipliers"),
         ({"solver": {"drive": "ramp"}}, {"ranks": 2}, '`solver.drive = "ramp"` with `mpirun`'),
-        ({"panel": {"focal_length": "1 m"}}, {"ranks": 2}, "held on a paraboloid with `mpirun`"),
         ({"model": {"body_radius": "3 um"}}, {}, "own body radius"),
         ({"hook": {}, "contact": {"treatment": "ring"}}, {}, "contact treatment"),
         ({"hook": {}}, {"command": "error"}, "two hooked wires with `run --error`"),

@@ -82,18 +82,19 @@ if (places == 1) {
     is_alone = farther >= contact_distance;
 }
 const mask touches = nearest < contact_distance, is_near = nearest < contact_distance + gap;
-// a nearer place beyond a saddle at an end of either segment, unless it is the other one known
+// a nearer place beyond a saddle, unless it is the other one known: of either segment, the end nearer to this one
 UNROLLED
-for (int which = 0; which < 4; ++which) {
+for (int side = 0; side < 2; ++side) {
     if (!any(touches & is_alone & no(failed))) continue;
-    const int side = which / 2;
     const powers& p = curve[side];
     const powers& q = curve[1 - side];
-    const real to = which % 2 ? one : zero, outwards = which % 2 ? one : -one;
+    const real own = side ? nearest_t : nearest_s;
+    const mask at_end = (own <= zero) | (own >= one);
+    const real near = own >= real(0.5) ? one : zero, to = at_end ? one - own : near;
     const vec there = at(p, to), along = slope(p, to);
-    const real rise_of = size(dot(along, along));
+    const real outwards = real(2.0) * to - one, rise_of = size(dot(along, along));
     real place = side ? nearest_s : nearest_t;
-    mask open = touches & is_alone & no(failed) & (to != (side ? nearest_t : nearest_s)) & (to != (side ? other_t : other_s));
+    mask open = touches & is_alone & no(failed) & (to != (side ? other_t : other_s));
     for (int step = 0; step < END_STEPS && any(open); ++step) {
         const vec gap = minus(there, at(q, place));
         const vec d = slope(q, place);

@@ -59,44 +59,6 @@ def test_two_plies_come_to_rest(spacing: float) -> None:
     assert residual_of(rest) < 1e-6 * contact.read_contacts().force.sum()
 
 
-# nodes of two wires side by side in a swatch, before one more place of contact appears; and what they move until it has
-SIDE_BY_SIDE = np.array(
-    [
-        [[-0.1625, -0.9198, 1.6006], [0.2314, -0.3856, 0.8694], [0, 0, 0], [-0.6088, 0.1268, -0.7797],
-         [-1.2943, 0.0933, -1.5065], [-1.9068, -0.0093, -2.2885]],
-        [[1.3019, -0.4355, -1.8411], [0.4199, -0.8456, -1.6358], [-0.4302, -0.984, -1.1455], [-0.9796, -0.7144, -0.3794],
-         [-0.9016, -0.1318, 0.411], [-0.467, 0.4556, 1.09]],
-    ]
-)  # fmt: skip
-MOVED = 1e-4 * np.array(
-    [
-        [[-8, 3, -3], [-3, 1, -1], [0, 0, 0], [2, 0, 0], [-1, -2, 2], [-4, -6, 4]],
-        [[-4, 0, 3], [-4, 2, 12], [-3, 4, 12], [-7, 0, 10], [-9, -4, 11], [-10, -4, 11]],
-    ]
-)
-
-
-def test_a_contact_appears_in_the_next_segment_without_a_jump() -> None:
-    """A closest point appears in the segment before, together with a saddle in this one, whose own closest point is nearer to its
-    other end. Both cancel, so the push changes with the root of the motion. A jump would be that of a contact, 0.04 k. It is left
-    where the barrier between both is below 1e-14: here within 1e-4 of the motion."""
-    offset = 0.02
-
-    def at(share: float) -> tuple[np.ndarray, int]:
-        stepper, contact = touching(list(SIDE_BY_SIDE + share * MOVED))
-        stepper.state.contact_offset.fill_(offset)
-        stepper.evaluate()
-        found = contact.read_contacts()
-        return (found.force[:, None] * found.normal).sum(axis=0), int(((found.first == 2) & (found.second == 6 + 2)).sum())
-
-    low, high = 0.0, 1.0
-    assert (at(low)[1], at(high)[1]) == (0, 1)
-    while high - low > 1e-4:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if at(middle)[1] == 0 else (low, middle)
-    assert np.linalg.norm(at(high + 1e-4)[0] - at(low)[0]) < 1e-3 * 0.04 * STIFFNESS
-
-
 def tangle(seed: int, wires: int, nodes: int) -> Rods:
     """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up."""
     rng = np.random.default_rng(seed)
