@@ -257,7 +257,8 @@ class MultilevelRelaxation(Relaxation):
         progress = self.progress
         progress.least_imbalance, progress.failed_corrections = 1e30, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either, nor one that is unlike it
-        is_unlike = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
+        has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
+        is_unlike = has_history and self.mechanics.rim is not None
         progress.is_uncorrected = is_unlike or not (progress.is_prolonged or progress.keeps_own)
         progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else 1e30
         progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
