@@ -22,9 +22,11 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from ..measure import tension_scale
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim, build_rim
+from .convergence import TENSION_FLOOR
 
 MAX_CELLS = 96  # cells of the grid in one direction
 CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
@@ -38,6 +40,7 @@ MAX_SLOPE = 0.05  # of one correction, which tilts loops rigidly
 # of a correction: the mesh inside has less tension than its mean, where cut wires at the grips carry more
 LARGEST_FACTOR = 2.0
 FACTORS = (0.1, 1.0)  # of a correction, smallest, and largest by default
+IN_PLANE, ACROSS = slice(0, 2), slice(2, 3)  # axes
 CORD_STEPS, CORD_ERROR = 8, 1e-3  # Newton steps of a cord in a correction, and their error
 
 
@@ -200,19 +203,21 @@ class Membrane:
             force[-pull.size :] += pull.ravel()
         return self._correction(share * force, np.zeros(len(force)), gradient, stations)
 
-    def edge_imbalance(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float) -> float:
-        """Rms force on free stations over the wires' force, or over `least` [N/m].
+    def edge_imbalance(
+        self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float, axes: slice = IN_PLANE
+    ) -> float:
+        """Rms force on free stations along axes over the wires' force, or over `least` [N/m].
 
         A stiff cord may be out of balance with little effect on the mesh.
         """
         free = ~self.rim.given
         if not free.any():
             return 0.0
-        cord = self.rim.cord_forces(gradient, stations)[0][:, :2]
-        total = self._pull(gradient, stations, held)[:, :2]
+        cord = self.rim.cord_forces(gradient, stations)[0]
+        total = self._pull(gradient, stations, held)
         wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
         spacing = self.rim.outline.length / len(self.rim.arc)
-        return float(np.sqrt(np.mean(total[free] ** 2))) / max(wires, least * spacing)
+        return float(np.sqrt(np.mean(total[free, axes] ** 2))) / max(wires, least * spacing)
 
     def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
         """The same for the edge alone, with the mesh behind it fixed."""
@@ -372,16 +377,24 @@ class Lift:
             self.imbalance = 0.0
             return
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
-        self.imbalance = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
+        height = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
+        out_of_balance = membrane.edge_imbalance(
+            mechanics.state.gradient, *edge, TENSION_FLOOR * tension_scale(mechanics.model), ACROSS
+        )
+        self.imbalance = max(height, out_of_balance / self._tolerance)
         if self.imbalance <= 1.0:
             return
         self._failed += 1
         if self.imbalance < CORRECTION_GAIN * self._least_imbalance:
             self._least_imbalance, self._failed = self.imbalance, 0
         if self._failed > MAX_FAILED_CORRECTIONS:
-            mechanics.notes.append(f"the height of the mesh is balanced to {100.0 * LIFT_TOLERANCE * self.imbalance:.2g} %")
+            errors = (
+                f"{100.0 * LIFT_TOLERANCE * height:.2g} %, its cords across it to {100.0 * out_of_balance:.2g} % of the wires"
+            )
+            mechanics.notes.append(f"the height of the mesh is balanced to {errors}")
             return
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
-        membrane.lift(lift)
+        if height > 1.0:  # else the mesh follows its edge
+            membrane.lift(lift)
         mechanics.move_stations(lift.in_space)
         mechanics.search()

@@ -302,7 +302,8 @@ class MultilevelRelaxation(Relaxation):
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
-            progress.imbalance = max(progress.imbalance, membrane.edge_imbalance(*edge, self.least_tension) / EDGE_TOLERANCE)
+            allowed = min(EDGE_TOLERANCE, self.scene.solver.residual_tolerance)
+            progress.imbalance = max(progress.imbalance, membrane.edge_imbalance(*edge, self.least_tension) / allowed)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
         moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction

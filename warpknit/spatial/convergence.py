@@ -21,7 +21,7 @@ from .contacts import Contacts
 from .model import SpatialModel
 from .observables import SpatialObservables
 from .rod_checks import StateSums
-from .rod_relaxation import RodRelaxation
+from .rod_relaxation import CHECK_STEPS, RodRelaxation
 from .rods import Rods
 from .strip import RodStrip
 from .wire_contact import WireContact
@@ -74,7 +74,8 @@ class Residual:
 
     def moving_blocks(self, world: int) -> int:
         """Blocks of nodes of a world that a residual far above its tolerance moves."""
-        return self.relaxation.moving_blocks(LOCAL_ALLOWANCE * self.tolerance * float(self._scale[world]), world)
+        limit = CHECK_STEPS * LOCAL_ALLOWANCE * self.tolerance * float(self._scale[world])  # of the sum since the check before
+        return self.relaxation.checks.unbalanced_blocks(limit, world)
 
 
 class Stability:

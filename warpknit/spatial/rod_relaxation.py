@@ -349,10 +349,6 @@ class RodRelaxation:
             )
         return sums
 
-    def moving_blocks(self, limit: float, world: int) -> int:
-        """Blocks of a world with a mean unbalanced force above `limit` [N]."""
-        return self.checks.unbalanced_blocks(CHECK_STEPS * limit, world)
-
     def stretch_error(self) -> float:
         """Largest difference between strain and T/EA: the remaining error of the softening."""
         return float(self.sums(of_mean=False).excess_max.max())
