@@ -40,11 +40,11 @@ class ContactMultipliers:
 
     KEPT = ("_arrays", "mean_force")
 
-    def __init__(self, contact: WireContact, floor: float) -> None:
-        """floor [N/m]: smallest penalty; it is the penalty of all contacts from now on."""
+    def __init__(self, contact: WireContact, floor: float, softest: float = SOFTEST) -> None:
+        """floor [N/m]: smallest penalty; it is the penalty of all contacts from now on; softest: see SOFTEST."""
         rods, device = contact.stepper.rods, contact.stepper.device
         nodes = rods.node_count
-        self._contact, self._floor = contact, floor
+        self._contact, self._floor, self._softest = contact, floor, softest
         self._state = contact.stepper.state
         self._thickness = rods.section.thickness
         self._arrays = _OverlapArrays(
@@ -85,7 +85,7 @@ class ContactMultipliers:
         steering = self._contact.stepper.steering
         self.mean_force[rows] = np.where(contacts.mean_push > 0.0, contacts.mean_push, self.mean_force[rows])
         is_fast = loading | (steering.speed_max[rows] > SLOW * self._thickness)
-        soft = np.clip(self._of_force[rows], SOFTEST * self._floor, LOADED * self._floor)
+        soft = np.clip(self._of_force[rows], self._softest * self._floor, LOADED * self._floor)
         floor = np.where(is_fast, self._loading_floor[rows], soft)
         steering.set(rows, multiplier_rate=rate, penalty_floor=floor, loading=loading)
         self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)

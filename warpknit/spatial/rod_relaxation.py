@@ -73,7 +73,8 @@ VIBRATION = 3.0  # speed of the whole motion over the mean motion, above which i
 # largest speed that counts by diagonal masses over banded ones: smooth motion's grows with the nodes a loop, from
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
-LEAST_DAMPING = 0.003  # [1/s] banded masses leave few modes slower than half of it
+# [1/s] banded masses leave few modes slower than half of the first; the second where overshoots would slide or yield wires
+LEAST_DAMPING, LEAST_OF_HISTORY = 0.003, 0.01
 COUPLING = 0.5  # of displacements and twist
 
 
@@ -157,14 +158,15 @@ class RodRelaxation:
         curve: RestCurve | None = None,
         clamps: MovingClamps | None = None,
         multipliers: bool = True,
-        vibration: float = VIBRATION,
+        has_history: bool = False,
         knows_smooth: bool = False,
         wire_stiffness: np.ndarray | None = None,
     ) -> None:
         """softening: true axial stiffness over the dynamic one; wave_length [m] of the slowest wave, default: the longest wire;
         spacing_of: rods whose spacing of nodes counts, default: the stepper's; curve: on which wires touch, default Catmull-Rom;
-        clamps: moving ones, of the same stepper; multipliers: whether they correct the softening; vibration, knows_smooth: see
-        `kinetic_energy`; wire_stiffness [wire] [N]: least axial stiffness of the dynamics.
+        clamps: moving ones, of the same stepper; multipliers: whether they correct the softening; has_history: whether wires
+        slide or yield, and what did so while it vibrated stays so; knows_smooth: see `kinetic_energy`;
+        wire_stiffness [wire] [N]: least axial stiffness of the dynamics.
         """
         self.stepper = stepper
         self.clamps = clamps
@@ -201,7 +203,9 @@ class RodRelaxation:
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
         self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length, spacing_of=spacing_of)
-        self.vibration, self._knows_smooth = vibration, knows_smooth
+        self._knows_smooth = knows_smooth
+        self._vibration = 1.0 if has_history else VIBRATION
+        self._least_damping = LEAST_OF_HISTORY if has_history else LEAST_DAMPING
         # [world]
         self._has_last = np.zeros(worlds, dtype=bool)  # whether the state at the last check is known
         self._last_slide = np.zeros((len(sliding), 2))  # [m] of the sliding clamps then, and [N] their forces
@@ -375,7 +379,7 @@ class RodRelaxation:
         if boundary is not None:
             work, moved = work + boundary[0][has_last], moved + boundary[1][has_last]
         self._mean_energy[rows] = 0.5 * moved / CHECK_STEPS**2
-        steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, LEAST_DAMPING))
+        steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, self._least_damping))
 
     def _by_world(self, *values: np.ndarray) -> list[np.ndarray]:
         """(world, ...) of values one world after the other."""
@@ -388,18 +392,18 @@ class RodRelaxation:
     def kinetic_energy(self, rows: np.ndarray) -> np.ndarray:
         """[row] [J] of the mean motion since the last check; of all motion after the state was moved from outside.
 
-        Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count `vibration` times less, with
+        Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count VIBRATION times less, with
         diagonal masses, which overestimate smooth motion (SMOOTH). knows_smooth: motion with equal energies by banded masses and
         mean motion is no vibration: a loose mesh drifts for long with hardly any force.
         """
         whole, mean = 0.5 * self.stepper.steering.kinetic_twice[rows], self._mean_energy[rows]
-        vibrates = ~(whole / self.vibration**2 <= mean)
+        vibrates = ~(whole / self._vibration**2 <= mean)
         if vibrates.any():
             banded = 0.5 * self._twice_energy(rows)
             if self._knows_smooth:
-                vibrates &= ~(banded / self.vibration**2 <= mean)
+                vibrates &= ~(banded / self._vibration**2 <= mean)
             whole = np.where(vibrates, np.minimum(whole, SMOOTH**2 * banded), whole)
-        by_all = np.where(np.isnan(mean), whole, np.fmax(mean, whole / self.vibration**2))
+        by_all = np.where(np.isnan(mean), whole, np.fmax(mean, whole / self._vibration**2))
         return np.where(vibrates, by_all, mean)
 
     def multiplier_rate(self, rows: np.ndarray) -> np.ndarray:

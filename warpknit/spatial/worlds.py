@@ -14,13 +14,13 @@ from ..mechanics.numerics import SLOWEST_WAVE, renewed_throttle
 from ..mechanics.protocols import Check
 from ..mechanics.worlds import Worlds
 from .clamps import MovingClamps
-from .contact_multipliers import ContactMultipliers
+from .contact_multipliers import LOADED, SOFTEST, ContactMultipliers
 from .convergence import Residual, Stability
 from .mechanics import SpatialMechanics
 from .model import SpatialModel, initial_state
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, StepForces
-from .rod_relaxation import VIBRATION, RodRelaxation
+from .rod_relaxation import RodRelaxation
 from .rod_step import RodStepper, WireGroup
 from .rods import joined
 from .search_cells import search_cells
@@ -60,11 +60,12 @@ class SpatialWorlds(Worlds):
             curve=curve,
             clamps=self.clamps,
             multipliers=model.ramp is None,
-            vibration=1.0 if scene.depends_on_path else VIBRATION,  # what slips or yields while it vibrates stays so
+            has_history=scene.depends_on_path,
             knows_smooth=scene.wires is not None,
             wire_stiffness=self.stepper.rods.wire_stiffness if model.ramp is None else None,
         )
-        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty)
+        softest = LOADED if scene.depends_on_path else SOFTEST
+        self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty, softest)
         self.residual = Residual(model, self.relaxation, self.multipliers)
         rods = mesh.rods
         rigidity = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum())
