@@ -10,7 +10,7 @@ import pytest
 
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import Simulation, build_model, load_scene, measure
-from warpknit.errors import Diverged, InputError
+from warpknit.base.errors import Diverged, InputError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.measure.contact_classes import classes_of, median_force
 from warpknit.measure.events import Level, happens

@@ -10,10 +10,10 @@ import pytest
 import tomli_w
 from click.testing import CliRunner
 
+from warpknit.base.errors import InputError
 from warpknit.commands.cli import main
 from warpknit.commands.plan import overview_of
 from warpknit.compute.ranks import One
-from warpknit.errors import InputError
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, compatibility, with_needs

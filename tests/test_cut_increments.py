@@ -7,7 +7,7 @@ import pytest
 
 from reference.in_words import quantities
 from warpknit import measure
-from warpknit.errors import Diverged, StepLimitExceeded
+from warpknit.base.errors import Diverged, StepLimitExceeded
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.relax import MAX_CUTS, Relaxation

@@ -11,12 +11,12 @@ import pytest
 import warp as wp
 from click.testing import CliRunner
 
+from warpknit.base.errors import MemoryNeeded, OutOfResources
 from warpknit.commands.cli import main
 from warpknit.commands.plan import overview_of
 from warpknit.commands.run import run
 from warpknit.compute import DEFAULT_DEVICE, LEAST_NODES, device, device_of_mesh, memory
 from warpknit.compute.ranks import One
-from warpknit.errors import MemoryNeeded, OutOfResources
 from warpknit.mesh.layout import knit_scene
 from warpknit.runner import run as runner
 from warpknit.scene import Scene, load_scene

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import Phase, event, given, settings
 from hypothesis import strategies as st
 
-from warpknit.errors import WarpknitError
+from warpknit.base.errors import WarpknitError
 from warpknit.knit.lapping import KnitError
 from warpknit.runner.run import run_scene
 from warpknit.runner.run_directory import CommandResult

@@ -16,9 +16,9 @@ import warp as wp
 from reference.gpu_cases import CASES, SHARED, scene_of
 from reference.thread_ranks import run_ranks
 from warpknit import measure
+from warpknit.base.errors import SceneError
 from warpknit.compute.host import LEAST_BYTES, fetch, store
 from warpknit.compute.ranks import One, Ranks
-from warpknit.errors import SceneError
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model

@@ -103,7 +103,7 @@ def test_the_plan_of_a_hook() -> None:
 
 
 def test_a_spring_stiffer_than_the_contact_is_refused() -> None:
-    from warpknit.errors import ModelError
+    from warpknit.base.errors import ModelError
     from warpknit.planar.model import build_model
 
     table = {"hook": {}, "contact": {"treatment": "ring", "spring_stiffness": 1e4}}

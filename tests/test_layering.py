@@ -24,7 +24,7 @@ KERNELS = ROOT / "kernels"
 # A module imports from its own layer and from those above it in this list.
 LAYERS = (
     # what everything may use
-    {"errors", "base", "kernels"},
+    {"base", "kernels"},
     # the pattern, and the form in which results leave
     {"knit", "results.frame", "results.row", "results.warning_kinds", "results.finding"},
     {"scene", "wires"},
@@ -52,7 +52,7 @@ MAY_IMPORT_EXPORT = {
     "design.report_files",
     "results.run",
 }
-EXPORT_MAY_IMPORT = {"errors", "base", "results.frame", "results.row", "knit", "export"}
+EXPORT_MAY_IMPORT = {"base", "results.frame", "results.row", "knit", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 LOADERS_MAY_IMPORT = {"kernels": {"pathlib"}, "kernels.native_text": {"collections", "pathlib", "re"}}  # which find files
 STARTED_BY_THE_COMMAND_LINE = {"runner.run", "studies.sweep", "studies.study", "design.report", "commands.plan"}

@@ -12,9 +12,9 @@ import pytest
 
 from reference.in_words import table_of
 from warpknit import export, measure
+from warpknit.base.errors import Diverged
 from warpknit.base.text import engineering
 from warpknit.design.fine_states import states_at
-from warpknit.errors import Diverged
 from warpknit.measure import Observables, table
 from warpknit.measure.contact_classes import class_of_pair, classes_of, median_force
 from warpknit.measure.observables import MeshModel

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
 from warpknit.mesh.strands import cut_cloth
 from warpknit.mesh.thread_curve import ThreadCurve
@@ -175,7 +175,7 @@ def test_keys_that_clash_are_named(table: dict, key: str) -> None:
 
 
 def test_an_outline_that_holds_no_wire_is_refused() -> None:
-    from warpknit.errors import ModelError
+    from warpknit.base.errors import ModelError
 
     with pytest.raises(ModelError, match=r"panel\.size"):
         build_model(make_scene({"panel": {"outline": "triangle", "size": 1e-4}}))

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit import __version__, load_scene
+from warpknit.base.errors import SceneError
 from warpknit.commands.cli import main
-from warpknit.errors import SceneError
 from warpknit.scene.shipped import first_sentence, shipped_scenes
 
 ROOT = Path(__file__).parents[1]

@@ -10,10 +10,10 @@ import warp as wp
 
 from reference.cases import slow
 from reference.in_words import quantities, table_of
+from warpknit.base.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.commands.plan import make_plan, overview_of
 from warpknit.compute import device, memory
 from warpknit.compute.memory import MEMORY_PER_NODE
-from warpknit.errors import DeviceError, InputError, MemoryNeeded
 from warpknit.knit.lapping import KnitError
 from warpknit.mesh.rim import LoadPoint
 from warpknit.planar.observables import read

@@ -11,7 +11,7 @@ import pytest
 
 import warpknit
 from reference.cases import slow
-from warpknit.errors import DeviceError, InputError
+from warpknit.base.errors import DeviceError, InputError
 from warpknit.results.row import Row, read_rows
 from warpknit.runner.history import row_of
 from warpknit.runner.run import run_scene
@@ -70,6 +70,11 @@ def test_the_door_lists_its_names_and_imports_little() -> None:
     assert done.stdout == "[]\n"
     with pytest.raises(AttributeError, match="'plot'"):
         _ = warpknit.plot
+
+
+def test_errors_import_as_a_module_of_the_package() -> None:
+    code = "from warpknit.errors import SceneError; import warpknit; assert SceneError is warpknit.errors.SceneError"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_the_function_run_is_no_module() -> None:

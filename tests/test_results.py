@@ -17,11 +17,11 @@ from click.testing import CliRunner
 
 import warpknit
 from reference.in_words import quantities
+from warpknit.base.errors import DeviceError, Diverged, ExportError, InputError, MissingExtra, RunDirectoryError
 from warpknit.commands import report
 from warpknit.commands.cli import main
 from warpknit.commands.run import percentage
 from warpknit.design.findings import DEFAULT_SWEEP
-from warpknit.errors import DeviceError, Diverged, ExportError, InputError, MissingExtra, RunDirectoryError
 from warpknit.results.frame import Frame
 from warpknit.results.row import Row, read_rows
 from warpknit.results.run import Run, Series, States

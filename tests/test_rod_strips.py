@@ -14,9 +14,9 @@ import pytest
 from reference.cases import slow
 from reference.thread_ranks import run_ranks
 from warpknit import measure
+from warpknit.base.errors import Diverged, ModelError, SceneError
 from warpknit.compute.host import fetch, store
 from warpknit.compute.ranks import One, Ranks
-from warpknit.errors import Diverged, ModelError, SceneError
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate

@@ -17,8 +17,8 @@ import pytest
 import warp as wp
 
 from reference.cases import slow
+from warpknit.base.errors import Diverged, OutOfResources, RunDirectoryError
 from warpknit.compute.device import compile_times
-from warpknit.errors import Diverged, OutOfResources, RunDirectoryError
 from warpknit.measure.table import MEASURES
 from warpknit.results.row import Row, read_rows
 from warpknit.runner import monitor, recorder

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from reference.in_words import options
+from warpknit.base.errors import RunDirectoryError, naming_arguments
 from warpknit.base.files import held_directory
 from warpknit.compute.ranks import One
-from warpknit.errors import RunDirectoryError, naming_arguments
 from warpknit.results.run import load_run
 from warpknit.runner import run as run_module
 from warpknit.runner.checkpoint import FILE, Checkpoint

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.scene import load_scene, resolved_toml
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"

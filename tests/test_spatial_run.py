@@ -10,9 +10,9 @@ import pytest
 from reference.in_words import in_words, quantities
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import load_run, measure
+from warpknit.base.errors import SceneError
 from warpknit.commands.cli import main
 from warpknit.compute.host import fetch, store
-from warpknit.errors import SceneError
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 from warpknit.results.row import Row

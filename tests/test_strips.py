@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from reference.planar import planar_scene
 from reference.thread_ranks import run_ranks
 from warpknit import measure
+from warpknit.base.errors import ModelError
 from warpknit.compute.ranks import One, Ranks, exact_parts
-from warpknit.errors import ModelError
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.rim import LoadPoint
 from warpknit.mesh.strip import Strip, cut_strip

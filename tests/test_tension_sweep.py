@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from reference.in_words import quantities
+from warpknit.base.errors import SceneError
 from warpknit.commands.cli import main
-from warpknit.errors import SceneError
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene

@@ -9,7 +9,7 @@ import pytest
 from reference.in_words import quantities
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import build_model, load_run, load_scene, measure
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.knit.lapping import KnitError
 from warpknit.results.row import Row
 from warpknit.runner.run import run_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit import Simulation, build_model, load_scene, measure
-from warpknit.errors import InputError
+from warpknit.base.errors import InputError
 from warpknit.scene import Scene
 
 TRICOT = {"bars": [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], "wales": "26 /inch", "courses": "30 /inch"}

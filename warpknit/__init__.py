@@ -27,13 +27,17 @@ Everything is in SI units. docs/python.md has probes, forces of one's own, param
 Errors are in `warpknit.errors`; each is one line that says what is wrong and what to write instead.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .base import errors
+
 __version__ = "0.2.0"
+sys.modules["warpknit.errors"] = errors  # for `from warpknit.errors import SceneError`
 
 if TYPE_CHECKING:
-    from . import errors, measure, scene
+    from . import measure, scene
     from .commands.report import make_report
     from .commands.run import run, run_map
     from .results.run import Run, load_run
@@ -56,7 +60,6 @@ _PUBLIC = {
     "Run": "results.run",
     "Scene": "scene",
     "scene": None,
-    "errors": None,
 }
 __all__ = [
     "Run",

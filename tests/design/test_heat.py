@@ -6,10 +6,10 @@ import pytest
 
 from reference.in_words import ChangingRow as Row
 from reference.in_words import quantities
+from warpknit.base.errors import Diverged
 from warpknit.design.equal_tension import EqualTensionPath
 from warpknit.design.heat import heat, tension_held
 from warpknit.design.load_path import LoadPath
-from warpknit.errors import Diverged
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
 from warpknit.studies.batch import mesh_of

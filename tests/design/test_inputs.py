@@ -11,6 +11,7 @@ import pytest
 from reference.cases import slow
 from reference.in_words import key_of, quantities
 from warpknit import measure
+from warpknit.base.errors import InputError
 from warpknit.commands.report import lengths_of
 from warpknit.design import inputs
 from warpknit.design.fine_states import states_at
@@ -28,7 +29,6 @@ from warpknit.design.inputs import (
     write_fit,
 )
 from warpknit.design.sections import Page, mesh_section
-from warpknit.errors import InputError
 from warpknit.knit.named import named_knit
 from warpknit.mesh.layout import knit_scene
 from warpknit.planar.observables import read

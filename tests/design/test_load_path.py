@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from warpknit import measure
+from warpknit.base.errors import Diverged
 from warpknit.design.curves import tension_strain
 from warpknit.design.equal_tension import YIELDED, load_equally, service_points, with_state_at
 from warpknit.design.fine_states import exact_model
 from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.report import KeptStates, read_states, write_states
 from warpknit.design.service import EqualTension
-from warpknit.errors import Diverged
 from warpknit.runner.history import mean_tension, row_of
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from warpknit.base.errors import Diverged
 from warpknit.design.card import MaterialCard, find_card
 from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, exact
 from warpknit.design.load_path import LoadPath, under_tension
 from warpknit.design.mean_card import BEYOND, find_mean, loads_of_card
 from warpknit.design.report_files import write_other_cards
-from warpknit.errors import Diverged
 from warpknit.runner.history import row_of
 from warpknit.runner.run_directory import clear
 from warpknit.scene import Scene, load_scene

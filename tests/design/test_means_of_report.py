@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from reference.in_words import quantities
+from warpknit.base.errors import Diverged
 from warpknit.commands.cli import main
 from warpknit.design import curves
 from warpknit.design.curves import tension_strain
@@ -18,7 +19,6 @@ from warpknit.design.load_path import LoadPath, MeshesPath, under_tension
 from warpknit.design.mean_card import meshes_of
 from warpknit.design.report import KeptStates, read_states, write_states
 from warpknit.design.service import EqualTension
-from warpknit.errors import Diverged
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
 

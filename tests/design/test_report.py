@@ -15,6 +15,7 @@ from click.testing import CliRunner
 from reference.in_words import quantities
 from reference.map_rows import row
 from warpknit import __version__
+from warpknit.base.errors import Diverged
 from warpknit.base.text import duration
 from warpknit.commands.cli import main
 from warpknit.design import curves
@@ -24,7 +25,6 @@ from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.design.fine_states import exact_model
 from warpknit.design.report import _card
 from warpknit.design.service import EqualTension
-from warpknit.errors import Diverged
 from warpknit.export import map_figure
 from warpknit.results.row import Row
 from warpknit.runner.progress_display import StageLines

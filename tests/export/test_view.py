@@ -14,8 +14,8 @@ import pytest
 from matplotlib.colorbar import Colorbar
 
 import warpknit
+from warpknit.base.errors import ExportError, InputError
 from warpknit.base.text import engineering
-from warpknit.errors import ExportError, InputError
 from warpknit.export.view import drawing as drawings
 from warpknit.export.view import open_viewer
 from warpknit.export.view.drawing import Drawing, drawing_of

@@ -17,7 +17,7 @@ import pytest
 from pxr import Usd
 
 from reference.cases import slow
-from warpknit.errors import OutOfResources
+from warpknit.base.errors import OutOfResources
 from warpknit.export import writer_process
 from warpknit.export.writer_process import FrameFiles, FrameWriter, StageOptions, WriterProcess, frame_writer
 from warpknit.results.frame import Frame, WireLayout
@@ -254,8 +254,8 @@ def test_full_disk_in_the_writer_is_exit_4(tmp_path: Path) -> None:
 
 
 def test_two_runs_do_not_write_into_one_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from warpknit.base.errors import RunDirectoryError
     from warpknit.base.files import held_directory
-    from warpknit.errors import RunDirectoryError
     from warpknit.runner import run as run_module
     from warpknit.scene import load_scene
 

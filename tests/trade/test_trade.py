@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from warpknit.base.errors import RunDirectoryError
 from warpknit.commands.cli import main
-from warpknit.errors import RunDirectoryError
 from warpknit.mechanics.probe_settings import SOFTENING, Setting
 from warpknit.planar import kind
 from warpknit.runner.interrupts import Interrupted

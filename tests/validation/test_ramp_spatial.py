@@ -15,7 +15,7 @@ import pytest
 from reference.cases import slow
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import measure
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation

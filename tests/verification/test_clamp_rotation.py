@@ -19,7 +19,7 @@ import pytest
 
 from reference.plane_wires import Rig, panel_of_wires, straight, table_of_wires
 from warpknit import measure
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.kernels import clamp
 from warpknit.planar.state import initial_state
 from warpknit.runner.run import run_scene

@@ -7,7 +7,7 @@ import pytest
 
 from reference.cases import slow
 from warpknit import Simulation, build_model, load_scene, measure
-from warpknit.errors import NotCarried
+from warpknit.base.errors import NotCarried
 from warpknit.measure.strain import clamp_rotation, rotation, stretch, true_stress
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.mesh.rim import LoadPoint

@@ -243,7 +243,7 @@ def test_a_contact_that_opens_forgets_where_it_stuck() -> None:
 
 
 def test_friction_in_the_plane_needs_a_relaxation_and_is_on_the_books() -> None:
-    from warpknit.errors import SceneError
+    from warpknit.base.errors import SceneError
 
     with pytest.raises(SceneError, match="contact.friction"):
         make_scene({"contact": {"friction": 0.2}, "solver": {"drive": "ramp"}, "model": {"kind": "planar"}})

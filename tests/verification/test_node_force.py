@@ -16,7 +16,7 @@ import pytest
 from scipy.constants import g as GRAVITY
 
 from warpknit import Simulation, build_model, load_scene
-from warpknit.errors import ModelError
+from warpknit.base.errors import ModelError
 
 LENGTH = 4e-3  # [m]
 SCENES = Path(__file__).parents[2] / "scenes"

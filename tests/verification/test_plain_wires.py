@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from warpknit import Simulation, build_model, load_scene
+from warpknit.base.errors import ModelError
 from warpknit.compute.ranks import One
-from warpknit.errors import ModelError
 from warpknit.spatial.rods import BENT_SHARE, Section, rods_of
 
 DIAMETER, STRAIN = 0.1, 1e-3  # [mm]

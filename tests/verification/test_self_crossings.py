@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from warpknit.errors import ModelError
+from warpknit.base.errors import ModelError
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation

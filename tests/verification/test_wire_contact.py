@@ -5,7 +5,7 @@ import pytest
 
 from reference.rods import SECTION, residual_of
 from reference.touching import STIFFNESS, advance, line, plies, touching
-from warpknit.errors import OutOfResources
+from warpknit.base.errors import OutOfResources
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of

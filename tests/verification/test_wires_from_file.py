@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reference.in_words import quantities
-from warpknit.errors import ModelError, SceneError
+from warpknit.base.errors import ModelError, SceneError
 from warpknit.measure import mesh_tension, positions
 from warpknit.mechanics.numerics import AXIAL_ERROR
 from warpknit.scene import Scene, load_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit import load_run, load_scene, run, wires_from_arrays
-from warpknit.errors import InputError
+from warpknit.base.errors import InputError
 from warpknit.wires.read import rest_wires
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 41)

@@ -9,7 +9,7 @@ import pytest
 import wire_samples as samples
 from pxr import Sdf, Usd
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.scene import wire_file as limits
 from warpknit.wires import bases, file_curves, read
 from warpknit.wires.bases import BadFile

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Sdf, Tf, Usd
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.wires.bases import BadFile
 from warpknit.wires.file_curves import curves_of
 from warpknit.wires.overlaps import find_overlaps

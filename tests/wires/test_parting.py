@@ -7,7 +7,7 @@ import pytest
 from swatches import DIAMETER, swatch
 
 from reference.cases import slow
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.scene import make_scene
 from warpknit.solve import convergence
 from warpknit.solve.model import build_model

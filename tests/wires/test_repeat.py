@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.scene import load_scene
 from warpknit.wires.centre_lines import Wires, repeated
 from warpknit.wires.overlaps import find_overlaps

@@ -6,8 +6,8 @@ import wire_samples as samples
 from pxr import Sdf, Usd, UsdGeom
 
 from reference.in_words import quantities
+from warpknit.base.errors import SceneError
 from warpknit.commands.plan import overview_of
-from warpknit.errors import SceneError
 from warpknit.scene import load_scene
 from warpknit.scene.scene import resolved_toml
 from warpknit.solve.model import build_model

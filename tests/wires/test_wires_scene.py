@@ -10,9 +10,9 @@ import wire_samples as samples
 from click.testing import CliRunner
 
 from reference.in_words import quantities
+from warpknit.base.errors import SceneError
 from warpknit.commands.cli import main
 from warpknit.commands.plan import make_plan
-from warpknit.errors import SceneError
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.scene.scene import resolved_toml

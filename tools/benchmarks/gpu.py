@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpknit.base.errors import MemoryNeeded, OutOfResources
 from warpknit.compute.launch import Launch
-from warpknit.errors import MemoryNeeded, OutOfResources
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from warpknit.base.errors import Diverged
 from warpknit.commands.plan import make_plan
-from warpknit.errors import Diverged
 from warpknit.scene import Scene, make_scene
 from warpknit.scene.scene_loader import load_scene
 from warpknit.solve.model import build_model

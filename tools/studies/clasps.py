@@ -23,7 +23,7 @@ import numpy as np
 from knot_curves import DIAMETER, clasp, pulled
 from study import COLOURS, new_figure, tidy
 
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.contacts import Contacts

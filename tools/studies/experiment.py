@@ -23,7 +23,7 @@ from pulled_meshes import INCH
 from study import add_directory, new_parser, picture_path, show_rows, start_study, table_path, write_rows
 
 from warpknit import measure
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.knit.named import named_knit
 from warpknit.measure.network import contact_resistances, sheet_resistance
 from warpknit.scene import Scene, make_scene

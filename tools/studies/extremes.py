@@ -24,7 +24,7 @@ import numpy as np
 from study import add_directory, new_parser, read_rows, show_rows, table_path, write_rows
 
 from warpknit import measure
-from warpknit.errors import WarpknitError
+from warpknit.base.errors import WarpknitError
 from warpknit.knit.lapping import KnitError
 from warpknit.planar.observables import read
 from warpknit.runner.run import run_scene

@@ -16,7 +16,7 @@ from hook_reference import Contact, Hook
 from matplotlib.axes import Axes
 from study import COLOURS, CROSSES, SCENES, new_figure, picture_path, table_path, tidy, without_nan, write_rows
 
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.measure.observables import HookContact
 from warpknit.planar.model import Model
 from warpknit.scene import Scene, load_scene

@@ -34,8 +34,8 @@ from knot_pictures import draw_knots, draw_trefoil
 from study import add_directory, picture_path, read_rows, run_one_of, show_rows, table_path, write_rows
 from trefoil import tightened_trefoil
 
+from warpknit.base.errors import Diverged
 from warpknit.compute.device import start_warp
-from warpknit.errors import Diverged
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial import mechanics

@@ -30,8 +30,8 @@ from other_cases import HOOK_MOVE, LEVELS, Numerics, Solved, by_warpknit, knot_s
 from rod_problem import RADIUS, Problem
 from study import COLOURS, add_directory, new_figure, new_parser, picture_path, read_rows, show_rows, table_path, tidy, write_rows
 
+from warpknit.base.errors import Diverged
 from warpknit.compute.device import start_warp
-from warpknit.errors import Diverged
 
 HERE = Path(__file__).parent
 LONGEST = 300.0  # [s] of a run

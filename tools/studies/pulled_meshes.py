@@ -24,7 +24,7 @@ from strip_bounds import straight_strain, strongest
 from strip_pull import WARP, WEFT, Pull, pull
 from study import add_directory, new_parser, picture_path, read_rows, show_rows, start_study, table_path, write_rows
 
-from warpknit.errors import Diverged
+from warpknit.base.errors import Diverged
 from warpknit.scene import Scene, make_scene
 
 INCH = 25.4e-3  # [m]

@@ -23,8 +23,8 @@ import numpy as np
 from study import add_directory, new_figure, new_parser, picture_path, run, scene_of, show_rows, table_path, write_rows
 
 from warpknit import measure
+from warpknit.base.errors import Diverged, SceneError
 from warpknit.compute.device import start_warp
-from warpknit.errors import Diverged, SceneError
 from warpknit.scene import Scene
 from warpknit.solve.model import build_model
 

@@ -28,7 +28,7 @@ from stepping import advance, as_ramp, at_rest
 from study import COLOURS, add_directory, new_figure, new_parser, picture_path, read_rows, table_path, tidy, write_rows
 
 from warpknit import measure
-from warpknit.errors import Diverged, WarpknitError
+from warpknit.base.errors import Diverged, WarpknitError
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN, STEP_MARGIN
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read

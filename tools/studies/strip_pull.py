@@ -16,7 +16,7 @@ import numpy as np
 from loop_set import releases
 
 from warpknit import measure
-from warpknit.errors import Diverged, WarpknitError
+from warpknit.base.errors import Diverged, WarpknitError
 from warpknit.measure import tension_scale
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene

@@ -24,9 +24,9 @@ import numpy as np
 from study import add_directory, new_parser, read_rows, table_path, write_rows
 
 from warpknit import measure
+from warpknit.base.errors import WarpknitError
 from warpknit.commands.plan import make_plan
 from warpknit.compute.device import start_warp
-from warpknit.errors import WarpknitError
 from warpknit.knit.lapping import KnitError
 from warpknit.knit.named import named_knit
 from warpknit.runner.history import row_of

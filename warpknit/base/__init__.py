@@ -1,1 +1,1 @@
-"""Base of all rooms: files written whole, text, child processes, the curve between nodes."""
+"""Base of all rooms: files written whole, text, errors, child processes, the curve between nodes."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from warpknit import __version__
+from warpknit.base.errors import FINISHED, INTERRUPTED, Diverged
 from warpknit.commands.program import (
     QUIET,
     RESULT_OPTIONS,
@@ -27,7 +28,6 @@ from warpknit.commands.program import (
     positive_quantity,
 )
 from warpknit.compute.ranks import Ranks
-from warpknit.errors import FINISHED, INTERRUPTED, Diverged
 
 if TYPE_CHECKING:
     from warpknit.results.finding import ResultTable

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 import click
 from scipy.constants import inch
 
+from ..base.errors import InputError
 from ..base.files import write_aside
 from ..base.text import either, exact
-from ..errors import InputError
 from ..knit.lapping import KnitError
 from ..knit.named import NAMED_KNITS
 from ..mesh.layout import knit_scene

@@ -15,9 +15,9 @@ from typing import Any, NoReturn
 
 import click
 
+from warpknit.base.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, WarpknitError
 from warpknit.compute import DEFAULT_DEVICE
 from warpknit.compute.ranks import One, Ranks, join_ranks, started_as
-from warpknit.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, WarpknitError
 
 UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import INTERRUPTED, InputError, RunDirectoryError
+from ..base.errors import INTERRUPTED, InputError, RunDirectoryError
 from ..reflection.checks import options_of
 from ..reflection.study import Reflected, reflect
 from ..results.run import load_run

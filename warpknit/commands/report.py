@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..base.errors import INTERRUPTED, Diverged, InputError, naming_arguments
 from ..base.text import either
 from ..design.fe import CODES
 from ..design.findings import Findings, report_scene
 from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..design.report import write_report
-from ..errors import INTERRUPTED, Diverged, InputError, naming_arguments
 from ..reflection.study import read_findings
 from ..results.finding import Finding, ResultTable
 from ..results.row import Values, write_json

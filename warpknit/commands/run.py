@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..base.errors import INTERRUPTED, Diverged, InputError, ModelError, in_python, naming_arguments
 from ..compute.ranks import One, Ranks
-from ..errors import INTERRUPTED, Diverged, InputError, ModelError, in_python, naming_arguments
 from ..knit.lapping import KnitError
 from ..results.run import Run, load_run
 from ..runner.interrupts import to_continue

@@ -14,8 +14,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from ..base.errors import DeviceError
 from ..base.text import either
-from ..errors import DeviceError
 from . import device_of_mesh
 
 _log = logging.getLogger(__name__)

@@ -6,8 +6,8 @@ import numpy as np
 import psutil
 import warp as wp
 
+from ..base.errors import MemoryNeeded
 from ..base.text import memory
-from ..errors import MemoryNeeded
 from ..scene import Scene
 
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of address space reserved for libraries: threads, compiler, USD

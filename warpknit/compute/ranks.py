@@ -16,7 +16,7 @@ from itertools import chain
 from operator import add
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np

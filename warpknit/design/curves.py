@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure import Observables, table
 from ..measure.network import sheet_resistance
 from ..results.finding import ResultWarning

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import Any
 
+from ..base.errors import Diverged
 from ..base.text import engineering
-from ..errors import Diverged
 from ..results.row import Row
 from ..runner.answers import SERVICE_TENSIONS, Service
 from ..runner.branches import Jump, tensions_text

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure import Observables
 from ..scene import Scene
 from ..studies.batch import Batch, Mesh, mesh_of

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.errors import Diverged
 from ..base.text import celsius, exact
-from ..errors import Diverged
 from ..results.row import Row
 from ..runner.answers import Heat, heat_of
 from ..runner.branches import Jump, jumps_of

@@ -21,9 +21,9 @@ from scipy.constants import inch
 from scipy.optimize import brentq, minimize_scalar
 
 from .. import measure
+from ..base.errors import Diverged, InputError
 from ..base.files import write_aside
 from ..base.text import at_least, at_most, exact, percent
-from ..errors import Diverged, InputError
 from ..knit.lapping import KnitError, lapping_table
 from ..knit.loops import RANGES, SIZES, LoopProportions, loop_shape
 from ..knit.openings import find_openings

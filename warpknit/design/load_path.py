@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure.table import Record
 from ..results.row import Row
 from ..runner.history import row_of

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..results.row import Row
 from ..runner.history import row_of
 from ..runner.variants import Spread, first_meshes, spread_of

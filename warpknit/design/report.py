@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..base.errors import Diverged
 from ..base.files import write_arrays
 from ..base.text import exact
 from ..compute.kept import strip_prefix
-from ..errors import Diverged
 from ..measure import Observables
 from ..measure.table import Record
 from ..results.finding import Finding

@@ -9,8 +9,8 @@ import os
 from importlib import import_module
 from pathlib import Path
 
+from warpknit.base.errors import ExportError
 from warpknit.base.text import either
-from warpknit.errors import ExportError
 from warpknit.export.run_record import RunRecord, read_run
 
 __all__ = ["FORMATS", "ExportError", "RunRecord", "export_record", "export_run"]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from warpknit.errors import ExportError
+from warpknit.base.errors import ExportError
 from warpknit.results.frame import Frame, WireLayout
 from warpknit.results.row import Columns, Row, Values, columns_of, read_rows, valued
 

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
+from warpknit.base.errors import OutOfResources
 from warpknit.base.processes import ending_of, sendable, start_process
-from warpknit.errors import OutOfResources
 from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout, state_file
 
 

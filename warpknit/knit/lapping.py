@@ -19,7 +19,7 @@ from functools import cached_property
 from math import lcm
 from typing import Any, Literal
 
-from ..errors import BadValue
+from ..base.errors import BadValue
 
 _LINK = re.compile(r"(\d+)-(\d+)")
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..results.finding import ResultWarning
 from ..scene import Scene
 

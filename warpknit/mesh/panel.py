@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.errors import ModelError
 from ..base.text import short_repr
-from ..errors import ModelError
 from ..kernels import clamp
 from ..kernels.bend import BOW
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE

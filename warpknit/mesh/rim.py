@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
+from ..base.errors import ModelError
 from ..base.text import engineering
-from ..errors import ModelError
 from ..scene import Cord, Pull, Scene
 from ..scene.outline import Outline
 from .panel import Panel

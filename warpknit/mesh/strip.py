@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import ModelError
+from ..base.errors import ModelError
 from .panel import Panel, as32
 
 

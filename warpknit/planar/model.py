@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..base.errors import ModelError
 from ..base.text import at_most, exact, percent, short_repr
 from ..compute.device import start_warp
 from ..compute.precision import Precision, precision_of
 from ..compute.ranks import One, Ranks
-from ..errors import ModelError
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.errors import InputError, MemoryNeeded
 from ..base.text import at_least, engineering, exact, memory
 from ..compute.memory import available_memory
-from ..errors import InputError, MemoryNeeded
 from ..knit.cloth import same_cloth
 from ..mesh.layout import mesh_nodes
 from ..scene import Scene

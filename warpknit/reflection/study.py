@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import RunDirectoryError
 from ..base.files import write_arrays
 from ..base.text import engineering, memory
 from ..compute.memory import available_memory
-from ..errors import RunDirectoryError
 from ..mechanics.numerics import thread_count
 from ..results.finding import Finding
 from ..results.frame import Frame, WireLayout, state_file

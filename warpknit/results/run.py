@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ..errors import ExportError, RunDirectoryError, naming_arguments, needing_extra
+from ..base.errors import ExportError, RunDirectoryError, naming_arguments, needing_extra
 from ..runner.run_directory import SUMMARIES, TABLES, Tree, directory_of, holds_killed_run
 from ..runner.summary import Summary
 from ..runner.summary_table import summary_table

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..base.errors import InputError, RunDirectoryError, needing_extra
 from ..base.text import either
-from ..errors import InputError, RunDirectoryError, needing_extra
 from .row import Row
 
 Value = TypeVar("Value")

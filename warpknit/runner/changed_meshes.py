@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
+from warpknit.base.errors import ModelError
 from warpknit.base.processes import start_process
-from warpknit.errors import ModelError
 from warpknit.knit.lapping import KnitError
 from warpknit.mechanics.numerics import thread_count
 from warpknit.results.row import Row

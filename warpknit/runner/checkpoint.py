@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import RunDirectoryError
 from ..base.files import write_arrays
 from ..compute.kept import strip_prefix
 from ..compute.ranks import Ranks
-from ..errors import RunDirectoryError
 from ..results.row import Row, Values
 from ..solve.simulate import Progress, Simulation
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import INTERRUPTED, ModelError, OutOfResources
+from ..base.errors import INTERRUPTED, ModelError, OutOfResources
 from ..knit.lapping import KnitError
 from ..measure import tension_scale
 from ..results.finding import ResultWarning

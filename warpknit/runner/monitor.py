@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure.table import Record
 from ..solve.simulate import Progress, Simulation
 from .checkpoint import write_checkpoint

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import ModelError, SceneError
+from ..base.errors import ModelError, SceneError
 from ..knit.lapping import KnitError
 from ..mesh.layout import mesh_nodes
 from ..results.row import Values

@@ -7,7 +7,7 @@ import numbers
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..measure import table
 from ..measure.table import Record
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import measure
+from ..base.errors import OutOfResources, RunDirectoryError
 from ..base.files import write_table
 from ..compute.memory import available_memory
-from ..errors import OutOfResources, RunDirectoryError
 from ..measure import MeshModel
 from ..measure.table import Record
 from ..results.frame import Frame, WireLayout, state_file

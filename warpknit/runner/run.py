@@ -12,10 +12,10 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from ..base.errors import RunDirectoryError
 from ..base.files import held_directory
 from ..compute.device import compile_times, find_device
 from ..compute.ranks import One, Ranks
-from ..errors import RunDirectoryError
 from ..mechanics.protocols import Model
 from ..mesh.layout import mesh_nodes
 from ..results.row import Values, read_rows

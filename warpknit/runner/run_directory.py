@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
+from ..base.errors import RunDirectoryError
 from ..base.files import write_aside
 from ..base.text import listed
-from ..errors import RunDirectoryError
 from ..scene.scene import RESOLVED, Scene, resolved_toml
 from ..scene.units import shown
 from ..scene.wire_file import WireArrays

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import Diverged, ModelError
+from ..base.errors import Diverged, ModelError
 from ..measure import table, tension_scale
 from ..measure.table import Record
 from ..mesh.layout import smaller_scene

@@ -5,7 +5,7 @@
 A scene file is TOML; `warpknit.scene.scene` lists its keys. Whatever is wrong with it is a SceneError of one line.
 """
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.scene.knit import Bar, Hook, Knit, Loop
 from warpknit.scene.options import Contact, ModelOptions, Output, Pull, Solver, Stage, Sweep
 from warpknit.scene.panel_options import Cord, PanelOptions

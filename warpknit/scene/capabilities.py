@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.scene.keys import Table
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.messages import dotted, scene_error, value_text

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpknit.errors import SceneError
+from warpknit.base.errors import SceneError
 from warpknit.scene.keys import Table, given_values, keys_below, keys_of
 from warpknit.scene.scene import SceneFile
 from warpknit.scene.units import shown

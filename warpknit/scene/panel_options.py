@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit.errors import BadValue
+from warpknit.base.errors import BadValue
 from warpknit.scene import values
 from warpknit.scene.keys import Table, as_object, key
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned

@@ -18,8 +18,8 @@ from typing import Any
 
 from pydantic import TypeAdapter, model_validator
 
+from warpknit.base.errors import SceneError
 from warpknit.base.text import exact
-from warpknit.errors import SceneError
 from warpknit.scene.keys import Table, given_values, key, keys_of
 from warpknit.scene.knit import Hook, Knit, KnitTable
 from warpknit.scene.options import (

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
+from warpknit.base.errors import BadValue
 from warpknit.base.text import either
-from warpknit.errors import BadValue
 from warpknit.scene import values
 from warpknit.scene.keys import Table, key
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from .. import measure
+from ..base.errors import Diverged
 from ..base.text import percent
 from ..compute.kept import Kept, Owner, restore, save
-from ..errors import Diverged
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import clamp_rotation, rotation, true_stress
 from ..measure.table import Record

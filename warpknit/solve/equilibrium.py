@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure import tension_scale
 from ..mechanics.worlds import Worlds
 from .convergence import TENSION_FLOOR, Convergence

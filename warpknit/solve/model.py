@@ -10,10 +10,10 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from ..base.errors import DeviceError, InputError
 from ..base.text import either
 from ..compute.device import devices
 from ..compute.ranks import Ranks
-from ..errors import DeviceError, InputError
 from ..mechanics.protocols import Mechanics, Model
 from ..mechanics.worlds import Worlds
 from ..scene import Scene

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.errors import Diverged, NoProgress
 from ..compute.kept import Kept, Owner, strip_prefix
-from ..errors import Diverged, NoProgress
 from ..measure import tension_scale
 from ..measure.edge_work import EdgeWork
 from ..measure.strain import strain_text

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import Diverged, NoProgress, NotCarried, StepLimitExceeded
 from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, strip_prefix
-from ..errors import Diverged, NoProgress, NotCarried, StepLimitExceeded
 from ..measure import energy_scale
 from ..measure.events import Level, happens, level_of
 from ..measure.strain import clamp_rotation, rotation, stretch

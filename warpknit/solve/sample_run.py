@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from statistics import median
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..mechanics.numerics import thread_count
 from ..mechanics.protocols import Model
 from ..mesh.layout import mesh_nodes, of_repeats, shrunk, smaller_scene

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..mechanics.protocols import Model
 from .equilibrium import Equilibrium
 from .model import worlds_of

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import Diverged, InputError, ModelError
 from ..base.text import engineering, percent
 from ..compute import device_of_mesh
 from ..compute.ranks import One, Ranks
-from ..errors import Diverged, InputError, ModelError
 from ..measure.table import Record
 from ..mechanics.protocols import Mechanics, Model
 from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
-from ..errors import ModelError
+from ..base.errors import ModelError
 from ..knit.lapping import KnitError
 from ..scene import Scene
 from .model import build_model

@@ -8,8 +8,8 @@ import numpy as np
 import warp as wp
 
 from .. import measure
+from ..base.errors import ModelError
 from ..base.text import engineering, place_text
-from ..errors import ModelError
 from ..kernels.banded_mass import HELD_NODE
 from ..measure.strain import strain_text
 from ..mechanics.numerics import ENERGY_FLOOR, FASTEST_DAMPING, FORCE_FLOOR, LOCAL_ALLOWANCE

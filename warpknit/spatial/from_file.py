@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import ModelError
+from ..base.errors import ModelError
 from ..kernels.clamp import CLAMP_NUMBERS
 from ..mechanics.numerics import few_nodes
 from ..mesh.layout import SLIDE_ALLOWANCE

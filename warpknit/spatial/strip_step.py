@@ -14,10 +14,10 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from ..base.errors import ModelError
 from ..compute.host import Mirror, fetch, is_in_place, store
 from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.steering import Steering
-from ..errors import ModelError
 from ..kernels.control import PARTIAL_COUNT, update_controls
 from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
 from .model import BORDER, SpatialModel

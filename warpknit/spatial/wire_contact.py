@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..base.errors import OutOfResources
 from ..compute.host import fetch, store, store_at
 from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
-from ..errors import OutOfResources
 from ..kernels.rod_stress import count_contact_stress
 from ..kernels.wire_closest import (
     NOT_NEAR,

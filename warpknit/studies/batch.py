@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure import Observables
 from ..scene import Scene, Stage
 from ..solve.model import build_model

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .. import measure
+from ..base.errors import Diverged, InputError
 from ..base.text import rounded
-from ..errors import Diverged, InputError
 from ..measure import MeshModel, Observables, table
 from ..measure.table import Record
 from ..scene import Scene

@@ -13,7 +13,7 @@ import logging
 from dataclasses import asdict, replace
 from functools import cached_property
 
-from ..errors import Diverged
+from ..base.errors import Diverged
 from ..measure.table import Record
 from ..mechanics.probe_settings import Setting, edge_of
 from ..mesh.layout import of_repeats

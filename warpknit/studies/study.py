@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import Diverged, InputError
 from ..base.files import write_table
 from ..base.text import rounded
 from ..compute.device import find_device
-from ..errors import Diverged, InputError
 from ..mechanics.numerics import slowest_rate
 from ..mechanics.probe_settings import Varied
 from ..mesh.layout import mesh_nodes

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from .. import measure
+from ..base.errors import MemoryNeeded, ModelError
 from ..base.text import counted, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
-from ..errors import MemoryNeeded, ModelError
 from ..measure import Observables, tension_scale
 from ..mesh.layout import smaller_scene
 from ..results.finding import ResultWarning

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
+from ..base.errors import RunDirectoryError
 from ..base.files import write_table
 from ..base.text import rounded
-from ..errors import RunDirectoryError
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Values, plain, valued
 from ..runner.run_directory import Tree

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpknit.errors import InputError
+from warpknit.base.errors import InputError
 from warpknit.scene.wire_file import WireArrays
 from warpknit.wires.bases import BadFile, check_count, check_points
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...errors import needing_extra
+from ...base.errors import needing_extra
 
 if TYPE_CHECKING:
     from .viewer import Viewer

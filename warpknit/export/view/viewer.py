@@ -25,8 +25,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.ticker import MaxNLocator
 
+from ...base.errors import ExportError, InputError
 from ...base.text import engineering, percent
-from ...errors import ExportError, InputError
 from ...knit.cloth import CLASS_NAMES
 from ...results.frame import Floats
 from ..figures import tension_of
