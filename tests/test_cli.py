@@ -272,9 +272,9 @@ def test_a_notebook_shows_a_bar_that_goes(monkeypatch):
         progress.update(done=0.251, load_factor=0.5, now="smaller mesh of 2 x 2 repeats 30 % done")
         progress.update(done=0.251, load_factor=0.5, now="smaller mesh of 2 x 2 repeats 30 % done")
         progress.update(done=0.251, load_factor=0.5)
-    bar = '&lt;load&gt; (1/2) <progress value="{}" max="1"></progress> load 50 %'
-    smaller = bar.format("0.251") + ", smaller mesh of 2 x 2 repeats 30 % done"
-    assert shown == [bar.format("0.250"), smaller, bar.format("0.251"), ""]
+    bar = '&lt;load&gt; (1 of 2) <progress value="{}" max="1"></progress> load 50 %, {}0 s so far'
+    smaller = "smaller mesh of 2 x 2 repeats 30 % done, "
+    assert shown == [bar.format("0.250", ""), bar.format("0.251", smaller), bar.format("0.251", ""), ""]
 
 
 def lines_of(monkeypatch, caplog, of_updates):

@@ -134,23 +134,15 @@ class MeshModel(Protocol):
     @property
     def scene(self) -> Scene: ...
     @property
-    def cloth(self) -> Cloth | None:
-        """None for a hook, or wires from a file."""
-
+    def cloth(self) -> Cloth | None: ...  # None for a hook, or wires from a file
     @property
     def panel(self) -> Panel: ...
     @property
-    def global_model(self) -> Any:
-        """The model of the global mesh; itself on one rank."""
-
+    def global_model(self) -> Any: ...  # the model of the global mesh; itself on one rank
     @property
-    def node_count(self) -> int:
-        """Number of nodes stepped; the spatial model divides wires between clamps anew."""
-
+    def node_count(self) -> int: ...  # number of nodes stepped; the spatial model divides wires between clamps anew
     @property
-    def pair_count(self) -> int:
-        """Two for each body."""
-
+    def pair_count(self) -> int: ...  # two for each body
     @property
     def device(self) -> str: ...
     @property
@@ -158,38 +150,21 @@ class MeshModel(Protocol):
     @property
     def ranks(self) -> Ranks: ...
     @property
-    def bending_stiffness(self) -> float:
-        """[N m2] EI."""
-
+    def bending_stiffness(self) -> float: ...  # [N m2] EI
     @property
-    def contact_stiffness(self) -> float:
-        """[N/m] penalty."""
-
+    def contact_stiffness(self) -> float: ...  # [N/m] penalty
     @property
-    def softening(self) -> float:
-        """EA over the axial stiffness of the dynamics."""
-
+    def softening(self) -> float: ...  # EA over the axial stiffness of the dynamics
     @property
-    def time_step(self) -> float:
-        """[s] of the unloaded mesh; 1 in a relaxation."""
-
+    def time_step(self) -> float: ...  # [s] of the unloaded mesh; 1 in a relaxation
     @property
-    def added_mass(self) -> float:
-        """Share of mass added by scaling."""
-
+    def added_mass(self) -> float: ...  # share of mass added by scaling
     @property
-    def curve_error(self) -> float:
-        """[m] error of the rest curve between the nodes."""
-
+    def curve_error(self) -> float: ...  # [m] error of the rest curve between the nodes
     @property
-    def when_compressed(self) -> str:
-        """Behaviour under compression that the model lacks, in words."""
-
-    def layout(self) -> WireLayout:
-        """Layout of the wires in frames."""
-
-    def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-        """Warnings where results may be outside the validity of the model."""
+    def when_compressed(self) -> str: ...  # behaviour under compression that the model lacks, in words
+    def layout(self) -> WireLayout: ...  # layout of the wires in frames
+    def warnings(self, rows: Sequence[Row]) -> Iterator[ResultWarning]: ...  # where results may not be valid
 
 
 class Observables(Protocol):
@@ -228,18 +203,6 @@ class Observables(Protocol):
         """[J] derivative of the energy by the length factor of the wires."""
 
     @property
-    def thermal_strain_force(self) -> np.ndarray:
-        """[J] derivative of the energy by `thermal_strain`, of its shape."""
-
-    @property
-    def thermal_strain(self) -> np.ndarray:
-        """Length factor over its value at the centre, less 1; in the layout of the model."""
-
-    @property
-    def held_forces(self) -> np.ndarray:
-        """(held node, 2 or 3) [N] forces of wires and contacts on held nodes."""
-
-    @property
     def edge_force(self) -> np.ndarray:
         """Derivative of the energy by clamp displacements (clamp, 2 or 3) [N]; 3 components in the spatial model."""
 
@@ -256,10 +219,6 @@ class Observables(Protocol):
     @property
     def energies(self) -> Energies:
         """[J] stored and kinetic energy: `stretch`, `bend`, `contact`, `kinetic`, `stored`."""
-
-    @property
-    def hardened_energy(self) -> float:
-        """[J] hardening part of `Energies.bend`."""
 
     # --- contacts
 

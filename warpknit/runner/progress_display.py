@@ -11,10 +11,7 @@ import logging
 import multiprocessing
 import sys
 import time
-from dataclasses import dataclass
 from html import escape
-from types import TracebackType
-from typing import Any
 
 from ..base.text import duration, percent, rounded
 
@@ -22,75 +19,61 @@ _log = logging.getLogger(__name__)
 
 LINE_INTERVAL = 30.0  # [s] between lines where there is no terminal
 LEAST_GAINED = 0.1  # of the work: the time left is shown from here on
-LEFT_OF_STAGE = "of this stage"  # what the time left refers to, where there are several load steps
 NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
-@dataclass
-class Course:
-    """Progress of a load step from its reports; it never decreases."""
-
-    of_stage: str = ""  # LEFT_OF_STAGE where there are several
-    begin: float | None = None  # [s] of the clock, at the first report
-    clock: float = 0.0  # [s] at the last report
-    done_before: float = 0.0  # at the first report: a stage may go on from a checkpoint
-    done: float = 0.0
-    load_factor: float = 0.0
-    is_search: bool = False  # how much work is left is unknown
-
-    def report(self, done: float | None, load_factor: float) -> None:
-        """Report the share of the work done (None: unknown) and of the load."""
-        self.clock, self.is_search = time.monotonic(), done is None
-        self.load_factor = max(self.load_factor, load_factor)
-        self.done = max(self.done, min(self.load_factor if done is None else done, 1.0))
-        if self.begin is None:
-            self.begin, self.done_before = self.clock, self.done
-
-    @property
-    def time(self) -> str:
-        """The time left; in a search, and before LEAST_GAINED of the work, the time so far."""
-        elapsed, gained = self.clock - (self.begin or self.clock), self.done - self.done_before
-        if self.is_search or gained < LEAST_GAINED:
-            return f"{duration(elapsed)} so far"
-        return f"{duration(elapsed * (1.0 - self.done) / gained)} left{self.of_stage}"
-
-
 class Display:
-    """The interface; this one shows nothing."""
+    """Progress of a command, stage by stage; it never decreases. This one shows nothing."""
+
+    title = now = text = ""  # name of the stage, what is done now where that is not the whole, and the progress in words
+    done = load_factor = clock = 0.0  # share of the work and of the load; [s] of the last update
+    _begin: tuple[float, float] | None = None  # [s] of the clock and share of the work, at the first update of a stage
 
     def __enter__(self) -> Display:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Nothing to release."""
 
     def stage(self, name: str, *, number: int, of: int) -> None:
-        """A stage of the loading begins; stages are numbered from 1."""
+        """Begin a stage of the loading; stages are numbered from 1."""
+        self.title, self._left = f"{name} ({number} of {of})", "left of this stage" if of > 1 else "left"
+        self.done, self.load_factor, self._begin = 0.0, 0.0, None
+        self.show_stage()
 
     def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        """Within the stage: the share of the expected work that is `done`, None in a search of unknown length, and of the load
-        that is applied (0 to 1); what is done now, where that is not the whole."""
+        """Show the share of the expected work that is `done` (None: unknown, a search), and of the load (0 to 1)."""
+        self.clock, self.now, self.is_search = time.monotonic(), now, done is None
+        self.load_factor = max(self.load_factor, load_factor)
+        self.done = max(self.done, min(self.load_factor if done is None else done, 1.0))
+        begin, before = self._begin = self._begin or (self.clock, self.done)  # a stage may go on from a checkpoint
+        elapsed, gained = self.clock - begin, self.done - before
+        known = gained >= LEAST_GAINED and not self.is_search
+        left = f"{duration(elapsed * (1.0 - self.done) / gained)} {self._left}" if known else f"{duration(round(elapsed))} so far"
+        rate = "" if node_steps_per_s is None else f"{rounded(node_steps_per_s):,} node-steps/s"
+        self.text = ", ".join(part for part in (f"load {percent(self.load_factor, 0)}", rate, now, left) if part)
+        self.show()
+
+    def show_stage(self) -> None:
+        """Show that a stage begins."""
+
+    def show(self) -> None:
+        """Show the progress."""
 
 
 class StageLines(Display):
     """Log lines, without a terminal: one a stage and one every LINE_INTERVAL."""
 
     def __init__(self) -> None:
-        self._last_line, self._course = time.monotonic(), Course()
+        self._last_line = time.monotonic()
 
-    def stage(self, name: str, *, number: int, of: int) -> None:
-        self._course = Course(f" {LEFT_OF_STAGE}" if of > 1 else "")
-        _log.info("%s (%d of %d)", name, number, of)
+    def show_stage(self) -> None:
+        _log.info(self.title)
 
-    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        course = self._course
-        course.report(done, load_factor)
-        if course.clock - self._last_line > LINE_INTERVAL:
-            self._last_line = course.clock
-            share = "" if course.is_search else f"{percent(course.done, 0)} done, "
-            rate = "" if node_steps_per_s is None else f", {rounded(node_steps_per_s):,} node-steps/s"
-            part = f", {now}" if now else ""
-            _log.info("  %sload %s%s, %s%s", share, percent(course.load_factor, 0), rate, course.time, part)
+    def show(self) -> None:
+        if self.clock - self._last_line > LINE_INTERVAL:
+            self._last_line = self.clock
+            _log.info("  %s%s", "" if self.is_search else f"{percent(self.done, 0)} done, ", self.text)
 
 
 class TerminalBar(Display):
@@ -101,37 +84,22 @@ class TerminalBar(Display):
         from rich.progress import BarColumn, TextColumn
         from rich.progress import Progress as RichProgress
 
-        self._bar = RichProgress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("load {task.fields[load_factor]:4.0%}"),
-            TextColumn("{task.fields[rate]}"),
-            TextColumn("{task.fields[time]}"),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self._task: Any = None
-        self._course = Course()
+        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}")
+        self._bar = RichProgress(*columns, console=Console(stderr=True), transient=True)
+        self._task = self._bar.add_task("", total=1.0, text="", visible=False)
 
     def __enter__(self) -> TerminalBar:
         self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._bar.stop()
 
-    def stage(self, name: str, *, number: int, of: int) -> None:
-        if self._task is not None:
-            self._bar.remove_task(self._task)
-        self._course = Course(f" {LEFT_OF_STAGE}" if of > 1 else "")
-        self._task = self._bar.add_task(f"{name} ({number}/{of})", total=1.0, load_factor=0.0, rate="", time="")
+    def show_stage(self) -> None:
+        self._bar.reset(self._task, description=self.title, text="", visible=True)
 
-    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        if self._task is None:
-            return
-        rate, course = now if node_steps_per_s is None else f"{rounded(node_steps_per_s):,} node-steps/s", self._course
-        course.report(done, load_factor)
-        self._bar.update(self._task, completed=course.done, load_factor=course.load_factor, rate=rate, time=course.time)
+    def show(self) -> None:
+        self._bar.update(self._task, completed=self.done, text=self.text)
 
 
 class NotebookBar(Display):
@@ -140,23 +108,21 @@ class NotebookBar(Display):
     def __init__(self) -> None:
         from IPython.display import HTML, display
 
-        self._html, self._text, self._shown, self._now, self._course = HTML, "", -1.0, "", Course()
+        self._html, self._shown = HTML, (-1.0, "")
         self._place = display(HTML(""), display_id=True)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._place.update(self._html(""))
 
-    def stage(self, name: str, *, number: int, of: int) -> None:
-        self._text, self._shown, self._course = f"{escape(name)} ({number}/{of})", -1.0, Course()
+    def show_stage(self) -> None:
+        self._shown = -1.0, ""
 
-    def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        course = self._course
-        course.report(done, load_factor)
-        if course.done - self._shown >= NOTEBOOK_STEP or now != self._now:
-            self._shown, self._now = course.done, now
-            bar = f'<progress value="{course.done:.3f}" max="1"></progress>'
-            part = f", {escape(now)}" if now else ""
-            self._place.update(self._html(f"{self._text} {bar} load {percent(course.load_factor, 0)}{part}"))
+    def show(self) -> None:
+        done, now = self._shown
+        if self.done - done >= NOTEBOOK_STEP or self.now != now:
+            self._shown = self.done, self.now
+            bar = f'<progress value="{self.done:.3f}" max="1"></progress>'
+            self._place.update(self._html(f"{escape(self.title)} {bar} {escape(self.text)}"))
 
 
 def in_notebook() -> bool:
