@@ -7,12 +7,14 @@ import pytest
 
 from reference.cases import slow
 from reference.in_words import quantities
+from warpknit.base.errors import Diverged
+from warpknit.measure.table import Record
 from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.solve.variant_models import VariantModels
-from warpknit.studies.batch import Batch, Outcome
+from warpknit.studies.load_path import ends_of, knitted_worlds
 
 STRAINS = [(0.1, 0.1), (0.0, 0.16), (0.16, 0.02), (0.04, 0.0)]
 
@@ -34,9 +36,11 @@ def stages(scene: Scene, strains: list[tuple[float, float]]) -> list:
     return [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in strains]
 
 
-def outcomes(scene: Scene, strains: list[tuple[float, float]]) -> list[Outcome]:
-    found = {outcome.index: outcome for outcome in Batch(build_model(scene), stages(scene, strains)).run()}
-    return [found[k] for k in range(len(strains))]
+def ends(scene: Scene, strains: list[tuple[float, float]]) -> list[Record | Diverged]:
+    count = len(strains)
+    simulation = knitted_worlds([build_model(scene)] * count, stages(scene, strains), [scene.output.levels] * count)
+    found = dict(ends_of(simulation))
+    return [found[k] for k in range(count)]
 
 
 @pytest.mark.parametrize(
@@ -50,11 +54,10 @@ def outcomes(scene: Scene, strains: list[tuple[float, float]]) -> list[Outcome]:
 def test_each_world_answers_as_a_run_of_its_load(boundary, tables, strains):
     """The same steps, checks and decisions, to the bit; also of worlds that are stepped one after the other."""
     scene = scene_of(boundary, **tables)
-    for outcome, (x, y) in zip(outcomes(scene, strains), strains, strict=True):
+    for outcome, (x, y) in zip(ends(scene, strains), strains, strict=True):
         single = replace(scene, stages=(replace(scene.stages[0], strain_weft=x, strain_warp=y),))
         model = build_model(single)
         *_, last = Simulation(model, initial_state(model)).run()
-        assert outcome.observables is not None
         assert outcome.steps == last.steps
         for name in ("u", "body_u", "pair_force", "tension"):
             assert np.array_equal(getattr(outcome.observables, name), getattr(last.observables, name)), name
@@ -63,9 +66,8 @@ def test_each_world_answers_as_a_run_of_its_load(boundary, tables, strains):
 def test_a_world_does_not_depend_on_its_batch():
     """To the bit: alone, among others, and in another place."""
     scene = scene_of("periodic")
-    alone = outcomes(scene, STRAINS[:1])[0]
-    among = outcomes(scene, STRAINS[::-1])[-1]
-    assert alone.observables is not None and among.observables is not None
+    alone = ends(scene, STRAINS[:1])[0]
+    among = ends(scene, STRAINS[::-1])[-1]
     assert alone.steps == among.steps
     assert np.array_equal(alone.observables.u, among.observables.u)
     assert np.array_equal(alone.observables.pair_force, among.observables.pair_force)
@@ -74,9 +76,9 @@ def test_a_world_does_not_depend_on_its_batch():
 def test_a_world_that_fails_leaves_the_others_alone():
     """A level that may take no more than 600 steps is too short for a load."""
     scene = scene_of("periodic", solver={"preset": "draft", "max_steps": 600})
-    found = outcomes(scene, [(0.0, 0.0), (0.16, 0.0)])
-    assert found[0].observables is not None and found[0].error is None
-    assert found[1].observables is None and "600" in quantities(str(found[1].error))
+    found = ends(scene, [(0.0, 0.0), (0.16, 0.0)])
+    assert isinstance(found[0], Record)
+    assert isinstance(found[1], Diverged) and "600" in quantities(str(found[1]))
 
 
 def test_a_mesh_of_scattered_loops_does_not_depend_on_those_beside_it():
@@ -92,7 +94,7 @@ def test_a_mesh_of_scattered_loops_does_not_depend_on_those_beside_it():
     models, stage = VariantModels(scene), scene.stages[0]
     found = []
     for meshes in ([2], [1, 2, 0, 3]):
-        outcomes = Batch([models.of_place(mesh) for mesh in meshes], [stage] * len(meshes), [2] * len(meshes)).run()
-        (own,) = (outcome for outcome in outcomes if meshes[outcome.index] == 2)
+        worlds = knitted_worlds([models.of_place(mesh) for mesh in meshes], [stage] * len(meshes), [2] * len(meshes))
+        own = dict(ends_of(worlds))[meshes.index(2)]
         found.append((own.steps, own.observables.node_position.tobytes()))
     assert found[0] == found[1]

@@ -14,7 +14,6 @@ from reference.in_words import table_of
 from warpknit import export, measure
 from warpknit.base.errors import Diverged
 from warpknit.base.text import engineering
-from warpknit.design.fine_states import states_at
 from warpknit.measure import Observables, table
 from warpknit.measure.contact_classes import class_of_pair, classes_of, median_force
 from warpknit.measure.observables import MeshModel
@@ -30,7 +29,7 @@ from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.studies.batch import mesh_of
+from warpknit.studies.load_path import states_at
 
 CELL = Path(__file__).parent.parent / "scenes" / "atlas_cell.toml"
 PATCH = CELL.with_name("atlas_patch.toml")
@@ -108,7 +107,7 @@ def test_shares_of_the_wire_are_by_length() -> None:
 def test_nodes_stand_for_all_of_the_wire(kind: str, boundary: str) -> None:
     """The lengths of a tile add up to that of its wires as knitted, those of a patch to that between their clamps."""
     repeats = "[3, 3]" if boundary == "gripped" else "[1, 1]"
-    model = mesh_of(load_scene(CELL, [*OF_KIND[kind], f"model.boundary={boundary}", f"knit.repeats={repeats}"]))
+    model = build_model(load_scene(CELL, [*OF_KIND[kind], f"model.boundary={boundary}", f"knit.repeats={repeats}"]))
     state = states_at(model, [np.eye(2)])[0]
     assert not isinstance(state, Diverged)
     assert state.node_length.shape == (model.node_count,)

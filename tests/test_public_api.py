@@ -73,7 +73,7 @@ def test_the_door_lists_its_names_and_imports_little() -> None:
 
 
 def test_errors_import_as_a_module_of_the_package() -> None:
-    code = "from warpknit.errors import SceneError; import warpknit; assert SceneError is warpknit.errors.SceneError"
+    code = "from warpknit.base.errors import SceneError; import warpknit; assert SceneError is warpknit.errors.SceneError"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -15,7 +15,8 @@ from warpknit.runner.interrupts import Interrupts
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.studies.batch import Batch
+from warpknit.studies import sweep
+from warpknit.studies.load_path import ends_of, knitted_worlds, share_done
 from warpknit.studies.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -38,10 +39,10 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def batch(strains, **more) -> Batch:
+def worlds(strains, levels=None) -> Simulation:
     scene = load_scene(SCENES / "contact_map.toml", SMALL)
     stages = [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in strains]
-    return Batch(build_model(scene), stages, **more)
+    return knitted_worlds([build_model(scene)] * len(stages), stages, levels or [scene.output.levels] * len(stages))
 
 
 def test_every_state_is_the_same_whatever_is_beside_it(monkeypatch):
@@ -49,12 +50,12 @@ def test_every_state_is_the_same_whatever_is_beside_it(monkeypatch):
     found = []
     for threads in ("1", "2"):
         monkeypatch.setenv("WARPKNIT_THREADS", threads)
-        found.append({outcome.index: outcome for outcome in batch(STRAINS).run()})
+        found.append(dict(ends_of(worlds(STRAINS))))
         assert set(found[-1]) == {0, 1}
     for index, (weft, warp) in enumerate(STRAINS):
-        (alone,) = batch([(weft, warp)]).run()
+        ((_, alone),) = ends_of(worlds([(weft, warp)]))
         for outcome in (found[0][index], found[1][index]):
-            assert outcome.observables is not None and outcome.steps == alone.steps
+            assert outcome.steps == alone.steps
             assert np.array_equal(outcome.observables.position, alone.observables.position)
             assert measure.mesh_tension(outcome.observables) == measure.mesh_tension(alone.observables)
         load = [f"load.strain_weft={weft}", f"load.strain_warp={warp}"]
@@ -65,8 +66,9 @@ def test_every_state_is_the_same_whatever_is_beside_it(monkeypatch):
 
 def test_the_share_that_is_done_counts_load_levels():
     """Of loads with 1 level and 3: 1/4 when the first one is done, which has nothing to solve."""
-    both = batch(STRAINS, levels=[1, 3])
-    assert both.done == 0.0 and next(both.run()).index == 0 and both.done == pytest.approx(0.25)
+    both = worlds(STRAINS, [1, 3])
+    assert share_done(both, [1, 3]) == 0.0 and next(ends_of(both))[0] == 0
+    assert share_done(both, [1, 3]) == pytest.approx(0.25)
 
 
 def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interrupted(tmp_path, monkeypatch):
@@ -82,19 +84,19 @@ def test_a_map_in_space_leaves_the_files_of_a_planar_one_and_goes_on_when_interr
     assert (whole / "figures" / "contact_map.png").stat().st_size > 0
     assert len((whole / "map.csv").read_text().splitlines()) == 3
 
-    check, run, finished = Interrupts.check, Batch.run, []
+    check, run, finished = Interrupts.check, sweep.ends_of, []
 
     def stop(self):
         if finished:
             self.request()
         check(self)
 
-    def noting(self):
-        for outcome in run(self):
+    def noting(simulation):
+        for outcome in run(simulation):
             finished.append(outcome)
             yield outcome
 
-    monkeypatch.setattr(Batch, "run", noting)
+    monkeypatch.setattr(sweep, "ends_of", noting)
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut, *plain)
     monkeypatch.undo()

@@ -13,7 +13,7 @@ from reference.in_words import options, quantities
 from warpknit.commands.cli import main
 from warpknit.runner.interrupts import Interrupted, Interrupts
 from warpknit.scene import load_scene
-from warpknit.studies import batch
+from warpknit.studies import sweep
 from warpknit.studies.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -81,8 +81,8 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
         check(self)
 
     check, finished = Interrupts.check, []
-    outcome = batch.Outcome
-    monkeypatch.setattr(batch, "Outcome", lambda row, *found: finished.append(row) or outcome(row, *found))
+    map_row = sweep.map_row
+    monkeypatch.setattr(sweep, "map_row", lambda pair, *end, **more: finished.append(pair) or map_row(pair, *end, **more))
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut)
     monkeypatch.undo()
@@ -145,7 +145,7 @@ def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_bee
         "sweep": {"strain_weft": [0.02, 0.04], "strain_warp": [0.02]},
         "variants": {"count": 4, "standard_error": 0.1},
     })  # fmt: skip
-    run, found = batch.Batch.run, []
+    run, found = sweep.ends_of, []
 
     def interrupted(own):
         for outcome in run(own):
@@ -154,7 +154,7 @@ def test_a_map_of_several_meshes_goes_on_after_an_interrupt_as_if_it_had_not_bee
             if len(found) == stop:
                 raise Interrupted
 
-    monkeypatch.setattr(batch.Batch, "run", interrupted)
+    monkeypatch.setattr(sweep, "ends_of", interrupted)
     assert run_map(scene, out=tmp_path / "cut").exit_code == 130
     monkeypatch.undo()
     assert run_map(scene, out=tmp_path / "cut", resume=True).exit_code == 0

@@ -10,9 +10,8 @@ import pytest
 from warpknit import measure
 from warpknit.design import card as card_module
 from warpknit.design.card import STEP, find_card, stretch
-from warpknit.design.fine_states import exact_model, states_at
-from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.scene import load_scene
+from warpknit.studies.load_path import LoadPath, exact_model, states_at, under_strain, under_tension
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
 STRAINS = 0.16, 0.16

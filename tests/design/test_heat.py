@@ -9,10 +9,10 @@ from reference.in_words import quantities
 from warpknit.base.errors import Diverged
 from warpknit.design.equal_tension import EqualTensionPath
 from warpknit.design.heat import heat, tension_held
-from warpknit.design.load_path import LoadPath
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
-from warpknit.studies.batch import mesh_of
+from warpknit.solve.model import build_model
+from warpknit.studies.load_path import LoadPath
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -24,7 +24,7 @@ def scene() -> Scene:
 
 
 def rows_of(scene: Scene) -> list[Row]:
-    return [row_of(record) for record in LoadPath(mesh_of(scene)).load(scene.stages[0], levels=1)]
+    return [row_of(record) for record in LoadPath(build_model(scene)).load(scene.stages[0], levels=1)]
 
 
 def test_a_temperature_that_is_not_reached_is_told(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

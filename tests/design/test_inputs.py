@@ -14,7 +14,6 @@ from warpknit import measure
 from warpknit.base.errors import InputError
 from warpknit.commands.report import lengths_of
 from warpknit.design import inputs
-from warpknit.design.fine_states import states_at
 from warpknit.design.inputs import (
     COLUMNS,
     POOR_FIT,
@@ -37,6 +36,7 @@ from warpknit.results.run import load_run
 from warpknit.runner.progress_display import Display
 from warpknit.scene import load_scene, make_scene
 from warpknit.solve.model import build_model
+from warpknit.studies.load_path import states_at
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
 INCH = 0.0254

@@ -10,14 +10,13 @@ from warpknit import measure
 from warpknit.base.errors import Diverged
 from warpknit.design.curves import tension_strain
 from warpknit.design.equal_tension import YIELDED, load_equally, service_points, with_state_at
-from warpknit.design.fine_states import exact_model
-from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.report import KeptStates, read_states, write_states
 from warpknit.design.service import EqualTension
 from warpknit.runner.history import mean_tension, row_of
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
+from warpknit.studies.load_path import LoadPath, exact_model, under_strain, under_tension
 
 SCENES = Path(__file__).parents[2] / "scenes"
 KINDS = {"planar": "contact_map.toml", "spatial": "atlas_cell_spatial.toml"}
@@ -109,7 +108,7 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
                     raise Diverged("no progress")
                 yield record
 
-    monkeypatch.setattr("warpknit.design.load_path.LoadPath", Failing)
+    monkeypatch.setattr("warpknit.studies.load_path.LoadPath", Failing)
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
     path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
     tensions = [row.tension_weft_N_per_m for row in path.rows]

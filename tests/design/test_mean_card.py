@@ -8,14 +8,13 @@ import pytest
 
 from warpknit.base.errors import Diverged
 from warpknit.design.card import MaterialCard, find_card
-from warpknit.design.fine_states import DIFFERENCE_TOLERANCE, exact
-from warpknit.design.load_path import LoadPath, under_tension
 from warpknit.design.mean_card import BEYOND, find_mean, loads_of_card
 from warpknit.design.report_files import write_other_cards
 from warpknit.runner.history import row_of
 from warpknit.runner.run_directory import clear
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.variant_models import VariantModels
+from warpknit.studies.load_path import DIFFERENCE_TOLERANCE, LoadPath, exact, under_tension
 
 TENSION = 1.0  # [N/m]
 CARD = MaterialCard(
@@ -68,8 +67,8 @@ def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
 def test_a_rougher_tolerance_is_tried_where_the_fine_one_does_not_converge(monkeypatch):
     """Meshes have their cards at the second tolerance; their path is that of the card, in levels of a run."""
     fine, rough = 1e-3, 2e-3  # enough for the path; no card is computed
-    monkeypatch.setattr("warpknit.design.fine_states.DIFFERENCE_TOLERANCE", fine)
-    monkeypatch.setattr("warpknit.design.fine_states.ROUGH_TOLERANCE", rough)
+    monkeypatch.setattr("warpknit.studies.load_path.DIFFERENCE_TOLERANCE", fine)
+    monkeypatch.setattr("warpknit.studies.load_path.ROUGH_TOLERANCE", rough)
     tried: list[float] = []
 
     def find(model, state, load, monitor, *, ahead):

@@ -15,12 +15,12 @@ from warpknit.commands.cli import main
 from warpknit.design import curves
 from warpknit.design.curves import tension_strain
 from warpknit.design.equal_tension import load_equally, service_points
-from warpknit.design.load_path import LoadPath, MeshesPath, under_tension
 from warpknit.design.mean_card import meshes_of
 from warpknit.design.report import KeptStates, read_states, write_states
 from warpknit.design.service import EqualTension
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
+from warpknit.studies.load_path import LoadPath, MeshesPath, under_tension
 
 TABLES: dict = {
     "wire": {"material": "molybdenum", "diameter": "30 um"},

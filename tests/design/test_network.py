@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from warpknit.design.fine_states import states_at
 from warpknit.measure import pair_active, positions
 from warpknit.measure.network import contact_resistances, holm_resistance, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.planar.observables import PlanarObservables
 from warpknit.scene import make_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.solve.model import build_model
+from warpknit.studies.load_path import states_at
 
 
 def square_grid(n: int, pitch: float, segment: float, contact: float):

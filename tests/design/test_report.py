@@ -22,15 +22,14 @@ from warpknit.design import curves
 from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points
 from warpknit.design.fe import CODES
 from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
-from warpknit.design.fine_states import exact_model
 from warpknit.design.report import _card
 from warpknit.design.service import EqualTension
 from warpknit.export import map_figure
 from warpknit.results.row import Row
 from warpknit.runner.progress_display import StageLines
 from warpknit.scene import load_scene
-from warpknit.studies.batch import Batch
 from warpknit.studies.contact_map import map_row
+from warpknit.studies.load_path import ends_of, exact_model, knitted_worlds
 from warpknit.studies.map_table import LEAST_TOLD
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -282,8 +281,8 @@ def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
     scene = load_scene(SCENES / "contact_map.toml", sweep, "draft")
     model = exact_model(scene, scene.solver.residual_tolerance)
     pair = scene.sweep.pairs[0]
-    (outcome,) = Batch([model], [scene.sweep.stage(scene.stages[0], pair)]).run()
-    cell = map_row(pair, outcome.observables, steps=1, by_tension=True)
+    ((_, end),) = ends_of(knitted_worlds([model], [scene.sweep.stage(scene.stages[0], pair)], [scene.output.levels]))
+    cell = map_row(pair, end, steps=1, by_tension=True)
     path = EqualTensionPath(ended="level 1 did not converge")
     card, _, text, loading = _card(model, [cell], None, path, [], 0.06, lambda _: None)
     assert quantities(text) == ["60 mN/m"] and card.branch == ""

@@ -11,14 +11,13 @@ from warpknit import measure
 from warpknit.commands.cli import main
 from warpknit.design import curves
 from warpknit.design.card import HEATED, find_card
-from warpknit.design.fine_states import exact_model, states_at
-from warpknit.design.load_path import LoadPath, under_strain, under_tension
 from warpknit.design.opening_size import openings
 from warpknit.measure.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
+from warpknit.solve.model import build_model
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.studies.batch import mesh_of
+from warpknit.studies.load_path import LoadPath, exact_model, states_at, under_strain, under_tension
 
 SCENES = Path(__file__).parents[2] / "scenes"
 STRAINS = (0.1, 0.1)
@@ -31,7 +30,7 @@ def scene_of(kind: str, *settings: str):
 @pytest.fixture(scope="module")
 def state() -> SpatialObservables:
     """The cell at 10 %, where contacts carry."""
-    (found,) = states_at(mesh_of(scene_of("spatial")), [np.diag(1.0 + np.array(STRAINS))])
+    (found,) = states_at(build_model(scene_of("spatial")), [np.diag(1.0 + np.array(STRAINS))])
     assert isinstance(found, SpatialObservables)
     return found
 
@@ -93,7 +92,7 @@ def test_arcs_of_contacts_add_up_to_the_wire(state):
 def test_openings_are_those_of_the_planar_mesh_of_equal_strain(state):
     """In plan view both models have the same wires, but for what contacts push them apart by, 0.1 d on either side, and two steps
     of the grid of d/5."""
-    (planar,) = states_at(mesh_of(scene_of("planar")), [np.diag(1.0 + np.array(STRAINS))])
+    (planar,) = states_at(build_model(scene_of("planar")), [np.diag(1.0 + np.array(STRAINS))])
     mine, other = (max(opening.circle for opening in openings(one)) for one in (state, planar))
     assert mine == pytest.approx(other, abs=0.6 * state.model.scene.wire.thickness)
 

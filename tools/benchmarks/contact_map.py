@@ -20,7 +20,7 @@ from warpknit.planar.state import initial_state
 from warpknit.scene import Scene, Stage, load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.studies.batch import Batch
+from warpknit.studies.load_path import ends_of, knitted_worlds
 
 SCENE = Path(__file__).parents[2] / "scenes/contact_map.toml"
 
@@ -36,15 +36,16 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, str | float]]:
         for x in scene.sweep.strain_weft
     ]
     model = build_model(scene)
-    list(Batch(model, stages[:1]).run())  # compiles the kernels
+    levels = scene.output.levels
+    list(ends_of(knitted_worlds([model], stages[:1], [levels])))  # compiles the kernels
     one_by_one(scene, model, stages[:1])
     for _ in range(options.rounds):
         row: dict[str, float | int] = {"cells": len(stages), "nodes": model.panel.node_count}
         for threads in (1, len(CORES)):
             os.environ["WARPKNIT_THREADS"] = str(threads)
             begin, begin_cpu = time.perf_counter(), time.process_time()
-            batch = Batch(model, stages)
-            list(batch.run())
+            batch = knitted_worlds([model] * len(stages), stages, [levels] * len(stages))
+            list(ends_of(batch))
             wall, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             row |= {f"batch_{threads}_threads_s": wall, f"batch_{threads}_threads_cpu_s": cpu}
             row[f"batch_{threads}_threads_cell_steps_per_s"] = batch.steps / wall

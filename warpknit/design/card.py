@@ -33,8 +33,7 @@ from .. import measure
 from ..measure import Observables
 from ..results.row import Row
 from ..scene import Stage
-from ..studies.batch import Mesh
-from .load_path import LoadPath, PathState, ends_beside, part_of, under_strain
+from ..studies.load_path import LoadPath, Mesh, PathState, ends_beside, part_of, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state
@@ -246,7 +245,7 @@ def _differences(
         """Derivatives of stress (3, 3) and of energy by length factor (3,), for each step. By E11, E22, 2 E12."""
         steps = [stretch(size * (beside + sign * along)) for size in sizes for along in np.eye(3) for sign in (1.0, -1.0)]
         stages = [under_strain(model.scene, f @ tensioned) for f in steps]
-        ends = ends_beside([model] * len(stages), [state] * len(stages), stages)
+        ends = ends_beside(model, state, stages)
         there = [(f, record.observables) for f, record in zip(steps, ends, strict=True)]
         values = [(*_stress(r, f, tensioned), r.thermal_force / area) for f, r in there]
         for size, found in zip(sizes, np.reshape(values, (len(sizes), 3, 2, 4)), strict=True):

@@ -19,8 +19,8 @@ from ..runner.branches import Jump, tensions_text
 from ..runner.history import mean_tension
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
+from ..studies.load_path import part_of, path_of, under_tension
 from .card import MaterialCard
-from .load_path import part_of, path_of, under_tension
 from .service import EqualTension, ServicePoint, is_other
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved

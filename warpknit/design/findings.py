@@ -16,8 +16,8 @@ from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..scene.units import tidy
-from ..studies.batch import Mesh
 from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_texts
+from ..studies.load_path import Mesh
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import missing_points

@@ -32,8 +32,8 @@ from ..runner.progress_display import Display
 from ..scene import Knit, Scene
 from ..scene.knit import Bar
 from ..scene.scene import Override
-from ..studies.batch import mesh_of
-from .fine_states import states_at
+from ..solve.model import build_model
+from ..studies.load_path import states_at
 
 FIT_TOLERANCE = 2e-3  # of the factor
 EDGE, SHORTER = 1e-9, 0.8  # distance of a factor from the end of its range; reduction of one that cannot be knitted
@@ -199,7 +199,7 @@ def with_known(scene: Scene, known: Known, progress: Display | None = None) -> F
         fitted = fitted.then(fit_curve(fitted.scene, known.curve, progress or Display()))
     if known.areal_mass is not None:
         cloth = knit_scene(fitted.scene)
-        (knitted,) = states_at(mesh_of(fitted.scene), [np.eye(2)])
+        (knitted,) = states_at(build_model(fitted.scene), [np.eye(2)])
         if isinstance(knitted, Diverged):
             raise InputError(f"{scene.path}: --areal-mass: the mesh as knitted did not converge ({knitted}); leave it out")
         found = measure.areal_mass(knitted)
@@ -294,7 +294,7 @@ def fit_curve(scene: Scene, path: Path, progress: Display) -> Fitted:
     def misfit(factor: float) -> float:
         done = next(tried)
         progress.update(done=done / (done + REMAINING), load_factor=1.0, now=f"loops times {factor:.3f}")
-        states = states_at(mesh_of(scaled(scene, factor)), gradients)
+        states = states_at(build_model(scaled(scene, factor)), gradients)
         if any(isinstance(state, Diverged) for state in states):
             return math.inf
         found = np.array([measure.mesh_tension(state) for state in states if not isinstance(state, Diverged)])

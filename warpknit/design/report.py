@@ -32,8 +32,9 @@ from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import mean_tension, row_of
 from ..runner.progress_display import Display
 from ..scene import Scene, Stage
-from ..studies.batch import Mesh, mesh_of
+from ..solve.model import build_model
 from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
+from ..studies.load_path import LoadPath, Mesh, PathState, exact_model, part_of, states_at, tolerances_of, under_tension
 from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card
 from .curves import tension_strain
@@ -50,9 +51,7 @@ from .equal_tension import (
 )
 from .fe import CODES
 from .findings import Findings
-from .fine_states import exact_model, states_at, tolerances_of
 from .heat import heat, later_temperatures, tension_held
-from .load_path import LoadPath, PathState, part_of, under_tension
 from .mean_card import find_mean, loads_of_card, meshes_of
 from .opening_size import openings
 from .report_files import write_files
@@ -154,7 +153,7 @@ def write_report(
             show.stage(name, number=stages.index(name) + 1, of=len(stages))
         return lambda share: show.update(done=None if name in SEARCHES else share, load_factor=share)
 
-    model = mesh_of(scene)
+    model = build_model(scene)
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     largest = equal_tension(rows, scene.wire.yield_stress)
     double = exact_model(scene, scene.solver.residual_tolerance)

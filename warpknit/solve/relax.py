@@ -92,7 +92,7 @@ class Relaxation(Drive):
     """Equilibria of the load levels of `output.frames`; the first stage starts with the unloaded state.
 
     `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
-    (studies/batch.py) share it. `refined_levels` adds levels where something happens (measure/events.py).
+    (side_by_side.py) share it. `refined_levels` adds levels where something happens (measure/events.py).
     """
 
     rate_key = "output.frames"
@@ -163,27 +163,26 @@ class Relaxation(Drive):
                 yield step
             step = next(records, None)
 
-    def all_records(self) -> Generator[Record | Unsolved, None, None]:
-        """The records of all stages from `progress` on, as `records`."""
+    def all_records(self, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:
+        """The records of all stages from `progress` on, as `records`; ends_only: the last one of each stage."""
         while self.progress.stage_index < len(self.scene.stages):
             stage = self.scene.stages[self.progress.stage_index]
             self.begin_stage(stage)
-            yield from self.records(stage)
+            yield from self.records(stage, ends_only=ends_only)
             self.end_stage()
 
-    def records(self, stage: Stage) -> Generator[Record | Unsolved, None, None]:
+    def records(self, stage: Stage, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:
         """Records of a stage; UNSOLVED wherever the mesh is to be brought to equilibrium first, see `levels`."""
         levels = self.refined_levels(stage) if self._is_refined else self.levels(stage)
-        return found_at(levels, lambda factor: self.record(stage, factor, steady=True))
+        return found_at(levels, lambda factor: None if ends_only and factor < 1.0 else self.record(stage, factor, steady=True))
 
-    def levels(self, stage: Stage, levels: int | None = None) -> Generator[float | Unsolved, None, None]:
-        """Load factors of equal levels of a load step, each in equilibrium. UNSOLVED before each equilibrium to find. levels:
-        their number, default `output.frames`.
+    def levels(self, stage: Stage) -> Generator[float | Unsolved, None, None]:
+        """Load factors of equal levels of a load step, each in equilibrium. UNSOLVED before each equilibrium to find.
 
         Where that fails, `Diverged` is thrown in: the increment is halved from the last equilibrium on, MAX_CUTS times at most.
         """
         progress = self.progress
-        width = Fraction(1, levels or self.scene.output.levels)
+        width = Fraction(1, self.scene.output.levels)
         unloaded = progress.stage_index == 0
         while (share := (progress.level + (not unloaded)) * width) <= 1:
             yield from self._increment(stage, share, width)

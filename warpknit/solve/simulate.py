@@ -52,7 +52,8 @@ class Simulation:
 
     Worlds that differ in loads reproduce single runs bit by bit; worlds of other seeds agree with them within the tolerance.
 
-    progress: from a checkpoint, to continue; with worlds one for each. monitor: called with the progress after every convergence
+    ends_only: worlds record the end of each load step only. progress: from a checkpoint, to continue; with worlds one for each.
+    monitor: called with the progress after every convergence
     check; it may raise an exception to stop.
     """
 
@@ -64,6 +65,7 @@ class Simulation:
         progress: Progress | Sequence[Progress] | None = None,
         monitor: Callable[[Progress], None] | None = None,
         worlds: Sequence[Scene | Model] = (),
+        ends_only: bool = False,
     ) -> None:
         if not hasattr(model, "scene"):
             raise InputError(f"Simulation: {model!r} is not a model; give one, such as build_model(scene)")
@@ -71,7 +73,7 @@ class Simulation:
         self.worlds: SideBySide | None = None
         self.failures: dict[int, Diverged] = {}  # by world
         if worlds:
-            self._begin_worlds(worlds, progress if isinstance(progress, Sequence) else (), monitor)
+            self._begin_worlds(worlds, progress if isinstance(progress, Sequence) else (), monitor, ends_only)
             return
         assert not isinstance(progress, Sequence)
         self.state = initial_state(model) if state is None else state
@@ -191,7 +193,11 @@ class Simulation:
     # --- worlds
 
     def _begin_worlds(
-        self, worlds: Sequence[Scene | Model], progress: Sequence[Progress], monitor: Callable[[Progress], None] | None
+        self,
+        worlds: Sequence[Scene | Model],
+        progress: Sequence[Progress],
+        monitor: Callable[[Progress], None] | None,
+        ends_only: bool,
     ) -> None:
         scenes = [one if isinstance(one, Scene) else one.scene for one in worlds]
         if any(scene.solver.drive != "relax" for scene in scenes):
@@ -199,7 +205,7 @@ class Simulation:
         models = [self._world_model(number, one) if isinstance(one, Scene) else one for number, one in enumerate(worlds)]
         if len({model.node_count for model in models}) > 1:
             raise InputError("Simulation: worlds have different numbers of nodes; give scenes of the same knit and repeats")
-        self.worlds = SideBySide(models, lambda member: member.all_records(), progress)
+        self.worlds = SideBySide(models, lambda member: member.all_records(ends_only=ends_only), progress)
         self.drive = self.worlds.members[0]
         self.state, self.progress, self.resumed, self.solving = self.drive.state, self.drive.progress, bool(progress), ""
         self.monitor = monitor or (lambda _progress: None)

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import Diverged
 from ..base.text import alike, between, both, of_sides, sides_text
-from ..measure import Observables, energy_scale, table
+from ..measure import energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
-from ..measure.table import Measure
+from ..measure.table import Measure, Record
 from ..mechanics.protocols import Model
 from ..results.finding import ResultWarning
 from ..results.row import Row, read_rows, write_rows
@@ -73,19 +74,9 @@ def columns_of(part: str, by_tension: bool = False) -> list[str]:
     return ["strain_weft", "strain_warp", *own]
 
 
-def map_row(
-    load: Pair,
-    observables: Observables | None,
-    *,
-    steps: int,
-    dissipated: float = 0.0,
-    message: str = "",
-    by_tension: bool = False,
-) -> MapRow:
-    """Row of an equilibrium, or of a failed load with its message. load: strains, or (`by_tension`) tensions [N/m].
-
-    dissipated [J]: on the way to it.
-    """
+def map_row(load: Pair, end: Record | Diverged, *, steps: int, by_tension: bool = False) -> MapRow:
+    """Row of an equilibrium, or of a load that did not converge. load: strains, or (`by_tension`) tensions [N/m]."""
+    observables = end.observables if isinstance(end, Record) else None
     strains: Sequence[float | None] = (None, None) if by_tension else load
     if by_tension and observables is not None:
         strains = (np.diag(observables.stretch) - 1.0).tolist()
@@ -96,8 +87,8 @@ def map_row(
         **dict.fromkeys(f"std_{name}" for name in SPREAD),
         variants=0 if observables is None else 1,
         steps=steps,
-        message=message,
-        dissipated_J=None if observables is None else dissipated,
+        message="" if isinstance(end, Record) else str(end),
+        dissipated_J=end.dissipated if isinstance(end, Record) else None,
         **(dict.fromkeys(names) if observables is None else table.values(observables, names)),
         **(dict(zip(TARGETS, load, strict=True)) if by_tension else {}),
     )

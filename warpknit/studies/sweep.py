@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import measure
-from ..base.errors import MemoryNeeded, ModelError
+from ..base.errors import Diverged, MemoryNeeded, ModelError
 from ..base.text import counted, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
@@ -37,8 +37,8 @@ from ..runner.run_directory import CommandResult, continues_earlier, finished_su
 from ..runner.variants import first_meshes, mesh_values, wanted
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
-from ..solve.variant_models import VariantModels
-from .batch import Batch, mesh_of, side_by_side
+from ..solve.model import build_model
+from ..solve.variant_models import MOST_NODES, VariantModels
 from .contact_map import (
     STEADY,
     MapRow,
@@ -56,6 +56,7 @@ from .contact_map import (
     unconverged_warning,
     write_map,
 )
+from .load_path import ends_of, knitted_worlds, share_done
 from .map_table import MapSummary
 
 _log = logging.getLogger(__name__)
@@ -108,7 +109,7 @@ def run_map(
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     variants = VariantModels(scene) if scene.variants.count > 1 else None
-    first = mesh_of(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
+    first = build_model(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
     _refuse_beyond_memory(first)
     open_directory(out, scene, keep=keep)
     return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
@@ -131,7 +132,7 @@ def _refuse_beyond_memory(mesh: Any) -> None:
 def _side_by_side(loads: int, mesh: Any) -> int:
     """Number of loads of a mesh solved at once, within the memory."""
     fit = int(available_memory() // required_memory(mesh.scene, mesh.node_count))
-    return max(1, min(fit, side_by_side(loads, mesh.node_count)))
+    return max(1, min(fit, loads, MOST_NODES // mesh.node_count))
 
 
 class _Mapper:
@@ -260,31 +261,29 @@ class _Mapper:
     def _solve_together(self, own: list[tuple[int, Pair]], levels: list[int], finished: float, share: float) -> None:
         """Solve pairs of meshes side by side, a `share` of this stage's."""
         stages = [self.sweep.stage(self.scene.stages[0], pair) for _mesh, pair in own]
-        steps_before, by_tension = self.steps, self.sweep.by_tension
+        steps_before = self.steps
 
-        def monitor(batch: Batch) -> None:
+        def monitor(_load: float) -> None:
             self._interrupts.check()
             if time.perf_counter() - self._shown < DISPLAY_INTERVAL:
                 return
             self._shown = time.perf_counter()
-            self.steps = steps_before + batch.steps
+            self.steps = steps_before + simulation.steps
             rate = self.steps * self.nodes / (time.perf_counter() - self._begin)
-            found = finished + share * batch.done
+            found = finished + share * share_done(simulation, levels)
             self.display.update(done=found, load_factor=found, node_steps_per_s=rate)
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        batch = Batch([self._model(mesh) for mesh, _pair in own], stages, levels, monitor=monitor)
-        for outcome in batch.run():
-            message = "" if outcome.error is None else str(outcome.error)
-            mesh, pair = own[outcome.index]
-            if self.keep_states and outcome.observables is not None:
-                self._keep(mesh * len(self.pairs) + self.pairs.index(pair), outcome.observables)
+        simulation = knitted_worlds([self._model(mesh) for mesh, _pair in own], stages, levels, monitor)
+        for world, end in ends_of(simulation):
+            mesh, pair = own[world]
+            if self.keep_states and not isinstance(end, Diverged):
+                self._keep(mesh * len(self.pairs) + self.pairs.index(pair), end.observables)
             self.maps[mesh][pair] = map_row(
-                pair, outcome.observables, message=message, steps=outcome.steps, dissipated=outcome.dissipated,
-                by_tension=by_tension,
-            )  # fmt: skip
-        self.steps = steps_before + batch.steps
+                pair, end, steps=simulation.drives[world].progress.steps, by_tension=self.sweep.by_tension
+            )
+        self.steps = steps_before + simulation.steps
 
     # --- files ---
 

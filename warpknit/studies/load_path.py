@@ -1,9 +1,10 @@
 """A mesh on the way along its load: a run whose stages are given one after the other, and that returns to states it has passed.
 
-    path = LoadPath(mesh_of(scene))
+    path = LoadPath(build_model(scene))
     records = list(path.load(under_strain(scene, np.diag([1.1, 1.1])), levels=20))
     beside = LoadPath(path.model, path.state)                         # goes on from there, as often as wanted
     means = MeshesPath(models).rows(under_strain(scene, np.diag([1.1, 1.1])), levels=20)    # of several meshes side by side
+    for world, end in ends_of(knitted_worlds(models, stages, levels)): ...      # each load from the mesh as knitted
 
 Each equilibrium starts from the one before it. States that lie on one path belong together: where a mesh has several equilibria
 under one load, as tight knits have, those found from the mesh as knitted each by itself may not.
@@ -13,23 +14,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..base.errors import Diverged
+from ..measure import Observables
 from ..measure.table import Record
 from ..results.row import Row
 from ..runner.history import row_of
 from ..runner.variants import mean_row
 from ..scene import Scene, Stage
+from ..solve.model import build_model
 from ..solve.progress import Progress
 from ..solve.simulate import Simulation
 from ..solve.variant_models import side_by_side
 
+Mesh: TypeAlias = Any  # a model of either kind
 Monitor = Callable[[float], None]  # is called with the share that is done
 FEWEST = 2  # meshes, of a mean
+# Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
+# loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
+DIFFERENCE_TOLERANCE = 2e-5
+ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
 
 
 @dataclass(frozen=True)
@@ -115,13 +122,8 @@ class MeshesPath:
         groups = side_by_side(onwards)
         for done, places in enumerate(groups):
             of = [numbers[place] for place in places]
-            kept = [self.state[number].kept for number in of]
-            worlds = [onwards[place] for place in places]
-            simulation = Simulation(worlds[0], worlds=worlds, progress=[Progress() for _ in of] if kept[0] else None)
-            simulation.monitor = partial(_show_load, part_of(monitor, done, len(groups)))
-            for drive, one in zip(simulation.drives, kept, strict=True):
-                if one:
-                    drive.restore(one)
+            states = [self.state[number] for number in of]
+            simulation = _begun([onwards[place] for place in places], states, part_of(monitor, done, len(groups)))
             for record in simulation.run():
                 records[of[record.world]].append(record)
             error = next(iter(simulation.failures.values()), error)
@@ -138,10 +140,6 @@ class MeshesPath:
         return map(mean_of, self.beside(stage, levels, monitor))
 
 
-def _show_load(monitor: Monitor, progress: Progress) -> None:
-    monitor(progress.load_factor)
-
-
 def path_of(meshes: Any, state: Any = None) -> LoadPath | MeshesPath:
     """The load path of a mesh, or of a list of meshes.
 
@@ -156,16 +154,62 @@ def mean_of(records: Sequence[Record]) -> Row:
     return rows[0] if len(rows) == 1 else mean_row([row.changed(variant=None, meshes=len(rows)) for row in rows], 0)
 
 
-def ends_beside(models: Sequence[Any], states: Sequence[PathState], stages: Sequence[Stage]) -> list[Record]:
-    """Records at the ends of load steps, side by side. Each is one level from its state. Raises the first `Diverged`."""
-    onwards = [_onwards(*one, levels=1) for one in zip(models, states, stages, strict=True)]
-    simulation = Simulation(onwards[0], worlds=onwards, progress=[Progress() for _ in onwards])
-    for drive, state in zip(simulation.drives, states, strict=True):
-        drive.restore(state.kept)
-    last = {record.world: record for record in simulation.run()}
+def knitted_worlds(
+    models: Sequence[Mesh], stages: Sequence[Stage], levels: Sequence[int], monitor: Monitor = lambda _: None
+) -> Simulation:
+    """A simulation of meshes from their state as knitted, each with a load step and a number of load levels.
+
+    Loads are independent, so results do not depend on the meshes beside. `monitor` is called at every convergence check.
+    """
+    onwards = [_onwards(model, AS_KNITTED, stage, count) for model, stage, count in zip(models, stages, levels, strict=True)]
+    return _begun(onwards, [AS_KNITTED] * len(onwards), monitor, ends_only=True)
+
+
+def share_done(simulation: Simulation, levels: Sequence[int]) -> float:
+    """Completed share of all load levels of `knitted_worlds`; the first one of each mesh is unloaded."""
+    worlds = zip(simulation.drives, levels, strict=True)
+    done = (count if drive.progress.stage_index else max(0, drive.progress.level - 1) for drive, count in worlds)
+    return sum(done) / sum(levels)
+
+
+def ends_of(simulation: Simulation) -> Iterator[tuple[int, Record | Diverged]]:
+    """Number and last record of each world of one load step, as they converge; then the errors of the others."""
+    yield from ((record.world, record) for record in simulation.run())
+    yield from simulation.failures.items()
+
+
+def ends_beside(model: Mesh, state: PathState, stages: Sequence[Stage]) -> list[Record]:
+    """Records at the ends of load steps in one level, all from one state. Raises the first `Diverged`."""
+    simulation = _begun([_onwards(model, state, stage, 1) for stage in stages], [state] * len(stages))
+    ends = dict(ends_of(simulation))
     for error in simulation.failures.values():
         raise error
-    return [last[world] for world in range(len(stages))]
+    return [end for _, end in sorted(ends.items()) if isinstance(end, Record)]
+
+
+def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables | Diverged]:
+    """Equilibrium or error at each upper triangular deformation gradient (2, 2).
+
+    Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first load step.
+    """
+    count = len(gradients)
+    stages, levels = [under_strain(model.scene, f) for f in gradients], [model.scene.output.levels] * count
+    ends = dict(ends_of(knitted_worlds([model] * count, stages, levels)))
+    return [end if isinstance(end, Diverged) else end.observables for _, end in sorted(ends.items())]
+
+
+def _begun(
+    models: Sequence[Mesh], states: Sequence[PathState], monitor: Monitor = lambda _: None, *, ends_only: bool = False
+) -> Simulation:
+    """A simulation of models side by side, the last load step of each from its state."""
+    progress = [Progress() for _ in models] if states[0].kept else None
+    simulation = Simulation(
+        models[0], worlds=models, progress=progress, monitor=lambda one: monitor(one.load_factor), ends_only=ends_only
+    )
+    for drive, state in zip(simulation.drives, states, strict=True):
+        if state.kept:
+            drive.restore(state.kept)
+    return simulation
 
 
 def _onwards(model: Any, state: PathState, stage: Stage, levels: int | str) -> Any:
@@ -192,3 +236,19 @@ def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> 
 def part_of(monitor: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
     """Progress of one of `of` equal parts."""
     return lambda share: monitor((number + share) / of)
+
+
+def tolerances_of(scene: Scene) -> list[float]:
+    """Residual tolerances of a material card, to be tried one after the other: the scene's comes last."""
+    return [DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, scene.solver.residual_tolerance]
+
+
+def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
+    """The mesh of `scene` in double precision, converged enough for differences of states. Raises `ModelError`, `KnitError`."""
+    return build_model(exact(scene, tolerance))
+
+
+def exact(scene: Scene, tolerance: float) -> Scene:
+    """The scene in double precision, with a residual tolerance that is at most this."""
+    tolerance = min(scene.solver.residual_tolerance, tolerance)
+    return replace(scene, solver=replace(scene.solver, precision="double", residual_tolerance=tolerance))
