@@ -201,7 +201,7 @@ def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables 
 def _begun(
     models: Sequence[Mesh], states: Sequence[PathState], monitor: Monitor = lambda _: None, *, ends_only: bool = False
 ) -> Simulation:
-    """A simulation of models side by side, the last load step of each from its state."""
+    """A simulation of models side by side: one load step, from their states."""
     progress = [Progress() for _ in models] if states[0].kept else None
     simulation = Simulation(
         models[0], worlds=models, progress=progress, monitor=lambda one: monitor(one.load_factor), ends_only=ends_only
