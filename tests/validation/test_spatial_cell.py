@@ -99,7 +99,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
         stepper.state.displacement.assign(place)
         stepper.evaluate()
         near = contact.read_contacts()
-        return stepper.energy() + 0.5 * float(np.sum(near.force * (near.overlap + 2.0 * offset)))
+        return energy(stepper) + 0.5 * float(np.sum(near.force * (near.overlap + 2.0 * offset)))
 
     for k in np.ndindex(2, 2):
         way = np.zeros((2, 2))

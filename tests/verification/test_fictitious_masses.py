@@ -9,7 +9,6 @@ from warpknit.compute.host import fetch
 from warpknit.compute.launch import bind
 from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
-from warpknit.spatial.masses import Masses
 from warpknit.spatial.rod_arrays import motion_launch
 from warpknit.spatial.rod_checks import RodChecks
 from warpknit.spatial.rod_relaxation import BandedMasses
@@ -23,22 +22,22 @@ def checks_of(stepper: RodStepper) -> RodChecks:
     return RodChecks(stepper, np.zeros(0, dtype=np.int64), keeps_arc_length=False, bow_at_rest=at_rest)
 
 
-def dense(rods: Rods, masses: Masses) -> tuple[np.ndarray, np.ndarray]:
+def dense(rods: Rods, masses: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(3, node, node) masses along x, y, z and (node, node) spin inertias."""
     nodes, after = rods.node_count, rods.following
-    coupled, spin = np.zeros((nodes, nodes)), np.diag(masses.spin)
+    coupled, spin = np.zeros((nodes, nodes)), np.diag(masses["spin_inertia"])
     for i, j in enumerate(after):
         if j < 0:
             continue
         for matrix, k, value in (
-            (coupled, j, masses.next[i]),
-            (coupled, after[j], masses.second[i]),
-            (spin, j, masses.next_spin[i]),
+            (coupled, j, masses["next_mass"][i]),
+            (coupled, after[j], masses["second_mass"][i]),
+            (spin, j, masses["next_inertia"][i]),
         ):
             if k >= 0:
                 matrix[i, k] += value
                 matrix[k, i] += value
-    return np.stack([np.diag(masses.node[:, k]) + coupled for k in range(3)]), spin
+    return np.stack([np.diag(masses["node_mass"][:, k]) + coupled for k in range(3)]), spin
 
 
 def test_accelerations_are_those_of_the_dense_matrices() -> None:
@@ -51,15 +50,15 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
     stepper, rng, nodes = RodStepper(rods), np.random.default_rng(0), rods.node_count
     after = rods.following
     inner = (after >= 0) & (after[after] >= 0)
-    masses = Masses(
-        rng.uniform(5, 6, (nodes, 3)),
-        np.where(after >= 0, rng.uniform(-1, 1, nodes), 0.0),
-        np.where(inner, rng.uniform(-1, 1, nodes), 0.0),
-        rng.uniform(3, 4, nodes),
-        np.where(inner, rng.uniform(-1, 1, nodes), 0.0),
-    )
+    masses = {
+        "node_mass": rng.uniform(5, 6, (nodes, 3)),
+        "next_mass": np.where(after >= 0, rng.uniform(-1, 1, nodes), 0.0),
+        "second_mass": np.where(inner, rng.uniform(-1, 1, nodes), 0.0),
+        "spin_inertia": rng.uniform(3, 4, nodes),
+        "next_inertia": np.where(inner, rng.uniform(-1, 1, nodes), 0.0),
+    }
     force, torque = rng.normal(size=(nodes, 3)), np.where(after >= 0, rng.normal(size=nodes), 0.0)
-    stepper.set_masses(masses)
+    stepper.set_masses(**masses)
     stepper.state.force.assign(force)
     stepper.state.torque.assign(torque)
     stepper.state.steering.set(velocity_factor=0.0, force_factor=1.0)
@@ -70,9 +69,8 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
         assert found[:, k] == pytest.approx(np.linalg.solve(mass[k], force[:, k]), rel=0, abs=1e-13)
     assert stepper.state.spin.numpy() == pytest.approx(np.linalg.solve(spin, torque), rel=0, abs=1e-13)
     twice = sum(float(force[:, k] @ mass[k] @ force[:, k]) for k in range(3)) + float(torque @ spin @ torque)
-    assert checks_of(stepper).twice_energy(stepper.state.force, stepper.state.torque, "forces") == pytest.approx(
-        twice, rel=1e-13, abs=0
-    )
+    found = checks_of(stepper).twice_energy(stepper.state.force, stepper.state.torque, "forces", stepper.rows)
+    assert found == pytest.approx(twice, rel=1e-13, abs=0)
 
 
 @pytest.mark.parametrize(("uniform", "low", "high"), [(1e-2, 1.0 - 1e-9, 1.0 + 1e-9), (1e-6, 1.2 / MASS_MARGIN, 3.0)])
@@ -86,7 +84,7 @@ def test_masses_factored_in_parts_stay_heavy_enough(uniform: float, low: float, 
     mass = fourth.T @ fourth + uniform * np.eye(nodes)
     beside = [np.append(np.diag(mass, k), np.zeros(k)) for k in (1, 2)]
     every = np.repeat(np.diag(mass)[:, None], 3, axis=1)
-    stepper.set_masses(Masses(every, *beside, np.ones(nodes), np.zeros(nodes)))
+    stepper.set_masses(node_mass=every, next_mass=beside[0], second_mass=beside[1], spin_inertia=np.ones(nodes))
     arrays, state, inside = stepper.arrays, stepper.state, nodes - 2  # the last two nodes come behind
     bind(factor_masses, parts, arrays, state, first_wire=0, parts=parts).run("cpu")
     factor, pivot = fetch(state.mass_factor)[:inside, :, 0], fetch(state.sweep)[:inside, 0]
@@ -109,8 +107,8 @@ def test_masses_bound_the_stiffness_of_a_coil(turn: float, stretch: float) -> No
     pose.stepper.evaluate()
     BandedMasses(checks_of(pose.stepper), 100.0, keeps_arc_length=False).find()
     state = pose.stepper.state
-    found = (state.node_mass, state.next_mass, state.second_mass, state.spin_inertia, state.next_inertia)
-    masses = Masses(*(fetch(array) for array in found))
+    names = ("node_mass", "next_mass", "second_mass", "spin_inertia", "next_inertia")
+    masses = {name: fetch(getattr(state, name)) for name in names}
     mass, spin = dense(rods, masses)
     unknowns, sections = pose.unknowns(), np.flatnonzero(pose.has_segment)
     whole = np.zeros((unknowns, unknowns))

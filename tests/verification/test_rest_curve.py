@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from reference.cases import slow
 from reference.rods import SECTION, Pose, set_masses
 from reference.touching import advance
-from warpknit.spatial.contacts import Contacts
+from warpknit.spatial.contact_arrays import Contacts
 from warpknit.spatial.rest_curve import FIT_PLACES, CentreLine, fit_rest_curve
 from warpknit.spatial.rods import Rods, rods_of
 from warpknit.spatial.wire_contact import WireContact

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.rods import SECTION, relaxed
+from reference.rods import SECTION, energy, relaxed
 from warpknit import measure
 from warpknit.compute.kept import Owner, restore, save
 from warpknit.runner.run import run_scene
@@ -110,7 +110,7 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
         stepper.evaluate()
         natural, strain = rods.natural_length[held] * factor, relaxation.mechanics.relaxation.strain()[held]
         rigid = 0.5 * relaxation.mechanics.relaxation.softened_stiffness * float(np.sum(natural * strain**2))  # that clamps hold
-        return np.array([stepper.energy() - rigid, 0.5 * mesh.soft_penalty * float(np.sum(contact.read_contacts().overlap ** 2))])
+        return np.array([energy(stepper) - rigid, 0.5 * mesh.soft_penalty * float(np.sum(contact.read_contacts().overlap ** 2))])
 
     slope = (energies(1.0 + step) - energies(1.0 - step)) / (2.0 * step)
     assert last.contact_growth == pytest.approx(slope[1], rel=1e-3, abs=0)

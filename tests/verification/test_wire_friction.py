@@ -331,7 +331,7 @@ def test_capstan(increments: int) -> None:
             advance(contact, 10)
         assert relaxed(rest, contact)
         contact.advance_history()
-        return float(np.linalg.norm(stepper.segment_forces()[-2]))
+        return float(np.linalg.norm(stepper.state.edge_force.numpy()[-2]))
 
     most = LOW * np.exp(law)
     stretch = most * (len(wire) / SECTION.axial_stiffness + FRICTION_ROUND / (STICK_SHARE * CAPSTAN_STIFFNESS))

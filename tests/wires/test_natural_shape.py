@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reference.rods import SECTION
+from reference.rods import SECTION, energy
 from warpknit import Simulation, build_model
 from warpknit.commands.plan import overview_of
 from warpknit.scene import SceneError, load_scene
@@ -46,13 +46,13 @@ def write(path, blocks, *, shuffled=False) -> None:
     path.write_text("\n".join(lines), encoding="utf-8")
 
 
-def energy(path) -> float:
+def energy_of_file(path) -> float:
     """Energy of the wires of a file as they come, with the natural shape of the file; lengths in its unit."""
     wires = read_wires(path, node_spacing=LENGTH / (TURNS * POINTS), unit=1.0)
     _, _, rods = panel_of_wires([SECTION] * len(wires.points), wires, LENGTH)
     stepper = RodStepper(rods)
     stepper.evaluate()
-    return stepper.energy()
+    return energy(stepper)
 
 
 def curvatures(tangent: np.ndarray, d1: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ def test_natural_curvature_and_twist_of_zero_are_those_of_a_straight_wire(tmp_pa
     write(path, {"*RK": np.zeros((n, 2)), "*RT": np.zeros(n)})
     closing = 2 * np.pi * TURNS * np.sin(np.arctan2(PITCH, 2 * np.pi * RADIUS))  # the twist-free frame turns back by the torsion
     evenly = SECTION.twist_stiffness * ((closing - 2 * np.pi * np.round(closing / (2 * np.pi))) / LENGTH) ** 2 * LENGTH / 2
-    assert energy(path) == pytest.approx(SECTION.bending_stiffness * CURVATURE**2 * LENGTH / 2 + evenly, rel=ERROR)
+    assert energy_of_file(path) == pytest.approx(SECTION.bending_stiffness * CURVATURE**2 * LENGTH / 2 + evenly, rel=ERROR)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, -0.5])
@@ -93,10 +93,10 @@ def test_natural_curvature_and_twist_along_any_directors(tmp_path, share, strain
     write(path, blocks, shuffled=True)
     bent = SECTION.bending_stiffness * CURVATURE**2 * LENGTH / 2
     expected = (1.0 - share) ** 2 * bent + SECTION.twist_stiffness * strain**2 * LENGTH / 2
-    assert energy(path) == pytest.approx(expected, rel=ERROR, abs=ERROR * bent)
+    assert energy_of_file(path) == pytest.approx(expected, rel=ERROR, abs=ERROR * bent)
     del blocks["*RefT"]  # is that of the reference directors
     write(path, blocks)
-    assert energy(path) == pytest.approx(expected, rel=ERROR, abs=ERROR * bent)
+    assert energy_of_file(path) == pytest.approx(expected, rel=ERROR, abs=ERROR * bent)
 
 
 def test_a_wire_free_of_stress_in_its_file_is_so_with_half_as_many_nodes(tmp_path):
@@ -110,7 +110,7 @@ def test_a_wire_free_of_stress_in_its_file_is_so_with_half_as_many_nodes(tmp_pat
     stepper.evaluate()
     spacing = LENGTH / rods.node_count
     off = spacing**2 * (CURVATURE**2 + TORSION**2) / 6.0  # of the curvature
-    assert stepper.energy() < off**2 * SECTION.bending_stiffness * CURVATURE**2 * LENGTH / 2
+    assert energy(stepper) < off**2 * SECTION.bending_stiffness * CURVATURE**2 * LENGTH / 2
 
 
 def test_values_of_edges_stand_by_the_points_that_they_leave(tmp_path):

@@ -26,7 +26,7 @@ from study import COLOURS, new_figure, tidy
 from warpknit.base.errors import Diverged
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.spatial.contacts import Contacts
+from warpknit.spatial.contact_arrays import Contacts
 from warpknit.spatial.model import SpatialModel
 
 FINE = 3.0  # distance d over the diameter of the wire of the scene, so that nodes may be closer than half of d

@@ -39,7 +39,7 @@ from warpknit.compute.device import start_warp
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial import mechanics
-from warpknit.spatial.contacts import Contacts
+from warpknit.spatial.contact_arrays import Contacts
 from warpknit.spatial.model import SpatialModel
 
 RADIUS = 0.5 * DIAMETER

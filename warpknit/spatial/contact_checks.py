@@ -13,10 +13,10 @@ from ..compute.host import fetch
 from ..compute.team import SharedLaunches
 from ..kernels import contact_checks as k
 from ..kernels.rod_stress import sum_contact_stress, sum_segment_stress
+from .contact_arrays import TouchArrays
 from .pair_search import PairList
 from .rest_curve import RestCurve
 from .rod_step import RodStepper
-from .touch_arrays import TouchArrays
 
 STICK_SHARE = 0.5  # tangential over normal stiffness
 
@@ -59,18 +59,10 @@ class ContactChecks:
         self._launches, self._touch = self._recorded[key], touch
         self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
 
-    def _launch(self, kernel: wp.Kernel, by: str, items: range, *sources: object, **named: Any) -> None:
-        """Launch a kernel whose threads share items from `by` on, on the present lists."""
-        every = (self._stepper.arrays, self._stepper.state, self._wires, self._touch, self._pairs, *sources)
-        self._launches.run(kernel.key, kernel, by, items, *every, **named)
-
-    def _of_blocks(self, kernel: wp.Kernel, **named: Any) -> None:
-        """Launch a kernel for the own blocks of nodes."""
-        self._launch(kernel, "first_block", self._stepper.blocks, **named)
-
-    def of_nodes(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
-        """Launch a kernel for the own nodes, on the lists in use."""
-        self._launch(kernel, "first_node", self._stepper.strip.nodes, *sources, **named)
+    def launch(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
+        """Launch a kernel for the own blocks or nodes, on the lists in use."""
+        every = (self._wires, self._touch, self._pairs, *sources)
+        self._stepper.share_launch(self._launches, kernel.key, kernel, *every, **named)
 
     def sums(self, rows: np.ndarray | None = None) -> ContactSums:
         """Sums over contacts with a force in the last evaluated state; all worlds or `rows`."""
@@ -78,7 +70,7 @@ class ContactChecks:
         rows = self._stepper.rows if rows is None else rows
 
         def total() -> np.ndarray:
-            self._of_blocks(k.sum_contacts, contact_partial=self._partial)
+            self.launch(k.sum_contacts, contact_partial=self._partial)
             return sums.total(fetch(self._partial), rows)
 
         pushing, force = total()[:, [int(k.PUSHING), int(k.PUSH_SUM)]].T
@@ -89,8 +81,8 @@ class ContactChecks:
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
         """(world, 2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
-        self._of_blocks(sum_segment_stress, segment_stress=self._segment_stress)
-        self._of_blocks(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self._has_friction))
+        self.launch(sum_segment_stress, segment_stress=self._segment_stress)
+        self.launch(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self._has_friction))
         parts = np.concatenate([fetch(self._segment_stress), fetch(self._contact_stress)], axis=1)
         total = self._stepper.sums.total(parts, rows)
         return np.asarray(total[:, :4] + total[:, 4:]).reshape(-1, 2, 2)
@@ -99,4 +91,4 @@ class ContactChecks:
         """Write bounds on the stiffness of contacts into `sweep` of the state. Up to the gap of the last evaluation."""
         steering = self._stepper.steering
         steering.set(rows, sticking=STICK_SHARE * steering.contact_stiffness[rows] if self._has_friction else 0.0)
-        self.of_nodes(k.bound_contact_stiffness, **self._of_wires)
+        self.launch(k.bound_contact_stiffness, **self._of_wires)

@@ -88,7 +88,7 @@ class ContactMultipliers:
         soft = np.clip(self._of_force[rows], self._softest * self._floor, LOADED * self._floor)
         floor = np.where(is_fast, self._loading_floor[rows], soft)
         steering.set(rows, multiplier_rate=rate, penalty_floor=floor, loading=loading)
-        self._contact.checks.of_nodes(renew_contact_offsets, self._arrays, **self._constants)
+        self._contact.checks.launch(renew_contact_offsets, self._arrays, **self._constants)
 
     def stiffen(self, rows: np.ndarray | None = None) -> None:
         """Raise the penalties of worlds for the next load, and reset stalled overlaps."""

@@ -15,9 +15,9 @@ from ..measure.strain import strain_text
 from ..mechanics.numerics import ENERGY_FLOOR, FASTEST_DAMPING, FORCE_FLOOR, LOCAL_ALLOWANCE
 from ..scene import Scene
 from ..wires.overlaps import CLOSEST
+from .contact_arrays import Contacts
 from .contact_checks import ContactSums
 from .contact_multipliers import ContactMultipliers
-from .contacts import Contacts
 from .model import SpatialModel
 from .observables import SpatialObservables
 from .rod_checks import StateSums

@@ -23,7 +23,6 @@ from ..wires.overlaps import CLOSEST
 from .clamps import Edge
 from .convergence import overlap_text, parting_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
 from .fields import Fields
-from .masses import Masses
 from .model import SpatialModel, segment_thermal_strain
 from .observables import SpatialObservables, read
 from .rod_arrays import root_mean_square, set_natural_shape
@@ -75,7 +74,7 @@ class SpatialMechanics:
 
     def _take_real_masses(self, node_mass: np.ndarray, spin_inertia: np.ndarray, damping: float) -> None:
         """Use the masses of a ramp in place of fictitious ones."""
-        self.stepper.set_masses(Masses.diagonal(node_mass, spin_inertia))
+        self.stepper.set_masses(node_mass=node_mass[:, None], spin_inertia=spin_inertia)
         self.stepper.set_time_step(self.model.time_step, damping)
         # limits the approach of two colliding wires to half their thickness a step, so that they cannot pass through each other
         farthest = 0.5 * float(self.model.rods.wire_radius.min())

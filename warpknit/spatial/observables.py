@@ -22,8 +22,8 @@ from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap
 from ..measure.strain import Boundary
 from ..measure.tiles import Tiles, has_map, panel_map_of
 from .bending import bending_moments, clamped_ends
+from .contact_arrays import Contacts
 from .contact_places import contact_places, hook_contact, site_places, touched_places
-from .contacts import Contacts
 from .model import SpatialModel
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_arrays import RodState

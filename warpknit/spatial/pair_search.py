@@ -16,9 +16,9 @@ from ..compute.launch import Launch, bind
 from ..kernels.wire_closest import PLACES
 from ..kernels.wire_near import count_by_second, find_reach, mark_by_second
 from ..kernels.wire_pairs import KEPT, find_segment_pairs, place_segments_in_hash
+from .contact_arrays import WireArrays
 from .rod_step import RodStepper
 from .search_cells import SearchCells
-from .wire_arrays import WireArrays
 
 # radii along a wire, below which its segments do not touch each other; bent back onto itself it takes pi
 MIN_ARC_SEPARATION = 4.0
@@ -196,7 +196,7 @@ class PairSearch:
             named |= {"start": pairs.start, "count": pairs.count, "old_count": before.count, "place": self._place}
             named |= {"reach": self._reach, "longest_reach": self._longest_reach, "rest_scale": self._rest_scale}
             named |= {"partner_count": self._partner_count, "partner": self._partner, "searched": self.searched}
-            for part in range(stepper.threads):
+            for part in range(stepper.team.threads):
                 first, count = stepper.team.share(stepper.rods.node_count, part)
                 one = bind(
                     find_segment_pairs, count, self._wires, stepper.arrays, stepper.state, first_segment=first,

@@ -13,7 +13,8 @@ import numpy as np
 import warp as wp
 
 from ..base.text import short_repr
-from ..compute.host import fetch, is_in_place, lanes, shared, store, zeros
+from ..compute.arrays import array, names_of, new_arrays
+from ..compute.host import fetch, is_in_place, lanes, store
 from ..compute.launch import Launch, bind
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
@@ -42,9 +43,9 @@ from ..kernels.rod_blocks import ROD_BLOCK, ROD_LANES
 from ..kernels.rod_forces import find_rod_forces
 from ..kernels.rod_frames import ALWAYS, update_frames
 from ..kernels.rod_motion import MOTION_LANES, move_rods
+from .contact_arrays import TouchArrays
 from .node_stiffness import node_stiffness
 from .rods import Rods
-from .touch_arrays import TouchArrays, no_contact
 
 WIRE_PARTS = 64  # of a wire whose masses a GPU factors
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
@@ -80,43 +81,41 @@ OF_FOUR = ("mass_factor", "mass_border", "sweep")
 
 @dataclass(frozen=True)
 class RodArrays:
-    """Rest data; all arrays [node] unless noted, segment data included. Wires of one shape share the arrays [row]."""
+    """Rest data; segment data included. Wires of one shape share the arrays [row]."""
 
     world_nodes: int  # of each world; worlds stand one behind the other
-    wire_first: wp.array  # [wire] int
-    wire_count: wp.array  # [wire]
-    wire_closed: wp.array  # [wire]
-    wire_border: wp.array  # [wire] row of the first node in the borders of the masses, see kernels/banded_mass.py
-    wire_axial: wp.array  # [wire] [N] EA
-    wire_bending: wp.array  # [wire] [N m2] EI
-    wire_twist: wp.array  # [wire] [N m2] GJ
-    wire_yield: wp.array  # [wire] [1/m] change of curvature at first yield; 0: none
-    block_first: wp.array  # [block] int, see kernels/rod_blocks.py
-    block_count: wp.array  # [block]
-    block_wire: wp.array  # [block]
-    node_wire: wp.array  # int
-    node_block: wp.array  # int; on a GPU 0
-    previous: wp.array  # int
-    following: wp.array
-    held: wp.array
-    rest_position: wp.array  # vec3d [m]
-    natural_length: wp.array  # [m]
-    half_in_clamp: wp.array  # [m] see Rods.half_in_clamp
-    rest_row: wp.array  # int, see Rods.row
-    rest_edge: wp.array  # [row] vec3d [m]
-    node_length: wp.array  # [row] [m]
-    natural_curvature: wp.array  # [row] vec2d [rad]
-    natural_twist: wp.array  # [row] [rad]
-    node_stiffness: wp.array  # (row, 6) [N m], see node_stiffness.py
-    slope_length: wp.array  # [row] [m] of the segment, where the slope of the moment stores energy; else 0
-    moment_turn: wp.array  # [row] vec2d cosine and sine of the twist from node to node at rest, by which moments turn
+    wire_first: wp.array = array(wp.int32, "wire")
+    wire_count: wp.array = array(wp.int32, "wire")
+    wire_closed: wp.array = array(wp.int32, "wire")
+    wire_border: wp.array = array(wp.int32, "wire")  # row of the first node in the borders of the masses (kernels/banded_mass.py)
+    wire_axial: wp.array = array(wp.float64, "wire")  # [N] EA
+    wire_bending: wp.array = array(wp.float64, "wire")  # [N m2] EI
+    wire_twist: wp.array = array(wp.float64, "wire")  # [N m2] GJ
+    wire_yield: wp.array = array(wp.float64, "wire")  # [1/m] change of curvature at first yield; 0: none
+    block_first: wp.array = array(wp.int32, "block")  # see kernels/rod_blocks.py
+    block_count: wp.array = array(wp.int32, "block")
+    block_wire: wp.array = array(wp.int32, "block")
+    node_wire: wp.array = array(wp.int32)
+    node_block: wp.array = array(wp.int32)  # by which travel is measured; on a GPU one for all
+    previous: wp.array = array(wp.int32)
+    following: wp.array = array(wp.int32)
+    held: wp.array = array(wp.int32)
+    rest_position: wp.array = array(wp.vec3d)  # [m]
+    natural_length: wp.array = array(wp.float64)  # [m]
+    half_in_clamp: wp.array = array(wp.float64)  # [m] see Rods.half_in_clamp
+    rest_row: wp.array = array(wp.int32)  # see Rods.row
+    rest_edge: wp.array = array(wp.vec3d, "row")  # [m]
+    node_length: wp.array = array(wp.float64, "row")  # [m]
+    natural_curvature: wp.array = array(wp.vec2d, "row")  # [rad]
+    natural_twist: wp.array = array(wp.float64, "row")  # [rad]
+    node_stiffness: wp.array = array(wp.float64, "row")  # (row, 6) [N m], see node_stiffness.py
+    slope_length: wp.array = array(wp.float64, "row")  # [m] of the segment, where the slope of the moment stores energy; else 0
+    moment_turn: wp.array = array(wp.vec2d, "row")  # cosine and sine of the twist between nodes at rest, by which moments turn
     knitted: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))  # curvature and twist [row] as knitted, on the host
     forms: RodArrays | None = None  # of Rods.forms, with the same arrays [row]
 
 
-BY_ROW = (
-    "rest_edge", "node_length", "natural_curvature", "natural_twist", "node_stiffness", "slope_length", "moment_turn"
-)  # fmt: skip
+AS_IN_RODS = "wire_first", "wire_count", "wire_closed", "previous", "following", "held", "natural_length", "half_in_clamp"
 
 
 def root_mean_square(force: np.ndarray) -> float:
@@ -130,43 +129,43 @@ class RodState:
 
     __repr__ = short_repr
 
-    displacement: wp.array  # vec3d [m] from the affine map of the rest shape
-    velocity: wp.array  # vec3d [m/s]
-    pending_turn: wp.array  # [rad] rotation of a section not yet applied to its director
-    spin: wp.array  # [rad/s] of a section about its tangent
-    angle: wp.array  # [rad] rotation of a section since the start
-    tangent: wp.array  # vec3d
-    director: wp.array  # vec3d
-    tension_offset: wp.array  # [N] augmented Lagrangian multiplier of a segment
-    stretch_stiffness: wp.array  # [N] of the dynamics
+    displacement: wp.array = array(wp.vec3d)  # [m] from the affine map of the rest shape
+    velocity: wp.array = array("vec3")  # [m/s]
+    pending_turn: wp.array = array("real")  # [rad] rotation of a section not yet applied to its director
+    spin: wp.array = array("real")  # [rad/s] of a section about its tangent
+    angle: wp.array = array("real")  # [rad] rotation of a section since the start
+    tangent: wp.array = array("vec3")
+    director: wp.array = array("vec3")
+    tension_offset: wp.array = array(wp.float64)  # [N] augmented Lagrangian multiplier of a segment
+    stretch_stiffness: wp.array = array(wp.float64)  # [N] of the dynamics
     # fictitious masses couple neighbours along the wire (kernels/banded_mass.py)
-    node_mass: wp.array  # vec3d [kg] along x, y and z
-    next_mass: wp.array  # [kg] coupling with the next node
-    second_mass: wp.array  # [kg] coupling with the next but one
-    spin_inertia: wp.array  # [kg m2] of a segment
-    next_inertia: wp.array  # [kg m2] coupling with the next segment
-    mass_factor: wp.array  # (node, FACTORS) vec4d, factors of both
-    mass_border: wp.array  # (row, BORDERS) vec4d
-    wire_quiet: wp.array  # [wire] int, see kernels/banded_mass.py
-    block_travel: wp.array  # [m] bound on the ways of its nodes, and those beside it, in the steps since the search of pairs
-    block_speed: wp.array  # [m2/s2] largest square of the speeds of its nodes in the last step
-    load_force: wp.array  # vec3d [N] dead load, see `set_load`
-    position: wp.array  # vec3d [m]
-    length: wp.array  # [m]
-    curvature: wp.array  # vec2d [rad] turning vector at a node, along the section directors
-    moment: wp.array  # vec3d [N m] at a node, against turns along the section directors and twist
-    twist: wp.array  # [rad]
-    bend_energy: wp.array  # [J] of bending and twist at a node, and of the slope of the moment along its segment
-    plastic_turn: wp.array  # [node, or one without yield] vec2d [rad] plastic part of the turning vector at the last equilibrium
-    edge_force: wp.array  # vec3d [N] of a segment on its first node
-    contact_penalty: wp.array  # [N/m] of the contacts at a node
-    contact_offset: wp.array  # [m] augmented Lagrangian multiplier of the contacts at a node, over their penalty
-    force: wp.array  # vec3d [N]
-    torque: wp.array  # [N m]
-    force_sum: wp.array  # vec3d [N] of all steps since the last convergence check
-    sweep: wp.array  # vec4d, see kernels/rod_motion.py; between steps the bounds on the stiffness of contacts (contact_checks.py)
-    control: wp.array  # (world, CONTROL_COUNT), see kernels/control.py
-    partial: wp.array  # [wire, PARTIAL_COUNT]
+    node_mass: wp.array = array(wp.vec3d)  # [kg] along x, y and z
+    next_mass: wp.array = array(wp.float64)  # [kg] coupling with the next node
+    second_mass: wp.array = array(wp.float64)  # [kg] coupling with the next but one
+    spin_inertia: wp.array = array(wp.float64)  # [kg m2] of a segment
+    next_inertia: wp.array = array(wp.float64)  # [kg m2] coupling with the next segment
+    mass_factor: wp.array = array("vec4", "node", FACTORS)  # factors of both
+    mass_border: wp.array = array("vec4", "border", BORDERS)
+    wire_quiet: wp.array = array(wp.int32, "wire")  # see kernels/banded_mass.py
+    block_travel: wp.array = array(wp.float64, "block")  # [m] bound on the ways of its nodes and those beside since the search
+    block_speed: wp.array = array(wp.float64, "block")  # [m2/s2] largest square of the speeds of its nodes in the last step
+    load_force: wp.array = array(wp.vec3d)  # [N] dead load, see `set_load`
+    position: wp.array = array(wp.vec3d)  # [m]
+    length: wp.array = array(wp.float64)  # [m]
+    curvature: wp.array = array(wp.vec2d)  # [rad] turning vector at a node, along the section directors
+    moment: wp.array = array(wp.vec3d)  # [N m] at a node, against turns along the section directors and twist
+    twist: wp.array = array(wp.float64)  # [rad]
+    bend_energy: wp.array = array(wp.float64)  # [J] of bending and twist at a node, and of the slope of its moment
+    plastic_turn: wp.array = array(wp.vec2d, "yielding")  # [rad] plastic part of the turning vector at the last equilibrium
+    edge_force: wp.array = array(wp.vec3d)  # [N] of a segment on its first node
+    contact_penalty: wp.array = array(wp.float64)  # [N/m] of the contacts at a node
+    contact_offset: wp.array = array(wp.float64)  # [m] multiplier of the contacts at a node, over their penalty
+    force: wp.array = array("vec3")  # [N]
+    torque: wp.array = array("real")  # [N m]
+    force_sum: wp.array = array("vec3")  # [N] of all steps since the last convergence check
+    sweep: wp.array = array("vec4")  # see kernels/rod_motion.py; between steps bounds on the stiffness of contacts
+    control: wp.array = array(wp.float64, "world", CONTROL_COUNT)  # see kernels/control.py
+    partial: wp.array = array(wp.float64, "wire", PARTIAL_COUNT)
 
     def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
         """All arrays on the host, by name; not `copied`: on a CPU valid until the next step."""
@@ -213,57 +212,39 @@ class RodState:
 def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: int = 1) -> RodArrays:
     """Rest data on the device, for steps in this precision; natural curvature and twist default to the rest values times the set
     fraction."""
-    forms = None
-    if rods.forms is not None:
-        forms = upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision, worlds)
-    blocks = _blocks(rods)
-    arrays = RodArrays(
-        world_nodes=rods.node_count // worlds,
-        wire_first=shared(rods.wire_first, wp.int32, device),
-        wire_count=shared(rods.wire_count, wp.int32, device),
-        wire_closed=shared(rods.wire_closed, wp.int32, device),
-        wire_border=wp.array(_borders(rods)[0], dtype=wp.int32, device=device),
-        wire_axial=shared(rods.of_wires("axial_stiffness"), wp.float64, device),
-        wire_bending=shared(rods.of_wires("bending_stiffness"), wp.float64, device),
-        wire_twist=shared(rods.of_wires("twist_stiffness"), wp.float64, device),
-        wire_yield=shared(rods.of_wires("yield_curvature"), wp.float64, device),
-        block_first=shared(blocks[0], wp.int32, device),
-        block_count=shared(blocks[1], wp.int32, device),
-        block_wire=shared(blocks[2], wp.int32, device),
-        node_wire=shared(rods.wire_of, wp.int32, device),
-        node_block=shared(_node_blocks(blocks, device), wp.int32, device),
-        previous=shared(rods.previous, wp.int32, device),
-        following=shared(rods.following, wp.int32, device),
-        held=shared(rods.held, wp.int32, device),
-        rest_position=shared(rods.position, wp.vec3d, device),
-        natural_length=shared(rods.natural_length, wp.float64, device),
-        half_in_clamp=shared(rods.half_in_clamp, wp.float64, device),
-        rest_row=shared(rods.row, wp.int32, device),
-        **(_row_arrays(rods, device) if forms is None else {name: getattr(forms, name) for name in BY_ROW}),
-        knitted=(np.zeros((0, 2)), np.zeros(0)) if forms is None else forms.knitted,
-        forms=forms,
+    forms = (
+        None
+        if rods.forms is None
+        else upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision, worlds)
     )
-    if forms is None:
-        knitted = _shape_as_knitted(arrays, rods, device, precision)
-        arrays = replace(arrays, knitted=knitted)
-        between = 0.5 * (knitted[1] + knitted[1][rods.following])
-        store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
-        set_natural_shape(arrays, rods)
-    return arrays
-
-
-def _row_arrays(rods: Rods, device: str) -> dict[str, wp.array]:
-    """Arrays BY_ROW of rods that are no copies; natural shape and turns of moments are zero."""
-    stiffness = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
-    return {
-        "rest_edge": shared(rods.rest_edge, wp.vec3d, device),
-        "node_length": shared(rods.node_length, wp.float64, device),
-        "natural_curvature": zeros(rods.node_count, wp.vec2d, device),
-        "natural_twist": zeros(rods.node_count, wp.float64, device),
-        "node_stiffness": shared(stiffness, wp.float64, device),
-        "slope_length": shared(rods.slope_length, wp.float64, device),
-        "moment_turn": zeros(rods.node_count, wp.vec2d, device),
+    begin, count, wire = _blocks(rods)
+    values: dict[str, Any] = {name: getattr(rods, name) for name in AS_IN_RODS} | {
+        "world_nodes": rods.node_count // worlds,
+        "wire_border": _borders(rods)[0],
+        "wire_axial": rods.of_wires("axial_stiffness"),
+        "wire_bending": rods.of_wires("bending_stiffness"),
+        "wire_twist": rods.of_wires("twist_stiffness"),
+        "wire_yield": rods.of_wires("yield_curvature"),
+        "block_first": begin,
+        "block_count": count,
+        "block_wire": wire,
+        "node_wire": rods.wire_of,
+        "node_block": np.repeat(np.arange(len(begin), dtype=np.int32) * is_in_place(device), count),
+        "rest_position": rods.position,
+        "rest_row": rods.row,
     }
+    if forms is not None:
+        of_forms = {name: getattr(forms, name) for name in (*names_of(RodArrays, "row"), "knitted")}
+        return new_arrays(RodArrays, device, {}, values | of_forms | {"forms": forms})
+    values |= {name: getattr(rods, name) for name in ("rest_edge", "node_length", "slope_length")}
+    values["node_stiffness"] = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
+    arrays = new_arrays(RodArrays, device, {"row": rods.node_count}, values)
+    curvature, twist = _shape_as_knitted(arrays, rods, device, precision)
+    between = 0.5 * (twist + twist[rods.following])
+    store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
+    arrays = replace(arrays, knitted=(curvature, twist))
+    set_natural_shape(arrays, rods)
+    return arrays
 
 
 def _shape_as_knitted(arrays: RodArrays, rods: Rods, device: str, precision: Precision) -> tuple[np.ndarray, np.ndarray]:
@@ -271,19 +252,19 @@ def _shape_as_knitted(arrays: RodArrays, rods: Rods, device: str, precision: Pre
     at_rest = rest_state(rods, device, precision, rods.node_count // arrays.world_nodes)
     Steering(at_rest.control).set(status=Steering.EVALUATING)
     frames_launch(arrays, at_rest).run(device)
-    force_launch(rods, arrays, at_rest, no_contact(rods, device, precision)).run(device)
+    force_launch(rods, arrays, at_rest, TouchArrays.of(rods.node_count, device, precision)).run(device)
     return fetch(at_rest.curvature).copy(), fetch(at_rest.twist).copy()
 
 
 def set_natural_shape(arrays: RodArrays, rods: Rods, released: float = 1.0, rows: slice = slice(None)) -> None:
     """Set natural curvature and twist of some rows; released: share from the knitted to the rods' values."""
     own = rods.of_rows
-    for array, knitted, natural in (
+    for values, knitted, natural in (
         (arrays.natural_curvature, arrays.knitted[0], own.natural_curvature),
         (arrays.natural_twist, arrays.knitted[1], own.natural_twist),
     ):
         target = rods.set_fraction * knitted if natural is None else natural
-        store(array[rows], ((1.0 - released) * knitted + released * target)[rows])
+        store(values[rows], ((1.0 - released) * knitted + released * target)[rows])
 
 
 def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -295,12 +276,6 @@ def _blocks(rods: Rods) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return begin, np.minimum(ROD_BLOCK, end - begin), wire
 
 
-def _node_blocks(blocks: tuple[np.ndarray, ...], device: str) -> np.ndarray:
-    """[node] its block, by which travel is measured: on a GPU one for all."""
-    numbers = np.arange(len(blocks[0]), dtype=np.int32) if is_in_place(device) else np.zeros(len(blocks[0]), dtype=np.int32)
-    return np.repeat(numbers, blocks[1])
-
-
 def _borders(rods: Rods) -> tuple[np.ndarray, int]:
     """Row of a wire's first node in the masses' borders [wire], and number of rows."""
     rows = np.where(rods.wire_closed, rods.wire_count, OPEN_BORDER)
@@ -310,59 +285,21 @@ def _borders(rods: Rods) -> tuple[np.ndarray, int]:
 
 def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: int = 1) -> RodState:
     """The rest state, with true masses and stiffnesses."""
-    nodes = rods.node_count
-    edge = rods.rest_edge
-
-    def reals(values: np.ndarray | float = 0.0) -> wp.array:
-        return shared(np.array(np.broadcast_to(values, nodes), dtype=float), wp.float64, device)
-
-    def vectors(values: np.ndarray | None = None) -> wp.array:
-        return zeros(nodes, wp.vec3d, device) if values is None else shared(values.copy(), wp.vec3d, device)
-
-    def directions(values: np.ndarray) -> wp.array:
-        return shared(values.astype(wp.dtype_to_numpy(precision.real)), precision.vec3, device)
-
-    real, vec3, vec4 = precision.real, precision.vec3, precision.vec4
+    nodes, edge, real = rods.node_count, rods.rest_edge, wp.dtype_to_numpy(precision.real)
+    length, mass = np.linalg.norm(edge, axis=1), rods.of_nodes("linear_density") * rods.node_length
     blocks = int(np.sum(-(-rods.wire_count // ROD_BLOCK))) if is_in_place(device) else 1
-
-    state = RodState(
-        displacement=vectors(),
-        velocity=zeros(nodes, vec3, device),
-        pending_turn=zeros(nodes, real, device),
-        spin=zeros(nodes, real, device),
-        angle=zeros(nodes, real, device),
-        tangent=directions(edge / np.linalg.norm(edge, axis=1)[:, None]),
-        director=directions(rods.director),
-        tension_offset=reals(),
-        stretch_stiffness=reals(rods.of_nodes("axial_stiffness")),
-        node_mass=vectors(np.repeat((rods.of_nodes("linear_density") * rods.node_length)[:, None], 3, axis=1)),
-        next_mass=reals(),
-        second_mass=reals(),
-        spin_inertia=reals(rods.of_nodes("rotary_inertia") * rods.natural_length),
-        next_inertia=reals(),
-        mass_factor=zeros((nodes, FACTORS), vec4, device),
-        mass_border=zeros((_borders(rods)[1], BORDERS), vec4, device),
-        wire_quiet=zeros(len(rods.wire_first), wp.int32, device),
-        block_travel=zeros(blocks, wp.float64, device),
-        block_speed=zeros(blocks, wp.float64, device),
-        load_force=vectors(),
-        position=vectors(rods.position),
-        length=reals(np.linalg.norm(edge, axis=1)),
-        curvature=zeros(nodes, wp.vec2d, device),
-        moment=vectors(),
-        twist=reals(),
-        bend_energy=reals(),
-        plastic_turn=zeros(nodes if rods.section.yields else 1, wp.vec2d, device),
-        edge_force=vectors(),
-        contact_penalty=reals(),
-        contact_offset=reals(),
-        force=zeros(nodes, vec3, device),
-        torque=zeros(nodes, real, device),
-        force_sum=zeros(nodes, vec3, device),
-        sweep=zeros(nodes, vec4, device),
-        control=zeros((worlds, CONTROL_COUNT), wp.float64, device),
-        partial=zeros((len(rods.wire_first), PARTIAL_COUNT), wp.float64, device),
-    )
+    counts = {"node": nodes, "wire": len(rods.wire_first), "block": blocks, "border": _borders(rods)[1], "world": worlds}
+    counts["yielding"] = nodes if rods.section.yields else 1
+    values = {
+        "tangent": (edge / length[:, None]).astype(real),
+        "director": rods.director.astype(real),
+        "stretch_stiffness": rods.of_nodes("axial_stiffness"),
+        "node_mass": np.repeat(mass[:, None], 3, axis=1),
+        "spin_inertia": rods.of_nodes("rotary_inertia") * rods.natural_length,
+        "position": rods.position.copy(),
+        "length": length,
+    }
+    state = new_arrays(RodState, device, counts, values, precision)
     Steering(state.control).set(
         load=(1.0, 0.0, 0.0, 1.0, 1.0), velocity_factor=1.0, drive=1.0, step_limit=np.inf, speed_limit=np.inf, travel_limit=np.inf
     )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from ..compute.host import fetch, shared, store
+from ..compute.arrays import array, new_arrays
+from ..compute.host import fetch, store
 from ..compute.team import SharedLaunches
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
@@ -15,54 +17,27 @@ from ..kernels.rod_checks import STATE_COLUMNS
 from ..kernels.rod_sums import sum_mass_products
 from ..mechanics.numerics import AXIAL_ERROR, error_ratio
 from .rod_step import RodStepper
-from .rods import Rods
 
 
 @dataclass(frozen=True)
 class CheckArrays:
-    """Arrays of the checks of rods, beside rest data and state; [node] unless noted."""
+    """Arrays of the checks of rods, beside rest data and state."""
 
     KEPT = ("thermal_strain", "last_place", "last_force", "last_angle", "last_torque")
 
-    bow_weight: wp.array  # vec2d, see Rods.bow_weights
-    bow_at_rest: wp.array  # relative excess of the arc over the chord of each segment as knitted
-    thermal_strain: wp.array  # of the segments, relative to the length factor
-    is_sliding: wp.array  # int, 1 where a clamp moves the node
-    stiffening: wp.array  # [wire] by which the softened stiffness of a wire is multiplied
+    bow_weight: wp.array = array(wp.vec2d)  # see Rods.bow_weights
+    bow_at_rest: wp.array = array(wp.float64)  # relative excess of the arc over the chord of each segment as knitted
+    thermal_strain: wp.array = array(wp.float64)  # of the segments, relative to the length factor
+    is_sliding: wp.array = array(wp.int32)  # 1 where a clamp moves the node
+    stiffening: wp.array = array(wp.float64, "wire")  # by which the softened stiffness of a wire is multiplied
+    slowed: wp.array = array(wp.float64, "world")  # by which velocities are multiplied
     # state at the last check; from `motion` on the motion since then
-    last_place: wp.array  # vec3d [m]
-    last_force: wp.array  # vec3d [N]
-    last_angle: wp.array  # [rad]
-    last_torque: wp.array  # [N m]
-    state_partial: wp.array  # [block, STATE_COLUMNS]
-    partial: wp.array  # [block]
-
-
-def check_arrays(rods: Rods, sliding: np.ndarray, bow_at_rest: np.ndarray, blocks: int, device: str) -> CheckArrays:
-    """Arrays for `blocks` blocks of nodes; sliding: nodes of clamps that move; bow_at_rest [node]."""
-    nodes = rods.node_count
-    is_sliding = np.zeros(nodes, dtype=np.int32)
-    is_sliding[sliding] = 1
-
-    def reals(count: int = nodes) -> wp.array:
-        return wp.zeros(count, dtype=wp.float64, device=device)
-
-    def vectors() -> wp.array:
-        return wp.zeros(nodes, dtype=wp.vec3d, device=device)
-
-    return CheckArrays(
-        bow_weight=wp.array(np.stack(rods.bow_weights, axis=1), dtype=wp.vec2d, device=device),
-        bow_at_rest=shared(bow_at_rest, wp.float64, device),
-        thermal_strain=reals(),
-        is_sliding=wp.array(is_sliding, dtype=wp.int32, device=device),
-        stiffening=reals(len(rods.wire_first)),
-        last_place=vectors(),
-        last_force=vectors(),
-        last_angle=reals(),
-        last_torque=reals(),
-        state_partial=wp.zeros((blocks, STATE_COLUMNS), dtype=wp.float64, device=device),
-        partial=reals(blocks),
-    )
+    last_place: wp.array = array(wp.vec3d)  # [m]
+    last_force: wp.array = array(wp.vec3d)  # [N]
+    last_angle: wp.array = array(wp.float64)  # [rad]
+    last_torque: wp.array = array(wp.float64)  # [N m]
+    state_partial: wp.array = array(wp.float64, "block", int(STATE_COLUMNS))
+    partial: wp.array = array(wp.float64, "block")
 
 
 @dataclass(frozen=True)
@@ -91,31 +66,29 @@ class RodChecks:
 
     def __init__(self, stepper: RodStepper, sliding: np.ndarray, *, keeps_arc_length: bool, bow_at_rest: np.ndarray) -> None:
         """sliding: nodes of clamps that move; keeps_arc_length: whether strains are measured along arcs; bow_at_rest [node]."""
-        self.stepper, rods, device = stepper, stepper.rods, stepper.device
-        self.arrays = check_arrays(rods, sliding, bow_at_rest, len(stepper.arrays.block_first), device)
+        self.stepper, rods, blocks = stepper, stepper.rods, len(stepper.arrays.block_first)
+        is_sliding = np.zeros(rods.node_count, dtype=np.int32)
+        is_sliding[sliding] = 1
+        counts = {"node": rods.node_count, "wire": len(rods.wire_first), "world": stepper.worlds, "block": blocks}
+        values = {"bow_weight": np.stack(rods.bow_weights, axis=1), "bow_at_rest": bow_at_rest, "is_sliding": is_sliding}
+        self.arrays = new_arrays(CheckArrays, stepper.device, counts, values)
         mesh = stepper.strip.whole
         free = (mesh.held & int(HELD_NODE)) == 0
         self._free = int(np.count_nonzero(free)) // stepper.worlds
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // stepper.worlds
         self._keeps_arc_length = wp.int32(keeps_arc_length)
-        self._slowed = wp.zeros(stepper.worlds, dtype=wp.float64, device=device)
-        self.launches = SharedLaunches(stepper.team, device, stepper.few)
+        self._launches = SharedLaunches(stepper.team, stepper.device, stepper.few)
+
+    def launch(self, kernel: wp.Kernel, name: str = "", **named: Any) -> None:
+        """Launch a kernel for the own blocks or nodes; name: of the recorded launch, default the kernel's."""
+        self.stepper.share_launch(self._launches, name or kernel.key, kernel, self.arrays, **named)
 
     def sums(self, rows: np.ndarray, *, of_mean: bool) -> StateSums:
         """Sums of the state last evaluated, of worlds; `of_mean`: with the mean unbalanced forces since the last check."""
-        stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
+        stepper, state, sums = self.stepper, self.stepper.state, self.stepper.sums
         unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
-        sources = (stepper.arrays, state, arrays)
-        self.launches.run(
-            name,
-            k.sum_states,
-            "first_block",
-            stepper.blocks,
-            *sources,
-            unbalanced=unbalanced,
-            keeps_arc_length=self._keeps_arc_length,
-        )
-        partial, sums = fetch(arrays.state_partial), self.stepper.sums
+        self.launch(k.sum_states, name, unbalanced=unbalanced, keeps_arc_length=self._keeps_arc_length)
+        partial = fetch(self.arrays.state_partial)
         total, largest = sums.total(partial, rows), sums.largest(partial, rows)
         excess = (sums.of_wires(partial[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length).reshape(stepper.worlds, -1)
         return StateSums(
@@ -137,48 +110,28 @@ class RodChecks:
     def renew_tension_offsets(self, stiffening: np.ndarray) -> None:
         """Move the tension offsets by the multiplier rate times the errors of the softening; `stiffening` [wire of all worlds]
         raises the stiffness."""
-        stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
-        store(arrays.stiffening, stiffening)
-        sources = (stepper.arrays, state, arrays)
-        self.launches.run(
-            "offsets",
-            k.renew_tension_offsets,
-            "first_node",
-            range(stepper.rods.node_count),
-            *sources,
-            keeps_arc_length=self._keeps_arc_length,
-        )
+        store(self.arrays.stiffening, stiffening)
+        self.launch(k.renew_tension_offsets, keeps_arc_length=self._keeps_arc_length)
 
     def motion(self, rows: np.ndarray) -> np.ndarray:
         """[row] [J] motion since the last check times the change of the forces; it stands in `last_place`, `last_angle`."""
-        stepper, state, arrays = self.stepper, self.stepper.state, self.arrays
-        self.launches.run(
-            "motion", k.find_motion, "first_block", stepper.blocks, stepper.arrays, state, arrays, partial=arrays.partial
-        )
+        self.launch(k.find_motion, partial=self.arrays.partial)
         return self._total(rows)
 
-    def _total(self, rows: np.ndarray | None) -> np.ndarray:
+    def _total(self, rows: np.ndarray) -> np.ndarray:
         """[row] the sums of `partial`."""
         return self.stepper.sums.total(fetch(self.arrays.partial)[:, None], rows)[:, 0]
 
     def keep_motion(self) -> None:
         """Keep the state last evaluated for the next `motion`."""
-        stepper = self.stepper
-        sources = (stepper.arrays, stepper.state, self.arrays)
-        self.launches.run("keep", k.keep_motion, "first_node", range(stepper.rods.node_count), *sources)
+        self.launch(k.keep_motion)
 
     def slow_motion(self, share: np.ndarray) -> None:
         """Reduce all velocities of each world to a share [world]."""
-        stepper = self.stepper
-        store(self._slowed, share)
-        nodes = range(stepper.rods.node_count)
-        self.launches.run("slow", k.slow_motion, "first_node", nodes, stepper.arrays, stepper.state, slowed=self._slowed)
+        store(self.arrays.slowed, share)
+        self.launch(k.slow_motion)
 
-    def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray | None = None) -> np.ndarray:
+    def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray) -> np.ndarray:
         """[row] [J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of both arrays."""
-        stepper, arrays = self.stepper, self.arrays
-        self.launches.run(
-            name, sum_mass_products, "first_block", stepper.blocks, stepper.arrays, stepper.state,
-            move=move, turn=turn, partial=arrays.partial,
-        )  # fmt: skip
+        self.launch(sum_mass_products, name, move=move, turn=turn, partial=self.arrays.partial)
         return self._total(rows)

@@ -104,10 +104,8 @@ class BandedMasses:
         """Set fictitious masses for the state last evaluated and its contact bounds."""
         stepper = self._checks.stepper
         threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
-        self._checks.launches.run(
-            f"masses {touches}", find_masses, "first_block", stepper.blocks, stepper.arrays, stepper.state,
-            self._checks.arrays, threads=threads, threads_a_block=threads, may_touch=wp.int32(touches), **self._constants,
-        )  # fmt: skip
+        named = {"threads": threads, "threads_a_block": threads, "may_touch": wp.int32(touches)} | self._constants
+        self._checks.launch(find_masses, f"masses {touches}", **named)
         stepper.factor_masses()
 
 
@@ -318,15 +316,6 @@ class RodRelaxation:
         tension = fetch(state.tension_offset) + fetch(state.stretch_stiffness) * self.strain()
         return np.where(self.has_segment, tension, 0.0)
 
-    def unbalanced_forces(self) -> np.ndarray:
-        """Unbalanced forces (free node, 3) [N] in the last evaluated state, then those on sliding clamps."""
-        free = fetch(self.stepper.state.force)[self.free]
-        return free if self.clamps is None else np.concatenate([free, self.clamps.force])
-
-    def unbalanced_torques(self) -> np.ndarray:
-        """[free segment] [N m] unbalanced torques in the state last evaluated."""
-        return fetch(self.stepper.state.torque)[self.free_sections]
-
     def sums(self, rows: np.ndarray | None = None, *, of_mean: bool) -> StateSums:
         """Sums of the last evaluated state with sliding clamps; all worlds or `rows`.
 
@@ -352,10 +341,6 @@ class RodRelaxation:
                 free_nodes=sums.free_nodes + force.shape[1],
             )
         return sums
-
-    def stretch_error(self) -> float:
-        """Largest difference between strain and T/EA: the remaining error of the softening."""
-        return float(self.sums(of_mean=False).excess_max.max())
 
     def renew_damping(self, rows: np.ndarray | None = None, *, boundary: tuple[np.ndarray, np.ndarray] | None = None) -> None:
         """Renew the damping by the motion since the last check: Rayleigh's quotient in the last evaluated state.

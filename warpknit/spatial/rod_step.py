@@ -27,13 +27,13 @@ from ..compute.host import fetch, store
 from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
-from ..compute.team import Team
+from ..compute.team import SharedLaunches, Team
 from ..kernels.control import STATUS, update_controls
 from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..mechanics.numerics import thread_count
 from ..mesh.strip import even_shares
 from .bending import Yielding
-from .masses import Masses
+from .contact_arrays import TouchArrays
 from .rod_arrays import (
     RodArrays,
     RodState,
@@ -48,7 +48,6 @@ from .rod_arrays import (
 )
 from .rods import Rods
 from .strip import RodStrip
-from .touch_arrays import TouchArrays, no_contact
 from .wire_sums import WireSums
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
@@ -135,7 +134,7 @@ class RodStepper:
         self._status = [status[share.start : share.stop] for share in own]  # [part] of its worlds, on a CPU as it changes
         # threads that share the launches of a check
         self.few = min(thread_count(rods.node_count // NODES_A_THREAD), self.team.threads)
-        self._no_contact = no_contact(rods, device, precision)
+        self._no_contact = TouchArrays.of(rods.node_count, device, precision)
         rows = self.parts if worlds == 1 else worlds
         self.stress_count = wp.zeros((rows, 4), dtype=wp.int64, device=device)  # of the stress of a step (kernels/rod_stress.py)
         self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
@@ -180,6 +179,14 @@ class RodStepper:
     def _wait(self) -> list[Launch]:
         """Launches by which threads of a shared world wait for each other."""
         return self.team.barrier() if self.worlds == 1 else []
+
+    def share_launch(
+        self, launches: SharedLaunches, name: str, kernel: wp.Kernel, *sources: object, threads: int = 1, **named: Any
+    ) -> None:
+        """Launch a kernel for the own blocks or nodes, whichever it counts; recorded once by name."""
+        by_block = any(argument.label == "first_block" for argument in kernel.adj.args)
+        by, items = ("first_block", self.blocks) if by_block else ("first_node", self.strip.nodes)
+        launches.run(name, kernel, by, items, self.arrays, self.state, *sources, threads=threads, **named)
 
     def by_world(self, array: wp.array) -> np.ndarray:
         """(world, ...) the array on the host."""
@@ -306,15 +313,6 @@ class RodStepper:
             self._frames.launch()
             self.steering.set(own, status=kept)
 
-    @property
-    def threads(self) -> int:
-        """Threads that share a step."""
-        return self.team.threads
-
-    def launches(self) -> list[Launch]:
-        """Launches of a step, of its first thread."""
-        return self._step_launches()
-
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of `steps` steps in all threads, until the state freezes; 0: forces alone."""
         graphs = self._graphs_of(steps, partial(self._launches_of, steps))
@@ -363,14 +361,10 @@ class RodStepper:
             force_factor=time_step / (1 + half),
         )
 
-    def set_masses(self, masses: Masses) -> None:
-        """Set the masses of the dynamics."""
-        state = self.state
-        store(state.node_mass, masses.node)
-        store(state.next_mass, masses.next)
-        store(state.second_mass, masses.second)
-        store(state.spin_inertia, masses.spin)
-        store(state.next_inertia, masses.next_spin)
+    def set_masses(self, **masses: np.ndarray) -> None:
+        """Set masses of the dynamics, by the names of the arrays of the state (kernels/banded_mass.py); those left out are 0."""
+        for name in ("node_mass", "next_mass", "second_mass", "spin_inertia", "next_inertia"):
+            store(getattr(self.state, name), masses.get(name, 0.0))
         self.factor_masses()
 
     def factor_masses(self) -> None:
@@ -397,18 +391,3 @@ class RodStepper:
         """Forces (node, 3) [N] and torques of the segments [node] [N m] of the current state."""
         self.evaluate()
         return fetch(self.state.force).copy(), fetch(self.state.torque).copy()
-
-    def segment_forces(self) -> np.ndarray:
-        """(node, 3) [N] force of each segment on its first node, in the state last evaluated."""
-        return fetch(self.state.edge_force).copy()
-
-    def energy(self) -> float:
-        """[J] energy of stretch, bending and twist in the state last evaluated."""
-        rods, state = self.rods, self.state
-        factor = state.steering.length_factor  # of a single world
-        has_segment = rods.following >= 0
-        natural = rods.natural_length * factor
-        strain = fetch(state.length) / natural - 1.0
-        stretch = natural * (fetch(state.tension_offset) * strain + 0.5 * fetch(state.stretch_stiffness) * strain**2)
-        bent = self.yielding.elastic_energy + self.yielding.plastic_potential()
-        return float((self.sums.of_nodes(np.where(has_segment, stretch, 0.0)) + bent)[0])

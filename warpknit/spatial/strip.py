@@ -15,7 +15,7 @@ import numpy as np
 from ..compute.ranks import One, Ranks
 from ..mesh.panel import Panel
 from ..mesh.strip import wires_of_ranks
-from .contacts import Contacts
+from .contact_arrays import Contacts
 from .rods import Rods
 
 

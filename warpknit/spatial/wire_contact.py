@@ -29,14 +29,12 @@ from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
+from .contact_arrays import Contacts, TouchArrays, WireArrays
 from .contact_checks import STICK_SHARE, ContactChecks
-from .contacts import Contacts
 from .pair_search import MIN_ARC_SEPARATION, SLIP_ARRAYS, PairList, PairSearch
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
 from .search_cells import SearchCells, search_cells
-from .touch_arrays import TouchArrays
-from .wire_arrays import WireArrays
 
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
@@ -91,7 +89,7 @@ class WireContact:
         self._search = PairSearch(stepper, self._wires, cells)
         self._checks = ContactChecks(stepper, self._wires, curve, has_friction=self.friction > 0.0)
         # [m] of each world, or each thread of a single one, CACHE_LINE numbers apart, since the last `pop_max_penetration`
-        self.max_penetration = wp.zeros((max(stepper.threads, worlds), CACHE_LINE), dtype=wp.float64, device=device)
+        self.max_penetration = wp.zeros((max(stepper.team.threads, worlds), CACHE_LINE), dtype=wp.float64, device=device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
         self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
         self.touch = self._new_touch(LEAST_CAPACITY)
@@ -166,9 +164,8 @@ class WireContact:
 
     def _new_touch(self, capacity: int) -> TouchArrays:
         stepper = self.stepper
-        return TouchArrays.of(
-            stepper.rods.node_count, capacity, stepper.device, stepper.precision, with_friction=self.friction > 0.0
-        )
+        has_friction = self.friction > 0.0
+        return TouchArrays.of(stepper.rods.node_count, stepper.device, stepper.precision, capacity, with_friction=has_friction)
 
     def search(self, rows: np.ndarray | None = None) -> None:
         """Search all pairs of all worlds or `rows`; start a new travel budget. Raises `OutOfResources`."""
@@ -412,7 +409,7 @@ class WireContact:
                 found.append(self.read_contacts(distance, world))
             self._take_near_pairs(stepped)
             self.stepper.evaluate(rows=rows)
-        return Contacts.joined(found)
+        return Contacts.joined(found) if len(found) > 1 else found[0]
 
     def read_contacts(self, distance: float | None = None, world: int = 0) -> Contacts:
         """Contacts of a world, in the state last evaluated: those with a force, or those with a gap below `distance` [m].

@@ -1,0 +1,37 @@
+"""Dataclasses of device arrays: a field has the type of its array and what it counts."""
+
+from __future__ import annotations
+
+from dataclasses import field, fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from .host import shared, zeros
+from .precision import DOUBLE, Precision
+
+T = TypeVar("T")
+
+
+def array(kind: Any, count: str = "node", columns: int = 0) -> Any:
+    """A field [count] or (count, columns); kind: a type, or the name of one that depends on the precision."""
+    return field(metadata={"kind": kind, "count": count, "columns": columns})
+
+
+def names_of(arrays: type, *counts: str) -> tuple[str, ...]:
+    """The fields that count one of these."""
+    return tuple(one.name for one in fields(arrays) if one.metadata.get("count") in counts)
+
+
+def new_arrays(arrays: type[T], device: str, counts: dict[str, int], values: dict[str, Any], precision: Precision = DOUBLE) -> T:
+    """Arrays of zeros, or of `values` by name: on the CPU in their memory if the types agree."""
+    made: dict[str, Any] = dict(values)
+    for one in fields(arrays):  # type: ignore[arg-type]
+        value, kind = values.get(one.name), one.metadata.get("kind")
+        kind = getattr(precision, kind) if isinstance(kind, str) else kind
+        if isinstance(value, np.ndarray) and kind is not None:
+            made[one.name] = shared(value, kind, device)
+        elif value is None and kind is not None:
+            count, columns = counts[one.metadata["count"]], one.metadata["columns"]
+            made[one.name] = zeros((count, columns) if columns else count, kind, device)
+    return arrays(**made)
