@@ -92,7 +92,7 @@ def test_the_default_has_the_presets_of_the_spatial_model() -> None:
         by_auto = make_scene(TRICOT, preset=name)
         given = make_scene(TRICOT, ["model.kind=spatial"], preset=name)
         assert by_auto == given and by_auto.hash == given.hash
-        assert by_auto.model.nodes_per_loop == preset.spatial_nodes_per_loop and by_auto.solver.precision == "double"
+        assert by_auto.model.nodes_per_loop == preset["spatial", "relax"].nodes_per_loop and by_auto.solver.precision == "double"
         assert by_auto.preset_in_force == name
 
 

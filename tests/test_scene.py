@@ -52,7 +52,7 @@ def test_counts_per_length_stand_for_spacings():
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_fills_in_what_the_scene_leaves_out(name):
-    scene, preset = make_scene({"model": {"kind": "planar"}}, preset=name), PRESETS[name]
+    scene, preset = make_scene({"model": {"kind": "planar"}}, preset=name), PRESETS[name]["planar", "relax"]
     assert scene.solver.preset == name
     assert scene.model.nodes_per_loop == preset.nodes_per_loop
     assert scene.solver.axial_softening == preset.axial_softening
@@ -65,7 +65,7 @@ def test_keys_of_the_scene_stand_before_the_preset():
     scene = make_scene({"model": model, "solver": {"preset": "draft", "precision": "double"}})
     assert scene.model.nodes_per_loop == 50
     assert scene.solver.precision == "double"
-    assert scene.solver.axial_softening == PRESETS["draft"].axial_softening
+    assert scene.solver.axial_softening == PRESETS["draft"]["planar", "relax"].axial_softening
 
 
 def test_the_preset_of_the_command_line_stands_before_the_files():

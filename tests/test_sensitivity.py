@@ -203,7 +203,7 @@ def test_a_planar_scene_in_space_keeps_its_loops_and_has_the_nodes_of_its_preset
     planar = scene_of(variants={}, model={"kind": "planar", "boundary": "periodic", "nodes_per_loop": 12}).changed(table)
     other = _spatial(planar)
     assert (other.variants.scatter, other.variants.seed, other.knit.scatter, other.variants.count) == (0.03, 4, 0.0, 3)
-    assert other.model.nodes_per_loop == PRESETS["standard"].spatial_nodes_per_loop
+    assert other.model.nodes_per_loop == PRESETS["standard"]["spatial", "relax"].nodes_per_loop
     assert _spatial(planar.changed({"variants.sensitivity": False})) is None
 
 

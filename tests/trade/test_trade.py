@@ -70,7 +70,10 @@ def test_errors_are_points_of_percent_and_shares() -> None:
 def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """A coarse reference and a handful of points."""
     monkeypatch.setattr(kind, "REFERENCE", ((math.inf, 24),))
-    coarse = {name: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for name, preset in PRESETS.items()}
+    coarse = {
+        name: {key: replace(preset, nodes_per_loop=min(20, preset.nodes_per_loop)) for key, preset in presets.items()}
+        for name, presets in PRESETS.items()
+    }
     monkeypatch.setattr(parameters, "PRESETS", coarse)
     monkeypatch.setattr(study, "RAMP_NODES", 0)
     monkeypatch.setattr(kind, "COMBINED", ((10, 12), (1000.0,), (0.01,)))

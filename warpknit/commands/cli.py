@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from warpknit import __version__
-from warpknit.base.errors import FINISHED, INTERRUPTED, Diverged
-from warpknit.commands.program import (
+from .. import __version__
+from ..base.errors import FINISHED, INTERRUPTED, Diverged
+from ..compute.ranks import Ranks
+from .program import (
     QUIET,
     RESULT_OPTIONS,
     Asked,
@@ -27,12 +28,11 @@ from warpknit.commands.program import (
     positive_lengths,
     positive_quantity,
 )
-from warpknit.compute.ranks import Ranks
 
 if TYPE_CHECKING:
-    from warpknit.results.finding import ResultTable
-    from warpknit.runner.run_directory import CommandResult
-    from warpknit.scene import Scene
+    from ..results.finding import ResultTable
+    from ..runner.run_directory import CommandResult
+    from ..scene import Scene
 
 # NumPy's threads would take memory and cores from the time steps
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -58,13 +58,13 @@ def main(context: click.Context) -> None:
 def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None = None) -> tuple[Scene, Path]:
     """Load and check the scene, choose the directory, set up the log. Refuses by scene/capabilities.py."""
     configure_logging(logging.WARNING if (asked.quiet if quiet is None else quiet) else logging.INFO)
-    from warpknit.commands.run import default_directory
-    from warpknit.scene import load_scene
-    from warpknit.scene.capabilities import refuse
+    from ..scene import load_scene
+    from ..scene.capabilities import refuse
+    from .run import default_directory
 
     loaded = load_scene(Path(asked.scene), asked.overrides, asked.preset, command=command, ranks=ranks.count)
     if command == "report":
-        from warpknit.design.findings import report_scene
+        from ..design.findings import report_scene
 
         report_scene(loaded, ranks=ranks.count)  # which has a sweep by default
     else:
@@ -77,7 +77,7 @@ def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False
 
     resume: whether it resumes of itself.
     """
-    from warpknit.runner.interrupts import to_continue
+    from ..runner.interrupts import to_continue
 
     is_cut = result.exit_code == INTERRUPTED
     go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut and result.goes_on else ""
@@ -87,7 +87,7 @@ def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False
 
 def show(table: ResultTable, asked: Asked) -> None:
     """Print the table of a command, unless it is quiet."""
-    from warpknit.runner.summary_table import print_table
+    from ..runner.summary_table import print_table
 
     if not asked.quiet:
         print_table(table.lines(verbose=asked.verbose))
@@ -95,7 +95,7 @@ def show(table: ResultTable, asked: Asked) -> None:
 
 def finished(table: ResultTable, directory: Path, asked: Asked) -> int:
     """Print the table of a finished command and where its results are; return its exit status."""
-    from warpknit.results.finding import Finding
+    from ..results.finding import Finding
 
     show(table.with_lines([Finding("results", str(directory), short=True)]), asked)
     return FINISHED
@@ -113,8 +113,8 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
     quiet = asked.quiet or not ranks.is_first
     loaded, directory = open_scene(asked, "run" if error is None else "error", ranks, quiet=quiet)
 
-    from warpknit.commands.run import naming_the_file, run_command
-    from warpknit.runner.progress_display import progress_for
+    from ..runner.progress_display import progress_for
+    from .run import naming_the_file, run_command
 
     with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
         result = run_command(
@@ -123,8 +123,8 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
         )  # fmt: skip
     if not ranks.is_first:
         return int(result.exit_code)
-    from warpknit.reflection.study import read_findings
-    from warpknit.runner.summary_table import summary_table
+    from ..reflection.study import read_findings
+    from ..runner.summary_table import summary_table
 
     if result.summary and (result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.stages)):
         show(summary_table(result.summary, directory, read_findings(directory, loaded)), asked)
@@ -137,10 +137,10 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
     """Run all loads of [sweep] in SCENE and write the contact map to DIR."""
     loaded, directory = open_scene(asked, "map", ranks)
 
-    from warpknit.commands.run import map_command, naming_the_file
-    from warpknit.reflection.study import read_findings
-    from warpknit.runner.progress_display import progress_for
-    from warpknit.studies.map_table import map_table
+    from ..reflection.study import read_findings
+    from ..runner.progress_display import progress_for
+    from ..studies.map_table import map_table
+    from .run import map_command, naming_the_file
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
@@ -158,10 +158,10 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     """Run SCENE at many settings and write their errors and costs to DIR."""
     loaded, directory = open_scene(asked, "trade", ranks)
 
-    from warpknit.commands.run import naming_the_file
-    from warpknit.runner.progress_display import progress_for
-    from warpknit.studies.study import run_trade
-    from warpknit.studies.trade_table import trade_table
+    from ..runner.progress_display import progress_for
+    from ..studies.study import run_trade
+    from ..studies.trade_table import trade_table
+    from .run import naming_the_file
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
         result = run_trade(
@@ -205,10 +205,10 @@ def report(
 
     A map of the same scene in DIR is reused.
     """
-    from warpknit.commands.report import ReportRequest, codes_of, report_command, report_table
-    from warpknit.commands.run import naming_the_file
-    from warpknit.design.inputs import Known
-    from warpknit.runner.progress_display import progress_for
+    from ..design.inputs import Known
+    from ..runner.progress_display import progress_for
+    from .report import ReportRequest, codes_of, report_command, report_table
+    from .run import naming_the_file
 
     known = Known(
         positive_quantity("--openings", openings, "per_length"),
@@ -233,11 +233,11 @@ def report(
 def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
     """Show the size, physics, memory, steps and time of a run of SCENE."""
     configure_logging(logging.WARNING)
-    from warpknit.scene import load_scene
+    from ..scene import load_scene
 
     loaded = load_scene(Path(asked.scene), asked.overrides, asked.preset)
-    from warpknit.commands.plan import make_plan
-    from warpknit.commands.run import naming_the_file
+    from .plan import make_plan
+    from .run import naming_the_file
 
     with naming_the_file(loaded):
         planned = make_plan(loaded, asked.device)
@@ -260,13 +260,13 @@ def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
 def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> int:
     """Compute the reflection loss of the states of a run or map."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
-    from warpknit.commands.reflect import ReflectRequest, reflect_command
-    from warpknit.runner.progress_display import progress_for
+    from ..runner.progress_display import progress_for
+    from .reflect import ReflectRequest, reflect_command
 
     request = ReflectRequest(Path(run_dir), overrides)
     with progress_for(quiet=quiet) as progress:
         result = reflect_command(request, progress)
-    from warpknit.results.finding import ResultTable
+    from ..results.finding import ResultTable
 
     return finished(ResultTable(tuple(result.findings)), request.directory, Asked(run_dir, (), None, None, quiet=quiet))
 
@@ -278,7 +278,7 @@ class ExportFormat(click.ParamType):
 
     @property
     def _choice(self) -> click.Choice[str]:
-        from warpknit.export import FORMATS
+        from ..export import FORMATS
 
         return click.Choice(tuple(FORMATS))
 
@@ -301,7 +301,7 @@ class ExportFormat(click.ParamType):
 def export(run_dir: str, to: str) -> None:
     """Write the recorded states of a run in another format."""
     configure_logging(logging.INFO)
-    from warpknit.export import export_run
+    from ..export import export_run
 
     for path in export_run(Path(run_dir), to):
         click.echo(path)
@@ -314,7 +314,7 @@ def export(run_dir: str, to: str) -> None:
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page.")
 def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     """Show the records of a run in the browser, until Ctrl-C. Requires `pip install -e ".[view]"`."""
-    from warpknit.export.view import open_viewer
+    from ..export.view import open_viewer
 
     viewer = open_viewer(Path(run_dir), host=host, port=port)
     click.echo(f"{viewer.url} shows {run_dir}; Ctrl-C ends")
@@ -352,8 +352,8 @@ def new(file: str | None, as_list: bool, source: str | None, force: bool, **valu
     FILE is named after the knit or scene by default. On a terminal, without --knit, it asks for what the options leave open.
     """
     configure_logging(logging.WARNING)
-    from warpknit.commands.new import ask, checked_request, copy_scene, file_of, names_list, new_command, on_terminal
-    from warpknit.runner.summary_table import print_table
+    from ..runner.summary_table import print_table
+    from .new import ask, checked_request, copy_scene, file_of, names_list, new_command, on_terminal
 
     if as_list:
         click.echo("\n".join(names_list()))

@@ -15,9 +15,9 @@ from typing import Any, NoReturn
 
 import click
 
-from warpknit.base.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, WarpknitError
-from warpknit.compute import DEFAULT_DEVICE
-from warpknit.compute.ranks import One, Ranks, join_ranks, started_as
+from ..base.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, WarpknitError
+from ..compute import DEFAULT_DEVICE
+from ..compute.ranks import One, Ranks, join_ranks, started_as
 
 UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
 
@@ -168,8 +168,8 @@ def positive_lengths(option: str, given: str | None) -> tuple[float, ...] | None
 
 def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
     """Value of an option in SI, or None; raises unless it has a unit and is positive."""
-    from warpknit.commands.report import positive
-    from warpknit.scene.units import DIMENSIONS, has_unit, shown
+    from ..scene.units import DIMENSIONS, has_unit, shown
+    from .report import positive
 
     if given is not None and not has_unit(given):
         raise click.UsageError(f"{option}: {shown(given)} has no unit; give {DIMENSIONS[dimension]}.")

@@ -20,7 +20,6 @@ from ..knit.clasps import Arm, Clasp
 from ..knit.cloth import Cloth, same_cloth
 from ..scene import Scene
 from ..scene.knit import Knit
-from ..scene.presets import PRESETS
 
 PARTS = 4  # of the diameter, between the points that are compared
 MOST_POINTS = 20_000  # of an arm: wires of a ten-thousandth of their loops
@@ -92,10 +91,10 @@ def is_tight(scene: Scene) -> bool:
 
 def tension_error(scene: Scene) -> float | None:
     """Known error of tensions of tight knits at the preset in force [%]; None if unknown. Relative to the reference preset."""
-    name = scene.preset_in_force
-    if name is None or not is_tight(scene):
-        return scene.preset_error_percent
-    return PRESETS[name].of(scene.model.kind, scene.solver.drive).tight_error_percent
+    measured = scene.preset_measured
+    if measured is None:
+        return None
+    return measured.tight_error_percent if is_tight(scene) else measured.error_percent
 
 
 @lru_cache(maxsize=64)

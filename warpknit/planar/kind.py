@@ -11,7 +11,6 @@ from ..base.text import engineering, rounded
 from ..knit.cloth import Cloth
 from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
-from ..scene.presets import PRESETS
 from .mechanics import PlanarWorlds as worlds
 from .model import Model, build_model
 from .model import tight_loops as limitations
@@ -79,10 +78,9 @@ def varied(scene: Scene, softening: float) -> Varied:
 
 def accuracy(scene: Scene) -> str:
     """Expected error of the settings of the scene."""
-    name = scene.preset_in_force
-    if name is None:
+    preset = scene.preset_measured
+    if preset is None:
         return "accuracy unknown for these settings; run --error PERCENT chooses settings for an error"
-    preset = PRESETS[name]
     grips = "; larger for short wires between grips" if scene.model.boundary == "gripped" and scene.hook is None else ""
     return (
         f"{scene.preset_error_text}{grips};"

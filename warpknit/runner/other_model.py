@@ -78,7 +78,7 @@ def _spatial(scene: Scene) -> Scene | None:
     loops = {}
     if scene.knit.scatter:  # of a single mesh; the scatter of [variants] takes its place
         loops = {"knit.scatter": 0.0, "knit.seed": 0, "variants.scatter": scene.knit.scatter, "variants.seed": scene.knit.seed}
-    numerics = PRESETS[scene.solver.preset].of("spatial", "relax")
+    numerics = PRESETS[scene.solver.preset]["spatial", "relax"]
     try:
         return scene.changed(
             {

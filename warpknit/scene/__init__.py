@@ -5,13 +5,13 @@
 A scene file is TOML; `warpknit.scene.scene` lists its keys. Whatever is wrong with it is a SceneError of one line.
 """
 
-from warpknit.base.errors import SceneError
-from warpknit.scene.knit import Bar, Hook, Knit, Loop
-from warpknit.scene.options import Contact, ModelOptions, Output, Pull, Solver, Stage, Sweep
-from warpknit.scene.panel_options import Cord, PanelOptions
-from warpknit.scene.scene import Scene, resolved_toml
-from warpknit.scene.scene_loader import load_scene, make_scene
-from warpknit.scene.wire import Plating, Wire
+from ..base.errors import SceneError
+from .knit import Bar, Hook, Knit, Loop
+from .options import Contact, ModelOptions, Output, Pull, Solver, Stage, Sweep
+from .panel_options import Cord, PanelOptions
+from .scene import Scene, resolved_toml
+from .scene_loader import load_scene, make_scene
+from .wire import Plating, Wire
 
 __all__ = [
     "Bar",

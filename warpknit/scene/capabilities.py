@@ -15,17 +15,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
-from warpknit.base.errors import SceneError
-from warpknit.scene.keys import Table
-from warpknit.scene.materials import MATERIALS
-from warpknit.scene.messages import dotted, scene_error, value_text
-from warpknit.scene.options import AUTO, DEFAULT, GIVEN
-from warpknit.scene.wire import Wire
+from ..base.errors import SceneError
+from .keys import Table
+from .materials import MATERIALS
+from .messages import dotted, scene_error, value_text
+from .options import AUTO, DEFAULT, GIVEN
+from .wire import Wire
 
 if TYPE_CHECKING:
-    from warpknit.scene.messages import Source
-    from warpknit.scene.options import Stage
-    from warpknit.scene.scene import Scene, SceneFile
+    from .messages import Source
+    from .options import Stage
+    from .scene import Scene, SceneFile
 
 
 Location = tuple[int | str, ...]

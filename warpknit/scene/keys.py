@@ -18,13 +18,13 @@ import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, model_validator
 
-from warpknit.base.text import celsius, exact
-from warpknit.scene.units import DIMENSIONS, shown
-from warpknit.scene.values import Pair, Quantity, Unit, ValueCheck
+from ..base.text import celsius, exact
+from .units import DIMENSIONS, shown
+from .values import Pair, Quantity, ValueCheck, refused
 
 LINE, INDENT = 120, "    "  # of a docstring
 ABOUT = "about"  # where a field keeps its sentence: a field without one is no key
@@ -33,12 +33,29 @@ ABOUT = "about"  # where a field keeps its sentence: a field without one is no k
 class Table:
     """Base of frozen dataclasses for the tables of a scene file: unknown keys are errors.
 
+    one_of: groups of alternative keys, of which a table has one; an override of one removes the others of its groups.
     Unit, default and meaning of each key stand in the docstring too, for `help(scene.wire)`.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    _exclusive: ClassVar[Any]
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, *, one_of: tuple[tuple[str, ...], ...] = ()) -> None:
+        cls.one_of = one_of
+
+        def exclusive(data: Any) -> Any:
+            for group in one_of:
+                given = [key for key in group if isinstance(data, dict) and key in data]
+                if len(given) > 1:
+                    first, second = given[:2]
+                    other = f"[{first}]" if isinstance(data[first], dict) else f"{first} = {shown(data[first])}"
+                    instead = f"leave out one of {', '.join(group)}"
+                    raise refused(f"cannot be combined with {other}", instead, key=second, given=shown(data[second]))
+            return data
+
+        if one_of:
+            cls._exclusive = model_validator(mode="before")(staticmethod(exclusive))
         hints = typing.get_type_hints(cls, include_extras=True)
         own = {name: entry for name, entry in vars(cls).items() if isinstance(entry, Field) and ABOUT in entry.metadata}
         lines = [_key_of(name, entry, hints[name]).line for name, entry in own.items()]
@@ -88,9 +105,7 @@ class Key:
     def si_unit(self) -> str:
         """SI unit of its value or of its entries; empty for numbers."""
         check = self.check.each if isinstance(self.check, Pair) else self.check
-        if isinstance(check, Quantity):
-            return DIMENSIONS[check.dimension].unit
-        return DIMENSIONS["length"].unit if isinstance(check, Unit) else ""
+        return DIMENSIONS[check.dimension].unit if isinstance(check, Quantity) else ""
 
     @property
     def unit(self) -> str:

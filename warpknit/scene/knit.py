@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
-from warpknit.knit.lapping import single_steps
-from warpknit.knit.loops import RANGES, LoopProportions
-from warpknit.scene import values
-from warpknit.scene.keys import Table, key
-from warpknit.scene.values import exclusive, proportion
+from ..knit.lapping import single_steps
+from ..knit.loops import RANGES, LoopProportions
+from . import values
+from .keys import Table, key
+from .values import proportion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,13 +152,8 @@ class Knit(Table):
 
 
 @dataclass(frozen=True, kw_only=True)
-class KnitTable(Knit):
+class KnitTable(Knit, one_of=(("wale_spacing", "wales"), ("course_spacing", "courses"))):
     """[knit] as written in a file, with its alternative keys."""
 
     wales: values.PerLength | None = key("Instead of `wale_spacing`: wales per length.", None)
     courses: values.PerLength | None = key("Instead of `course_spacing`: courses per length.", None)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_spacing(cls, data: Any) -> Any:
-        return exclusive(data, ("wale_spacing", "wales"), ("course_spacing", "courses"))

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import difflib
-import json
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from warpknit.base.errors import SceneError
-from warpknit.scene.keys import Table, given_values, keys_below, keys_of
-from warpknit.scene.scene import SceneFile
-from warpknit.scene.units import shown
+from ..base.errors import SceneError
+from ..base.text import at_least, at_most
+from .keys import Key, Table, given_values, keys_below, keys_of
+from .scene import SceneFile
+from .units import shown
 
 Location = tuple[int | str, ...]
-WIRE_TABLES = {"wire", "wires"}  # easily taken for each other
 UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls an unknown key
 
 
@@ -40,25 +40,37 @@ def first_error(file: object, error: ValidationError) -> SceneError:
         if not any(other["loc"] == entry[: len(other["loc"])] for entry in places if entry != other["loc"])
         and not (item["type"] in UNKNOWN and other["type"] == "missing" and other["loc"][:-1] == location[:-1])
     ]
-    context = item.get("ctx", {})
-    given = shown(item["input"])
+    context, given = item.get("ctx", {}), shown(item["input"])
     match item["type"]:
         case "refused":
-            key = (*location, context["key"]) if "key" in context else location
-            wrong = f"{context.get('given', given)} {context['wrong']}"
-            return scene_error(file, dotted(key), wrong, context["instead"], more)
+            location = (*location, context["key"]) if "key" in context else location
+            wrong, instead = f"{context.get('given', given)} {context['wrong']}", context["instead"]
         case "unexpected_keyword_argument" | "invalid_key":
-            if (nested := _nested(location)) is not None:
-                return scene_error(file, dotted(location), "a table has no dotted keys", nested, more)
-            return unknown_key(file, location, more)
+            nested = _nested(location)
+            if nested is None:
+                return unknown_key(file, location, more)
+            wrong, instead = "a table has no dotted keys", nested
         case "missing":
-            return scene_error(file, dotted(location), "missing", f"write {_allowed_at(location)}", more)
-        case "tuple_type":
-            return scene_error(file, dotted(location), f"{given} is not a list", _list_at(location, item["input"]), more)
+            entry = _key_at(location)
+            allowed = "a list with at least one entry" if entry.is_list or entry.check is None else entry.check.allowed
+            wrong, instead = "missing", f"write {allowed}"
         case "too_short":
-            return scene_error(file, dotted(location), f"{given} is empty", "write at least one entry", more)
-        case _:
-            return scene_error(file, dotted(location), f"{given} is not a table", _table_in_words(location, item["input"]), more)
+            wrong, instead = f"{given} is empty", "write at least one entry"
+        case kind:
+            wrong = f"{given} is not a {'list' if kind == 'tuple_type' else 'table'}"
+            instead = f"write {_heading(location)}"
+    return scene_error(file, dotted(location), wrong, instead, more)
+
+
+def _heading(location: Location) -> str:
+    """How a file writes the table or the list at a location."""
+    table = location[:-1] if location and isinstance(location[-1], int) else location
+    if not table:
+        return "a table"
+    entry = _key_at(table)
+    if entry.table is None:
+        return "a list"
+    return f"a list of tables, [[{dotted(table)}]]" if entry.is_list else f"a table, [{dotted(table)}]"
 
 
 def unknown_key(file: object, location: Location, more: Sequence[str] = ()) -> SceneError:
@@ -68,11 +80,8 @@ def unknown_key(file: object, location: Location, more: Sequence[str] = ()) -> S
     above, below = location[: depth + 1], dotted(location[depth + 1 :])
     key, is_close = _nearest_key(above)
     nearest = key + ("." if below[:1] not in ("", "[") else "") + below
-    tables = {location[0], nearest.split(".")[0]}
-    note = " ([wire] is one wire, [wires] a file of wires)" if tables == WIRE_TABLES else ""
-    if not is_close:
-        table = dotted(above[:-1])
-        note += f"; {f'[{table}]' if table else 'a scene'} has {', '.join(_fields(above[:-1]))}"
+    table = dotted(above[:-1])
+    note = "" if is_close else f"; {f'[{table}]' if table else 'a scene'} has {', '.join(_fields(above[:-1]))}"
     return scene_error(file, dotted(location), "unknown key", f"the nearest is {nearest}{note}", more)
 
 
@@ -84,8 +93,10 @@ def unknown_depth(location: Location) -> int | None:
 
 def value_text(location: Sequence[int | str], value: Any) -> str:
     """A value in SI with its unit, also of an omitted key."""
-    entry = keys_of(_table_at(tuple(location[:-1]))).get(str(location[-1]))
-    return shown(value) if entry is None else entry.text(value)
+    try:
+        return _key_at(location).text(value)
+    except KeyError:
+        return shown(value)
 
 
 def dotted(location: Sequence[int | str]) -> str:
@@ -102,7 +113,7 @@ def dotted(location: Sequence[int | str]) -> str:
 def default_list(location: Sequence[int | str]) -> list[Any]:
     """The default of a list, as a file has it; empty for others and for unknown keys."""
     try:
-        default = keys_of(_table_at(tuple(location[:-1])))[str(location[-1])].default
+        default = _key_at(location).default
     except KeyError:
         return []
     if not isinstance(default, tuple):
@@ -110,17 +121,18 @@ def default_list(location: Sequence[int | str]) -> list[Any]:
     return [given_values(entry) if isinstance(entry, Table) else entry for entry in default]
 
 
-def required_keys(location: Sequence[int | str]) -> list[str]:
-    """The keys that a table at a location must have."""
-    return [name for name, entry in keys_of(_table_at(tuple(location))).items() if entry.default is MISSING]
-
-
 def known_keys() -> list[str]:
     """Every key of a scene file, dotted; an entry of a list of tables as list[0]."""
     return [name for name, _ in keys_below(SceneFile)]
 
 
-def _table_at(location: Location) -> type[Table]:
+def _key_at(location: Sequence[int | str]) -> Key:
+    """The key at a location; raises KeyError."""
+    return keys_of(table_at(tuple(location[:-1])))[str(location[-1])]
+
+
+def table_at(location: Location) -> type[Table]:
+    """Class of the table at a location, or of the tables in a list there."""
     table: type[Table] = SceneFile
     for part in location:
         if isinstance(part, str):
@@ -129,7 +141,7 @@ def _table_at(location: Location) -> type[Table]:
 
 
 def _fields(location: Location) -> list[str]:
-    return list(keys_of(_table_at(location)))
+    return list(keys_of(table_at(location)))
 
 
 OTHER_NAMES = {  # of finite element codes, and of papers
@@ -178,37 +190,6 @@ def _nested(location: Location) -> str | None:
     return f"write tables in each other, {opened}...{closed}, or override {key}"
 
 
-def _allowed_at(location: Location) -> str:
-    """Allowed values of a required key."""
-    entry = keys_of(_table_at(location[:-1]))[str(location[-1])]
-    return "a list with at least one entry" if entry.is_list or entry.check is None else entry.check.allowed
-
-
-def _list_at(location: Location, given: Any) -> str:
-    """Text to write for a list, also in place of a table."""
-    entry = keys_of(_table_at(location[:-1])).get(str(location[-1])) if location else None
-    if entry is None or entry.table is None:
-        return "write a list"
-    if isinstance(given, Mapping):
-        return f"write [[{dotted(location)}]] in place of [{dotted(location)}]"
-    return f"write a list of tables{_example(location, given)}"
-
-
-def _table_in_words(location: Location, given: Any) -> str:
-    """Text to write for a table, also in a list of tables."""
-    example = _example(location, given) if location and isinstance(location[-1], int) else ""
-    if example:
-        return f"write a table, as in a list of tables{example}"
-    return f"write a table, [{dotted(location)}]" if location and isinstance(location[-1], str) else "write a table"
-
-
-def _example(location: Location, given: Any) -> str:
-    """Example of a list of tables: its first key with the given value."""
-    first = next(iter(keys_of(_table_at(location)).values()))
-    text = first.default is MISSING and isinstance(given, str)
-    return f", [{{{first.name} = {json.dumps(given)}}}]" if text else ""
-
-
 def _one_line(text: str) -> str:
     return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
 
@@ -228,3 +209,12 @@ class Source:
                 return scene_error(self.path, dotted(location), f"{value_text(location, value)} {wrong}", instead)
             given = given[part]
         return scene_error(self.path, dotted(location), f"{shown(given)} {wrong}", instead)
+
+    def limit(
+        self, location: Location, value: float, wrong: str, *, least: float = -math.inf, most: float = math.inf, unit: str = "m"
+    ) -> None:
+        """Refuse a value beyond limits that follow from other values, all [SI unit]; wrong: such as "is above the radius"."""
+        if not least <= value <= most:
+            low, high = (None if math.isinf(end) else text(end, unit) for end, text in ((least, at_least), (most, at_most)))
+            instead = f"at least {low}" if high is None else f"at most {high}" if low is None else f"{low} to {high}"
+            raise self.refusal(location, value, wrong, f"write {instead}")

@@ -18,16 +18,16 @@ from typing import Any
 
 from pydantic_core import PydanticCustomError
 
-from warpknit.base.text import exact
-from warpknit.knit.lapping import KnitError
-from warpknit.knit.named import GuideBar, NamedKnit, named_knit
-from warpknit.scene.keys import Table, keys_of
-from warpknit.scene.knit import KnitTable
-from warpknit.scene.materials import MATERIALS
-from warpknit.scene.options import SIDES, ModelOptions, Stage
-from warpknit.scene.scene import SceneFile
-from warpknit.scene.units import QuantityError, has_unit, shown, si
-from warpknit.scene.wire import Plating, Wire
+from ..base.text import exact
+from ..knit.lapping import KnitError
+from ..knit.named import GuideBar, NamedKnit, named_knit
+from .keys import Table, keys_of
+from .knit import KnitTable
+from .materials import MATERIALS
+from .options import SIDES, ModelOptions, Stage
+from .scene import SceneFile
+from .units import QuantityError, has_unit, shown, si
+from .wire import Plating, Wire
 
 LOAD = "write a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
 PLATING = "write a metal and the thickness of its coating, such as 'gold, 0.2 um'"

@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from warpknit.base.text import celsius, either, exact
-from warpknit.scene import values
-from warpknit.scene.keys import Table, key
-from warpknit.scene.presets import DEFAULT_PRESET
-from warpknit.scene.units import shown
-from warpknit.scene.values import TREATMENTS, exclusive, refused
+from ..base.text import celsius, either, exact
+from . import values
+from .keys import Table, key
+from .presets import DEFAULT_PRESET
+from .units import shown
+from .values import TREATMENTS, refused
 
 AUTO = "auto"  # model.kind, resolved by capabilities.py; output.frames (solve/relax.py)
 DEFAULT_LEVELS = 20
@@ -260,7 +260,7 @@ class Pull(Table):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stage(Table):
+class Stage(Table, one_of=(("strain_weft", "tension_weft", "displacement"), ("strain_warp", "tension_warp", "displacement"))):
     """[load] and each [[path]]: one stage of the loading, by its final state. Missing keys are as in the load step before.
 
     Each direction is driven by strain or by tension; the other one is None. A hook is driven by `displacement` alone, which its
@@ -298,11 +298,6 @@ class Stage(Table):
     )
     pull: tuple[Pull, ...] = key("Displaced places of the edge.", None, left_out="none, then as in the previous load step")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _one_drive_a_direction(cls, data: Any) -> Any:
-        return exclusive(data, ("strain_weft", "tension_weft", "displacement"), ("strain_warp", "tension_warp", "displacement"))
-
     @property
     def by_tension(self) -> tuple[bool, bool]:
         """Whether weft and warp are driven by tension."""
@@ -331,7 +326,7 @@ class Stage(Table):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep(Table):
+class Sweep(Table, one_of=(("strain_weft", "tension_weft"), ("strain_warp", "tension_warp"))):
     """[sweep]: the grid of strains, or of tensions, that `warpknit map` runs."""
 
     strain_weft: Annotated[tuple[values.Strain, ...], Field(min_length=1)] | None = key(
@@ -348,7 +343,6 @@ class Sweep(Table):
     @model_validator(mode="before")
     @classmethod
     def _strains_or_tensions(cls, data: Any) -> Any:
-        data = exclusive(data, *((f"strain_{one}", f"tension_{other}") for one in SIDES for other in SIDES))
         if isinstance(data, dict):
             quantity = "tension" if any(f"tension_{side}" in data for side in SIDES) else "strain"
             for side in SIDES:

@@ -4,42 +4,16 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from warpknit.scene.messages import (
-    Location,
-    default_list,
-    dotted,
-    required_keys,
-    scene_error,
-    unknown_depth,
-    unknown_key,
-)
-from warpknit.scene.scene import Override, Overrides
-from warpknit.scene.units import shown
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from ..base import toml
+from .messages import Location, default_list, dotted, scene_error, table_at, unknown_depth, unknown_key
+from .scene import Override, Overrides
+from .units import shown
 
 DOTTED_KEY = "write one such as load.strain_warp or knit.bars[1].chain"
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
-
-# Alternative keys: an override of one removes the other from the file.
-RIVALS = {
-    "strain_weft": ("tension_weft",),
-    "tension_weft": ("strain_weft",),
-    "strain_warp": ("tension_warp",),
-    "tension_warp": ("strain_warp",),
-    "displacement": ("strain_weft", "tension_weft", "strain_warp", "tension_warp"),
-    "wale_spacing": ("wales",),
-    "wales": ("wale_spacing",),
-    "course_spacing": ("courses",),
-    "courses": ("course_spacing",),
-}
 
 
 def as_list(overrides: Overrides) -> list[Override]:
@@ -49,41 +23,30 @@ def as_list(overrides: Overrides) -> list[Override]:
     return list(overrides) if isinstance(overrides, Iterable) and not isinstance(overrides, str) else [overrides]
 
 
-def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> dict[str, Any]:
+def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> Mapping[str, Any]:
     """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
     made = as_written(table, file)
-    keys_set: set[tuple[int | str, ...]] = set()
-    added: dict[Location, Location] = {}  # entries of lists that are new, by the override that added each
+    keys_set: set[Location] = set()
     for override in as_list(overrides):
         key, value = _key_and_value(file, override)
         location = _location(file, key)
-        for entry in _set(file, made, location, value):
-            added[entry] = location
+        holder = _set(file, made, location, value)
         keys_set.add(location)
-        *above, last = location
-        if above and above[0] in ("load", "path", "knit", "sweep"):
-            holder = _at(made, above)
-            for rival in RIVALS.get(str(last), ()):
-                if (*above, rival) not in keys_set:
+        if isinstance(holder, dict):
+            for rival in _alternatives(location):
+                if (*location[:-1], rival) not in keys_set:
                     holder.pop(rival, None)
-    for entry, location in added.items():
-        _refuse_incomplete(file, made, entry, location)
     return made
 
 
-def _refuse_incomplete(file: object, table: Mapping[str, Any], entry: Location, location: Location) -> None:
-    """Refuse an override that adds an incomplete entry to a list: another entry was meant."""
-    here = _at(table, entry)
-    if not isinstance(here, Mapping) or unknown_depth(location) is not None:
-        return
-    if missing := [name for name in required_keys(entry) if name not in here]:
-        size = int(entry[-1])
-        name = f" {entry[-2]}" if str(entry[-2]).endswith("s") else " entries"
-        numbers = "0 and 1" if size == 2 else f"0 to {size - 1}"
-        there = "there is none" if size == 0 else "there is one, 0" if size == 1 else f"there are {size}{name}, {numbers}"
-        new = " and ".join(dotted((*entry, one)) for one in missing)
-        wrong = f"the entry does not exist ({there})"
-        raise scene_error(file, dotted(location), wrong, f"name one that exists, or set {new} of a new one")
+def _alternatives(location: Location) -> set[str]:
+    """The keys of which a key takes the place: their groups are its own, too."""
+    *above, last = location
+    if unknown_depth(location) is not None:
+        return set()
+    groups = table_at(tuple(above)).one_of
+    names = {name for group in groups if last in group for name in group if name != last}
+    return {name for name in names if all(last in group for group in groups if name in group)}
 
 
 def as_written(value: Any, file: object, location: Location = ()) -> Any:
@@ -121,13 +84,13 @@ def _key_and_value(file: object, override: Override) -> tuple[str, Any]:
 def _value(text: str) -> Any:
     """`text` as a TOML value, else as it stands."""
     try:
-        parsed = tomllib.loads(f"value = {text}")
+        parsed = toml.loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text
     return parsed["value"] if parsed.keys() == {"value"} else text
 
 
-def _location(file: object, key: object) -> tuple[int | str, ...]:
+def _location(file: object, key: object) -> Location:
     """knit.bars[1].chain or knit.bars.1.chain as ("knit", "bars", 1, "chain")."""
     parts: list[int | str] = []
     for piece in key.split(".") if isinstance(key, str) else [""]:
@@ -140,18 +103,11 @@ def _location(file: object, key: object) -> tuple[int | str, ...]:
     return tuple(parts)
 
 
-def _at(table: Any, location: Sequence[int | str]) -> Any:
-    for part in location:
-        table = table[part]
-    return table
-
-
-def _set(file: object, table: Any, location: Location, value: Any) -> list[Location]:
+def _set(file: object, table: Any, location: Location, value: Any) -> Any:
     """Set one value; tables on the way are made, a list starts from its default and grows by one entry at its end.
 
-    Returns the entries that are new.
+    Returns the table or the list that has the value.
     """
-    added: list[Location] = []
     for depth, part in enumerate(location):
         here = dotted(location[:depth])
         if isinstance(part, int):
@@ -159,12 +115,9 @@ def _set(file: object, table: Any, location: Location, value: Any) -> list[Locat
                 if unknown_depth(location[:depth]) is not None:
                     raise unknown_key(file, location)
                 size = len(table) if isinstance(table, list) else 0
-                wrong = f"the list has {size} {'entry' if size == 1 else 'entries'}"
-                instead = f"write {f'0 to {size - 1}, or ' if size else ''}{size} for a new entry"
-                raise scene_error(file, dotted(location[: depth + 1]), wrong, instead)
+                raise scene_error(file, dotted(location[: depth + 1]), f"the list has {size} entries", f"write 0 to {size}")
             if part == len(table):
                 table.append({})
-                added.append(location[: depth + 1])
         elif not isinstance(table, dict):
             instead = f"name an entry, such as {here}[0]" if isinstance(table, list) else f"set {here} itself"
             raise scene_error(file, dotted(location), f"{here} is {shown(table)}, not a table", instead)
@@ -175,4 +128,4 @@ def _set(file: object, table: Any, location: Location, value: Any) -> list[Locat
         else:
             is_list = isinstance(location[depth + 1], int)
             table = table.setdefault(part, as_written(default_list(location[: depth + 1]), file) if is_list else {})
-    return added
+    return table

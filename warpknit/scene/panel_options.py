@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit.base.errors import BadValue
-from warpknit.scene import values
-from warpknit.scene.keys import Table, as_object, key
-from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
-from warpknit.scene.units import DIMENSIONS, QuantityError, si
+from ..base.errors import BadValue
+from . import values
+from .keys import Table, as_object, key
+from .outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
+from .units import DIMENSIONS, QuantityError, si
 
 MOST_CORNERS = 1000  # of a polygon
 
@@ -89,34 +89,31 @@ class PanelTable(PanelOptions):
     )
 
 
-class PanelError(BadValue):
-    """Invalid combination of keys of [panel]."""
-
-
 def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
-    """The options of a checked table; a polygon's file is looked for in `folder`. Raises `PanelError`."""
+    """The options of a checked table; a polygon's file is looked for in `folder`. Raises `BadValue` with a key
+    of [panel]."""
     corners = None
     if table.outline == "polygon":
         if (table.corners is None) == (table.file is None):
             wrong = "a polygon without corners" if table.corners is None else "a polygon with corners and a file"
-            raise PanelError("outline", wrong, "write panel.corners or panel.file")
+            raise BadValue("outline", wrong, "write panel.corners or panel.file")
         key = "corners" if table.file is None else "file"
         found = table.corners if table.file is None else _read_corners(folder / table.file, table.file)
         corners = _checked_corners(key, list(found or ()))
     elif table.corners is not None or table.file is not None:
         key = "corners" if table.corners is not None else "file"
-        raise PanelError(key, f"has no effect with outline = {table.outline!r}", "leave it out, or write outline = 'polygon'")
+        raise BadValue(key, f"has no effect with outline = {table.outline!r}", "leave it out, or write outline = 'polygon'")
     sized = table.outline in ("hexagon", "triangle", "disc")
     if sized != (table.size is not None):
         wrong, instead = f"missing for outline = {table.outline!r}", "write a length"
         if not sized:
             wrong, instead = f"has no effect with outline = {table.outline!r}", "leave it out"
-        raise PanelError("size", wrong, instead)
+        raise BadValue("size", wrong, instead)
     if table.rotation and table.outline == "rectangle":
-        raise PanelError("rotation", "a rectangle is not turned", "leave it out, or write outline = 'polygon'")
+        raise BadValue("rotation", "a rectangle is not turned", "leave it out, or write outline = 'polygon'")
     if (table.grip_pitch is None) != (table.cord is None):
         missing = "cord" if table.cord is None else "grip_pitch"
-        raise PanelError(missing, "missing: between net nodes the edge hangs on its cord", "write both panel.cord and grip_pitch")
+        raise BadValue(missing, "missing: between net nodes the edge hangs on its cord", "write both panel.cord and grip_pitch")
     return as_object(PanelOptions, table, corners=corners)
 
 
@@ -125,12 +122,12 @@ def _checked_corners(key: str, corners: list[tuple[float, float]]) -> tuple[tupl
     if len(corners) > 1 and corners[0] == corners[-1]:
         corners = corners[:-1]
     if not 3 <= len(corners) <= MOST_CORNERS:
-        raise PanelError(key, f"has {len(corners)} corners", f"write 3 to {MOST_CORNERS}")
+        raise BadValue(key, f"has {len(corners)} corners", f"write 3 to {MOST_CORNERS}")
     points = np.array(corners)
     if not is_simple(points):
-        raise PanelError(key, "the outline crosses or touches itself", "write the corners in their order along the edge")
+        raise BadValue(key, "the outline crosses or touches itself", "write the corners in their order along the edge")
     if abs(signed_area(points)) < 1e-6 * float(np.ptp(points, axis=0).max()) ** 2:
-        raise PanelError(key, "the outline has no area", "write corners that are not on one line")
+        raise BadValue(key, "the outline has no area", "write corners that are not on one line")
     if signed_area(points) < 0.0:
         points = points[::-1]
     return tuple((float(x), float(y)) for x, y in points)
@@ -145,9 +142,9 @@ def _read_corners(path: Path, name: str) -> list[tuple[float, float]]:
             rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
     except OSError as error:
         wrong = f"{name!r} cannot be read ({(error.strerror or 'it is unreadable').lower()})"
-        raise PanelError("file", wrong, "name a CSV file beside the scene") from error
+        raise BadValue("file", wrong, "name a CSV file beside the scene") from error
     except (ValueError, csv.Error) as error:
-        raise PanelError("file", f"{name!r} is not text", instead) from error
+        raise BadValue("file", f"{name!r} is not text", instead) from error
     units = ["", ""]
     corners = []
     for number, row in enumerate(rows, start=1):
@@ -159,7 +156,7 @@ def _read_corners(path: Path, name: str) -> list[tuple[float, float]]:
             if number == 1 and len(row) == 2:
                 units = [cell[cell.find("[") + 1 : cell.rfind("]")] if "[" in cell else "" for cell in row]
                 continue
-            raise PanelError("file", f"{', '.join(row)[:40]!r} in line {number} of {name!r} is not a corner", instead) from error
+            raise BadValue("file", f"{', '.join(row)[:40]!r} in line {number} of {name!r} is not a corner", instead) from error
     return corners  # type: ignore[return-value]
 
 

@@ -10,9 +10,9 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, compatibility
-from warpknit.scene.keys import Key, keys_below, keys_of
-from warpknit.scene.scene import SceneFile
+from .capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, compatibility
+from .keys import Key, keys_below, keys_of
+from .scene import SceneFile
 
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
 SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))

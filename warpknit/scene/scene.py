@@ -16,13 +16,13 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from pydantic import TypeAdapter, model_validator
+from pydantic import TypeAdapter
 
-from warpknit.base.errors import SceneError
-from warpknit.base.text import exact
-from warpknit.scene.keys import Table, given_values, key, keys_of
-from warpknit.scene.knit import Hook, Knit, KnitTable
-from warpknit.scene.options import (
+from ..base.errors import SceneError
+from ..base.text import exact
+from .keys import Table, given_values, key, keys_of
+from .knit import Hook, Knit, KnitTable
+from .options import (
     GIVEN,
     VARIANT_LEVELS,
     Contact,
@@ -34,16 +34,16 @@ from warpknit.scene.options import (
     Sweep,
     Variants,
 )
-from warpknit.scene.panel_options import PanelOptions, PanelTable
-from warpknit.scene.presets import PRESETS, preset_like, tight_knits
-from warpknit.scene.units import si_text
-from warpknit.scene.values import Name, exclusive
-from warpknit.scene.wire import Wire
-from warpknit.scene.wire_file import WireArrays, WireFile, WiresTable
+from .panel_options import PanelOptions, PanelTable
+from .presets import COMPARED_NODES, MEASURED, PRESETS, Measured, Preset
+from .units import si_text
+from .values import Name
+from .wire import Wire
+from .wire_file import WireArrays, WireFile, WiresTable
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneFile(Table):
+class SceneFile(Table, one_of=(("knit", "hook", "wires"),)):
     """A whole scene file."""
 
     name: Name | None = key("Names the run and its directory.", None, left_out="the file's name without .toml")
@@ -61,11 +61,6 @@ class SceneFile(Table):
     variants: Variants = key("Number of meshes in the mean.", Variants())
     sweep: Sweep | None = key("Loads of `warpknit map`.", None)
     reflection: Reflection | None = key("Plane waves for the reflection loss.", None)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_kind_of_mesh(cls, data: Any) -> Any:
-        return exclusive(data, ("knit", "hook", "wires"))
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -206,14 +201,19 @@ class Scene:
         model, solver = self.model, self.solver
         if solver.drive != "relax" or not solver.multipliers or self.hook is not None or self.wires is not None:
             return None
-        numerics = (solver.axial_softening, solver.precision, solver.residual_tolerance)
-        return preset_like(model.kind, model.nodes_per_loop, *numerics)
+        numerics = Preset(model.nodes_per_loop, solver.axial_softening, solver.precision, solver.residual_tolerance)
+        return next((name for name, presets in PRESETS.items() if presets[model.kind, "relax"] == numerics), None)
+
+    @property
+    def preset_measured(self) -> Measured | None:
+        """Accuracy and cost of the preset in force; None without one."""
+        name = self.preset_in_force
+        return None if name is None else MEASURED[name, self.model.kind]
 
     @property
     def preset_error_percent(self) -> float | None:
         """[%] measured error of the preset in force; None without one."""
-        name = self.preset_in_force
-        return None if name is None else PRESETS[name].of(self.model.kind, self.solver.drive).error_percent
+        return None if self.preset_measured is None else self.preset_measured.error_percent
 
     @property
     def preset_error_text(self) -> str:
@@ -224,8 +224,13 @@ class Scene:
     @property
     def preset_caveat(self) -> str:
         """Sentence, without its point, on tight knits at the preset in force; or empty."""
-        name = self.preset_in_force
-        return "" if name is None else tight_knits(name, self.model.kind)
+        measured = self.preset_measured
+        if measured is None or measured.tight_error_percent is None:
+            return ""
+        return (
+            f"tight knits: tensions within {measured.tight_error_percent:g} % of preset reference at nine of ten loads, another"
+            f" equilibrium at the others; compare with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
+        )
 
     @property
     def depends_on_command(self) -> bool:

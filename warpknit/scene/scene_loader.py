@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -14,33 +13,24 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from warpknit.base.text import at_least, at_most, engineering, exact
-from warpknit.scene.capabilities import kind_of_model, refuse
-from warpknit.scene.keys import as_object
-from warpknit.scene.knit import Knit, KnitTable
-from warpknit.scene.materials import MATERIALS
-from warpknit.scene.messages import (
-    Source,
-    dotted,
-    first_error,
-    scene_error,
-)
-from warpknit.scene.options import TREATMENT_KEYS, Contact, ModelOptions, Solver, Variants
-from warpknit.scene.overrides import as_list, with_overrides
-from warpknit.scene.panel_options import PanelError, PanelOptions, covering_repeats, panel_options
-from warpknit.scene.presets import PRESETS, Preset
-from warpknit.scene.scene import Overrides, Scene, SceneFile, checked_file, resolved_toml
-from warpknit.scene.shipped import file_of_scene, nearest_scene
-from warpknit.scene.stages import file_diameter, hook_of, hook_stages, mesh_stages, wire_file
-from warpknit.scene.units import has_unit, is_quantity, shown
-from warpknit.scene.values import Links
-from warpknit.scene.wire import Wire
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
+from ..base import toml
+from ..base.errors import BadValue
+from ..base.text import at_least, engineering
+from .capabilities import kind_of_model, refuse
+from .keys import as_object
+from .knit import Knit, KnitTable
+from .materials import MATERIALS
+from .messages import Source, first_error, scene_error
+from .options import TREATMENT_KEYS, Contact, ModelOptions, Solver, Variants
+from .overrides import as_list, with_overrides
+from .panel_options import PanelOptions, covering_repeats, panel_options
+from .presets import PRESETS, Preset
+from .scene import Overrides, Scene, SceneFile, checked_file, resolved_toml
+from .shipped import file_of_scene, nearest_scene
+from .stages import file_diameter, hook_of, stages_of, wire_file
+from .units import has_unit, is_quantity, shown
+from .values import LINKS
+from .wire import Wire
 
 IN_CODE = Path("scene")  # names a scene that no file holds
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
@@ -50,8 +40,8 @@ VARIANTS = 16  # meshes of a spatial tile
 OF_THE_METAL = ("youngs_modulus", "poissons_ratio", "density", "expansion", "yield_stress", "tensile_strength")
 ASSUMED = (*(("wire", name) for name in OF_THE_METAL), ("contact", "friction"), ("variants", "count"))  # by default
 SINGLE_TOLERANCE = 1e-3  # least residual tolerance that single precision can meet
-_UNQUOTED = re.compile(r"""[=\[,]\s*([+-]?\d[^\s,"'#\]}]*[ \t]*[A-Za-zµμ°%/][^,"'#\]}]*)""")  # what may be a quantity
-_BARE_WORD = re.compile(r"=\s*(?!(?:true|false|inf|nan)\b)([A-Za-z][\w-]*)\s*(?:[,}#]|$)")  # text as a value
+_BARE_VALUE = re.compile(r"""[=\[,]\s*([^\s"'\[{][^,"'#\]}]*)""")
+_WORD = re.compile(r"(?!(?:true|false|inf|nan)$)[A-Za-z][\w-]*")
 
 
 def load_scene(
@@ -95,7 +85,7 @@ def load_scene(
 
 def _table_of(scene: Scene) -> dict[str, Any]:
     """The table of a scene with every default."""
-    table = tomllib.loads(resolved_toml(scene))
+    table = toml.loads(resolved_toml(scene))
     if scene.wires is not None:
         table["wires"]["file"] = scene.wires.file
     return table
@@ -111,10 +101,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
     path, expected = (IN_CODE, "give a scene in TOML") if is_text else (file_of_scene(Path(source)), "give a scene file in TOML")
     try:
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
-        return path, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        fault, quoted = _toml_fault(text, str(error))
-        raise scene_error(path, "", f"invalid TOML ({fault})", quoted or expected) from error
+        return path, toml.loads(text)
     except OSError as error:
         wrong = "a directory" if path.is_dir() else (error.strerror or "unreadable").lower()
         name = nearest_scene(path)
@@ -124,19 +111,17 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
         wrong = f"a byte that is not UTF-8 ({error.object[error.start]:#x})"
         raise scene_error(path, "", wrong, "save the file as UTF-8") from error
     except (ValueError, RecursionError) as error:
-        raise scene_error(path, "", f"invalid TOML ({error})", expected) from error
+        fault, quoted = _unquoted(text, str(error))
+        raise scene_error(path, "", f"invalid TOML ({fault})", quoted or expected) from error
 
 
-def _toml_fault(text: str, fault: str) -> tuple[str, str]:
-    """Fault of a text that is not TOML; remedy for missing quotes."""
-    place = re.search(r"at line (\d+)", fault)
-    lines = text.splitlines()
+def _unquoted(text: str, fault: str) -> tuple[str, str]:
+    """Fault of a text that is not TOML; remedy for a word or a quantity without quotes."""
+    place, lines = re.search(r"at line (\d+)", fault), text.splitlines()
     if place is not None and int(place[1]) <= len(lines):
-        for quantity in map(str.strip, _UNQUOTED.findall(lines[int(place[1]) - 1])):
-            if is_quantity(quantity):
-                return f"line {place[1]}: {quantity} without quotes", f'write "{quantity}"'
-        if word := _BARE_WORD.search(lines[int(place[1]) - 1]):
-            return f"line {place[1]}: {word[1]} without quotes", f'write "{word[1]}"'
+        for value in map(str.strip, _BARE_VALUE.findall(lines[int(place[1]) - 1])):
+            if _WORD.fullmatch(value) or (is_quantity(value) and has_unit(value)):
+                return f"line {place[1]}: {value} without quotes", f'write "{value}"'
     return fault, ""
 
 
@@ -174,13 +159,9 @@ def make_scene(
     elif wires is not None:
         knit = _nothing_knitted(file, wires.loop_size)
     assert knit is not None
-    numerics = PRESETS[file.solver.preset].of(file.model.kind, file.solver.drive)
+    numerics = PRESETS[file.solver.preset][file.model.kind, file.solver.drive]
     if wires is not None:
         numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
-    if hook is not None:
-        stages = tuple(hook_stages(source, file, wire, hook))
-    else:
-        stages = tuple(mesh_stages(source, file, wire, knit, panel))
     return Scene(
         name=file.name or path.stem,
         path=path,
@@ -190,7 +171,7 @@ def make_scene(
         wires=wires,
         model=_model(source, file.model, wire, numerics),
         panel=panel,
-        stages=stages,
+        stages=tuple(stages_of(source, file, wire, knit, panel, hook)),
         contact=_contact(source, file, wire),
         solver=_solver(source, file, numerics, wire.diameter / knit.wale_spacing),
         output=file.output,
@@ -218,7 +199,7 @@ def _bare_temperatures(table: Mapping[str, Any]) -> Iterator[float]:
 def _even_chains(table: Mapping[str, Any], knit: Knit) -> Iterator[str]:
     """Chains in even numbers, with the same chains in needles."""
     for given, bar in zip(table.get("knit", {}).get("bars", ()), knit.bars, strict=False):
-        if (chain := Links()(given["chain"])) != bar.chain:
+        if (chain := LINKS(given["chain"])) != bar.chain:
             yield f"{chain} as {bar.chain}"
 
 
@@ -229,12 +210,11 @@ def _wire(source: Source, table: Wire) -> Wire:
     if table.hardness is None:
         left_out["hardness"] = surface.hardness
     wire = replace(table, **left_out)
-    if wire.yield_stress > wire.tensile_strength:
-        instead = f"write at most {exact(wire.tensile_strength, 'Pa')}"
-        raise source.refusal(("wire", "yield_stress"), wire.yield_stress, "is above the tensile strength", instead)
-    if wire.plating is not None and wire.plating.thickness > wire.radius:
-        instead = f"write at most {at_most(wire.radius, 'm')}"
-        raise source.refusal(("wire", "plating", "thickness"), wire.plating.thickness, "is above the radius of the wire", instead)
+    wrong = "is above the tensile strength"
+    source.limit(("wire", "yield_stress"), wire.yield_stress, wrong, most=wire.tensile_strength, unit="Pa")
+    if wire.plating is not None:
+        location = ("wire", "plating", "thickness")
+        source.limit(location, wire.plating.thickness, "is above the radius of the wire", most=wire.radius)
     return wire
 
 
@@ -282,18 +262,16 @@ def _nothing_knitted(file: SceneFile, scale: float) -> Knit:
 def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) -> ModelOptions:
     nodes = numerics.nodes_per_loop if table.nodes_per_loop is None else table.nodes_per_loop
     radius = wire.diameter / 8 if table.body_radius is None else table.body_radius
-    if radius > wire.diameter:
-        wrong = "is above the diameter of the wire"
-        raise source.refusal(("model", "body_radius"), radius, wrong, f"write at most {exact(wire.diameter, 'm')}")
+    source.limit(("model", "body_radius"), radius, "is above the diameter of the wire", most=wire.diameter)
     return replace(table, nodes_per_loop=nodes, body_radius=radius)
 
 
 def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     """[contact] with the defaults of its treatment; what the treatment does not have is None."""
     table = file.contact
-    if table.ring_radius is not None and table.ring_radius < wire.radius:
+    if table.ring_radius is not None:
         wrong = "is below the radius of the wires, which pass through the ring"
-        raise source.refusal(("contact", "ring_radius"), table.ring_radius, wrong, f"write at least {at_least(wire.radius, 'm')}")
+        source.limit(("contact", "ring_radius"), table.ring_radius, wrong, least=wire.radius)
     defaults: dict[str, Any] = {
         "friction": file.model.of_kind.friction,
         "spring_stiffness": 1e-3,
@@ -320,10 +298,9 @@ def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:
 
 def _panel(source: Source, file: SceneFile) -> PanelOptions:
     try:
-        panel = panel_options(file.panel, source.path.parent)
-    except PanelError as error:
-        raise scene_error(source.path, dotted(("panel", error.key)), error.wrong, error.instead) from error
-    return panel
+        return panel_options(file.panel, source.path.parent)
+    except BadValue as error:
+        raise scene_error(source.path, f"panel.{error.key}", error.wrong, error.instead) from error
 
 
 def _solver(source: Source, file: SceneFile, numerics: Preset, slenderness: float) -> Solver:

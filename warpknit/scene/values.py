@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
-from warpknit.base.text import either, exact
-from warpknit.scene.materials import MATERIALS
-from warpknit.scene.presets import PRESETS
-from warpknit.scene.units import DIMENSIONS, QuantityError, has_unit, shown, si, tidy
-
-T = TypeVar("T")
+from ..base.text import either, exact
+from .materials import MATERIALS
+from .presets import PRESETS
+from .units import DIMENSIONS, QuantityError, has_unit, shown, si, tidy
 
 
 def refused(wrong: str, instead: str, **context: Any) -> PydanticCustomError:
@@ -30,6 +28,7 @@ class ValueCheck:
     """A callable value -> checked value, with `allowed`: the allowed values, in words."""
 
     allowed: str
+    example: str
 
     @property
     def instead(self) -> str:
@@ -39,6 +38,13 @@ class ValueCheck:
     def refusal(self, wrong: str = "cannot be used", hint: str = "") -> PydanticCustomError:
         """The error for a value; `hint` is added to what to write."""
         return refused(wrong, self.instead + hint)
+
+    def entry(self, check: Callable[[Any], Any], value: Any) -> Any:
+        """An entry of the value, checked by itself; errors are reported for the whole value."""
+        try:
+            return check(value)
+        except PydanticCustomError as error:
+            raise self.refusal(f"has {shown(value)}, which {(error.context or {})['wrong']}") from error
 
     def __call__(self, value: Any) -> Any:
         raise NotImplementedError
@@ -54,11 +60,11 @@ class Quantity(ValueCheck):
     most: float | None = None  # inclusive upper bound [SI]
     usual: str = ""  # a usual value, where the example of the dimension is none
     bare_least: float | None = None  # smallest bare number [SI]: below it a forgotten unit is likelier
-    hint: str = ""  # added where a value is refused, unless its unit or the lack of one is the fault
+    hint: str = ""  # added where a value is refused
     no_change: bool = False  # whether a text that begins with + is refused: it means a change of the value
 
     @property
-    def example(self) -> str:
+    def example(self) -> str:  # type: ignore[override]
         """A usual value, as written in a scene file."""
         return f"'{self.usual}'" if self.usual else DIMENSIONS[self.dimension].example
 
@@ -83,45 +89,42 @@ class Quantity(ValueCheck):
         if self.no_change and isinstance(value, str) and value.lstrip().startswith("+"):
             raise self.refusal("is a change", self.hint)
         bare = f" (a bare number is in {kind.unit})" if kind.unit and (not isinstance(value, str) or not has_unit(value)) else ""
-        if self.above is not None and number <= self.above:
-            raise self.refusal(f"is not above {exact(self.above, kind.unit)}{bare}", self.hint)
-        if self.least is not None and number < self.least:
-            raise self.refusal(f"is below {exact(self.least, kind.unit)}{bare}", self.hint)
-        if self.most is not None and number > self.most:
-            raise self.refusal(f"is above {exact(self.most, kind.unit)}{bare}", self.hint)
+        for passed, bound, is_passed in (
+            ("not above", self.above, float.__le__),
+            ("below", self.least, float.__lt__),
+            ("above", self.most, float.__gt__),
+        ):
+            if bound is not None and is_passed(number, bound):
+                raise self.refusal(f"is {passed} {exact(bound, kind.unit)}{bare}", self.hint)
         if bare and self.bare_least is not None and number < self.bare_least:
             raise self.refusal(f"has no unit{bare}", self.hint)
         return number
 
 
 @dataclass(frozen=True)
-class Unit(ValueCheck):
-    """A length that is one unit of a file, or its name; in SI."""
-
-    allowed: str = "a length above 0 m, such as 'mm' or '25.4 mm'"
+class Unit(Quantity):
+    """A quantity that is one unit of a file, or the name of this unit."""
 
     def __call__(self, value: Any) -> float:
-        try:
-            number = si(f"1 {value}" if isinstance(value, str) and not value[:1].isdigit() else value, "length")
-        except QuantityError as error:
-            raise self.refusal("is not a unit of length") from error
-        if number <= 0.0:
-            raise self.refusal("is not above 0 m")
-        return number
+        return super().__call__(f"1 {value}" if isinstance(value, str) and not value[:1].isdigit() else value)
 
 
 @dataclass(frozen=True)
 class Integer(ValueCheck):
-    """A whole number within bounds. `true` and 2.0 are not whole numbers."""
+    """A whole number within bounds, or a word. `true` and 2.0 are not whole numbers."""
 
     least: int
     most: int
+    word: str = ""
+    example = "1"
 
     @property
     def allowed(self) -> str:  # type: ignore[override]
-        return f"a whole number from {self.least} to {self.most}"
+        return f"{f'{self.word!r} or ' if self.word else ''}a whole number from {self.least} to {self.most}"
 
-    def __call__(self, value: Any) -> int:
+    def __call__(self, value: Any) -> int | str:
+        if isinstance(value, str) and value and value == self.word:
+            return value
         if isinstance(value, bool) or not isinstance(value, int):
             raise self.refusal("is not a whole number")
         if not self.least <= value <= self.most:
@@ -130,57 +133,20 @@ class Integer(ValueCheck):
 
 
 @dataclass(frozen=True)
-class Frames(Integer):
-    """A number of load levels, or the word for automatic ones."""
-
-    @property
-    def allowed(self) -> str:  # type: ignore[override]
-        return f"'auto' or a whole number from {self.least} to {self.most}"
-
-    def __call__(self, value: Any) -> int | str:  # type: ignore[override]
-        return value if isinstance(value, str) and value == "auto" else super().__call__(value)
-
-
-def both(pair: ValueCheck, each: Callable[[Any], T], value: Any) -> tuple[T, T]:
-    """The two values of a pair, each checked by itself; errors are reported for the pair."""
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise pair.refusal("is not a pair")
-    found = []
-    for one in value:
-        try:
-            found.append(each(one))
-        except PydanticCustomError as error:
-            raise pair.refusal(f"has {shown(one)}, which {(error.context or {})['wrong']}") from error
-    return found[0], found[1]
-
-
-@dataclass(frozen=True)
-class IntegerPair(ValueCheck):
-    """Two whole numbers, one for weft and one for warp."""
-
-    each: Integer
-
-    @property
-    def allowed(self) -> str:  # type: ignore[override]
-        return f"two whole numbers from {self.each.least} to {self.each.most}, such as [7, 6]"
-
-    def __call__(self, value: Any) -> tuple[int, int]:
-        return both(self, self.each, value)
-
-
-@dataclass(frozen=True)
 class Pair(ValueCheck):
-    """Two quantities, one for weft and one for warp."""
+    """Two values, one for weft and one for warp."""
 
-    each: Quantity
+    each: ValueCheck
 
     @property
     def allowed(self) -> str:  # type: ignore[override]
         example = self.each.example
         return f"a pair, each {self.each.allowed.partition(', such')[0]}, such as [{example}, {example}]"
 
-    def __call__(self, value: Any) -> tuple[float, float]:
-        return both(self, self.each, value)
+    def __call__(self, value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise self.refusal("is not a pair")
+        return tuple(self.entry(self.each, one) for one in value)
 
 
 @dataclass(frozen=True)
@@ -192,10 +158,10 @@ class Frequencies(ValueCheck):
 
     def __call__(self, value: Any) -> tuple[float, ...]:
         if isinstance(value, str):
-            return self._range(value) if " to " in value else (self._checked(value),)
+            return self._range(value) if " to " in value else (self.entry(self.each, value),)
         if not isinstance(value, list | tuple) or not value:
             raise self.refusal("is neither a list nor a range")
-        return tuple(sorted({self._checked(one) for one in value}))
+        return tuple(sorted({self.entry(self.each, one) for one in value}))
 
     def _range(self, text: str) -> tuple[float, ...]:
         """The frequencies of a text "FIRST to LAST, COUNT"; the first one may leave out its unit."""
@@ -203,47 +169,29 @@ class Frequencies(ValueCheck):
         if found is None or not 2 <= (count := int(found[3])):
             raise self.refusal("is not a range of at least 2 frequencies")
         first = found[1] if has_unit(found[1]) else f"{found[1]} {found[2].split()[-1]}"
-        low, high = self._checked(first), self._checked(found[2])
+        low, high = self.entry(self.each, first), self.entry(self.each, found[2])
         return tuple(tidy(low + (high - low) * step / (count - 1)) for step in range(count))
-
-    def _checked(self, value: Any) -> float:
-        try:
-            return self.each(value)
-        except PydanticCustomError as error:
-            raise self.refusal(f"has {shown(value)}, which {(error.context or {})['wrong']}") from error
 
 
 @dataclass(frozen=True)
 class Choice(ValueCheck):
-    """One of a few words."""
+    """One of a few words, or true or false."""
 
-    options: tuple[str, ...]
+    options: tuple[str | bool, ...]
 
     @property
     def allowed(self) -> str:  # type: ignore[override]
-        return ", ".join(map(repr, self.options))
+        return ", ".join(map(shown, self.options))
 
     @property
     def instead(self) -> str:
-        return f"write {either([repr(option) for option in self.options])}"
+        return f"write {either([shown(option) for option in self.options])}"
 
-    def __call__(self, value: Any) -> str:
-        if not isinstance(value, str) or value not in self.options:
+    def __call__(self, value: Any) -> str | bool:
+        found = next((option for option in self.options if type(option) is type(value) and option == value), None)
+        if found is None:
             raise self.refusal("is unknown")
-        return value
-
-
-@dataclass(frozen=True)
-class Switch(ValueCheck):
-    """true or false."""
-
-    allowed: str = "true, false"
-    instead: str = "write true or false"
-
-    def __call__(self, value: Any) -> bool:
-        if not isinstance(value, bool):
-            raise self.refusal("is neither true nor false")
-        return value
+        return found
 
 
 @dataclass(frozen=True)
@@ -259,32 +207,14 @@ class Text(ValueCheck):
         return value
 
 
-@dataclass(frozen=True)
-class Links(ValueCheck):
+class Links(Text):
     """A chain of links a-b, without spaces and without the final //."""
 
-    allowed: str = "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'"
-
     def __call__(self, value: Any) -> str:
-        text = re.sub(r"\s", "", value).removesuffix("//") if isinstance(value, str) else ""
-        if three := re.search(r"(?<![\d-])(\d+-\d+)-\d+(?![\d-])", text):
-            wrong = f"has three numbers in one link ({three[0]})"
-            raise refused(wrong, f"write {three[1]}")
-        if not isinstance(value, str) or not re.fullmatch(r"[0-9]{1,4}-[0-9]{1,4}(/[0-9]{1,4}-[0-9]{1,4})*", text):
-            raise self.refusal()
-        return text
-
-
-def exclusive(data: Any, *groups: tuple[str, ...]) -> Any:
-    """Refuse two keys of one group in the raw table `data`."""
-    for group in groups:
-        given = [key for key in group if isinstance(data, dict) and key in data]
-        if len(given) > 1:
-            first, second = given[:2]
-            other = f"[{first}]" if isinstance(data[first], dict) else f"{first} = {shown(data[first])}"
-            wrong = f"cannot be combined with {other}"
-            raise refused(wrong, f"leave out one of {', '.join(group)}", key=second, given=shown(data[second]))
-    return data
+        text = re.sub(r"\s", "", value).removesuffix("//") if isinstance(value, str) else value
+        if isinstance(text, str) and (three := re.search(r"(?<![\d-])(\d+-\d+)-\d+(?![\d-])", text)):
+            raise refused(f"has three numbers in one link ({three[0]})", f"write {three[1]}")
+        return super().__call__(text)
 
 
 def proportion(least: float, most: float) -> BeforeValidator:
@@ -300,7 +230,7 @@ LoopLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usua
 EdgeLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="20 mm"))]
 PanelLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="0.5 m"))]
 ThinLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, most=0.01))]
-LengthUnit = Annotated[float, BeforeValidator(Unit())]
+LengthUnit = Annotated[float, BeforeValidator(Unit("length", above=0.0, usual="mm"))]
 Period = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", above=0.0, usual="3.4 mm")))]
 Number = Annotated[float, BeforeValidator(Quantity("number"))]
 SignedLength = Annotated[float, BeforeValidator(Quantity("length", usual="1.2 mm"))]
@@ -344,20 +274,23 @@ Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=10
 Share = Annotated[float, BeforeValidator(Quantity("number", least=0.05, most=1.0))]
 Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
 Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e12))]
-Flag = Annotated[bool, BeforeValidator(Switch())]
+Flag = Annotated[bool, BeforeValidator(Choice((True, False)))]
 Ends = Annotated[int, BeforeValidator(Integer(1, 1000))]
 VariantCount = Annotated[int, BeforeValidator(Integer(1, 1000))]
 Shift = Annotated[int, BeforeValidator(Integer(-1000, 1000))]
 Seed = Annotated[int, BeforeValidator(Integer(0, 2**32 - 1))]
-Repeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10**9)))]
-WireRepeats = Annotated[tuple[int, int], BeforeValidator(IntegerPair(Integer(1, 10_000)))]
+Repeats = Annotated[tuple[int, int], BeforeValidator(Pair(Integer(1, 10**9)))]
+WireRepeats = Annotated[tuple[int, int], BeforeValidator(Pair(Integer(1, 10_000)))]
 NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
 StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
-FrameCount = Annotated[int | str, BeforeValidator(Frames(1, 100_000))]
+FrameCount = Annotated[int | str, BeforeValidator(Integer(1, 100_000, "auto"))]
 FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
 TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
 PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]
-Chain = Annotated[str, BeforeValidator(Links())]
+LINKS = Links(
+    r"[0-9]{1,4}-[0-9]{1,4}(/[0-9]{1,4}-[0-9]{1,4})*", "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'"
+)
+Chain = Annotated[str, BeforeValidator(LINKS)]
 Threading = Annotated[
     str,
     BeforeValidator(

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from warpknit.scene import values
-from warpknit.scene.keys import Table, key
-from warpknit.scene.materials import MATERIALS
+from . import values
+from .keys import Table, key
+from .materials import MATERIALS
 
 ROOM_TEMPERATURE = 293.15  # [K]
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from warpknit.base.errors import BadValue
-from warpknit.base.text import either
-from warpknit.scene import values
-from warpknit.scene.keys import Table, key
+from ..base.errors import BadValue
+from ..base.text import either
+from . import values
+from .keys import Table, key
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")

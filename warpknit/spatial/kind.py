@@ -14,7 +14,6 @@ from ..knit.cloth import Cloth
 from ..knit.lapping import KnitError
 from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
 from ..scene import Scene
-from ..scene.presets import PRESETS
 from ..wires.centre_lines import Wires
 from ..wires.overlaps import CLOSEST, find_overlaps
 from .convergence import parting_text
@@ -57,8 +56,7 @@ def accuracy(scene: Scene) -> str:
     """Expected error of the settings of the scene."""
     if scene.hook is not None or scene.wires is not None:
         return "accuracy not measured on such wires; compare two values of model.nodes_per_loop"
-    if (name := scene.preset_in_force) is not None:
-        preset = PRESETS[name].of("spatial", scene.solver.drive)
+    if (preset := scene.preset_measured) is not None:
         more = f"; {scene.preset_caveat}" if scene.preset_caveat else ""
         return (
             f"{scene.preset_error_text}{more};"

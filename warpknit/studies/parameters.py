@@ -42,7 +42,7 @@ class Point:
 def reference_points(finest: Sequence[int], tolerance: float) -> list[Point]:
     """Reference runs: double precision, tightest tolerance, the finest first."""
     fixed = (("solver.precision", "double"), ("solver.residual_tolerance", tolerance), ("solver.drive", "relax"))
-    softening = ("solver.axial_softening", PRESETS["reference"].axial_softening)
+    softening = ("solver.axial_softening", PRESETS["reference"]["planar", "relax"].axial_softening)
     return [Point("reference", "", (("model.nodes_per_loop", n), *fixed, softening)) for n in finest]
 
 
@@ -54,7 +54,7 @@ def preset_points(base: Model) -> list[Point]:
             ("model.nodes_per_loop", preset.nodes_per_loop), ("solver.axial_softening", preset.axial_softening),
             ("solver.residual_tolerance", preset.residual_tolerance),
         ), preset=name)
-        for name, preset in ((name, preset.of(base.scene.model.kind, drive)) for name, preset in PRESETS.items())
+        for name, preset in ((name, presets[base.scene.model.kind, drive]) for name, presets in PRESETS.items())
     ]  # fmt: skip
 
 
