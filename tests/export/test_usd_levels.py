@@ -219,19 +219,3 @@ def test_sheet_moves_with_the_mean() -> None:
     corner = vertices[sheet.face_vertices][:, :, :2]
     a, b = corner[:, 1] - corner[:, 0], corner[:, 3] - corner[:, 0]
     assert np.allclose(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.linalg.det(deformation))
-
-
-def test_resumed_stage_is_the_one_of_a_whole_run(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
-    """Tiles and sheet are taken up from the first frame: the same bytes of frames as without a break."""
-    options = {"points_per_tile": 100, "full_every": 2}
-    write(tmp_path / "whole", layout, frames, **options)
-    write(tmp_path / "broken", layout, frames[:2], close=False, **options)
-    write(tmp_path / "broken", layout, frames[2:], resume=True, **options)
-    for name in ("frames/wires.000002.usdc", "frames/wires.000003.usdc", "wires.topology.usdc", "scene.usda"):
-        assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
-
-
-def test_resume_starts_behind_the_last_frame_that_is_whole(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
-    write(tmp_path, layout, frames[:3], close=False)
-    (tmp_path / "frames" / "wires.000001.usdc").unlink()
-    assert write(tmp_path, layout, frames[3:], resume=True).frames == (0, 3)

@@ -1,7 +1,7 @@
 """Cost of writing USD: speed beside `numpy.tofile`, and slow-down of the steps.
 
 Write speed: frames of a gripped panel go through `StageWriter`, and the same number of bytes through `numpy.tofile` with
-fsync, in turns. Slowdown: stretches of steps with a frame handed over to the writer process before each, in turns with
+fsync, in turns. Slowdown: stretches of steps with a frame handed over to the writing thread before each, in turns with
 stretches without; what the writer has not finished by the end of a stretch is waited for, and not counted. On a machine
 that others use too, `slowdown_by_processor_time` is the steadier number: what handing over and writing a frame take of
 the processors, over what the steps take.
@@ -23,11 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 
 from warpknit import measure
+from warpknit.export.frame_files import FrameFiles
 from warpknit.export.usd.writer import StageWriter
-from warpknit.export.writer_process import StageOptions, WriterProcess
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
@@ -47,11 +46,11 @@ def panel(nodes: int) -> Model:
     return build_model(load_scene(PANEL, [f"knit.repeats=[{side}, {side}]"]), "cpu")
 
 
-def options(model: Model) -> StageOptions:
+def stage_writer(model: Model, place: Path) -> StageWriter:
     scene = model.scene
-    return StageOptions(
-        scene_name=scene.name, scene_hash=scene.hash, version="bench", colour_stress_max=scene.wire.yield_stress,
-        full_every=1, points_per_tile=scene.output.usd_points_per_tile,
+    return StageWriter(
+        place, model.layout(), scene_name=scene.name, scene_hash=scene.hash, version="bench",
+        colour_stress_max=scene.wire.yield_stress, points_per_tile=scene.output.usd_points_per_tile,
     )  # fmt: skip
 
 
@@ -73,17 +72,15 @@ def folder(on: Path | None) -> Iterator[Path]:
 
 def write_speed(model: Model, *, frames: int, rounds: int, on: Path | None) -> dict[str, Any]:
     """Seconds a frame through USD and through tofile, the median of the rounds."""
-    frame, layout = frame_of(model, initial_state(model), 0), model.layout()
+    frame = frame_of(model, initial_state(model), 0)
     usd, floor, sizes, processor = [], [], [0], []
     for _ in range(rounds):
         with folder(on) as place:
-            writer = StageWriter(place, layout, **vars(options(model)), streaming=True)
+            writer = stage_writer(model, place)
             writer.add_frame(frame)
-            writer.flush()
             begin, used = time.perf_counter(), time.process_time()
             for index in range(1, frames + 1):
                 writer.add_frame(dataclasses.replace(frame, index=index))
-            writer.flush()
             usd.append((time.perf_counter() - begin) / frames)
             processor.append((time.process_time() - used) / frames)
             sizes = [path.stat().st_size for path in sorted((place / "frames").iterdir())[1:]]
@@ -110,39 +107,34 @@ def slowdown(model: Model, *, frames: int, steps: int, threads: int, on: Path | 
     stepper = Stepper(model, state, threads=threads)
     frame = frame_of(model, state, 0)
     stepper.step(50)
-    with folder(on) as place:
-        model.layout().save(place / "layout.npz")
-        with WriterProcess(place, model.layout(), options(model)) as writer:
-            writer.add_frame(frame)
+    with folder(on) as place, FrameFiles(place, model.layout(), stage_writer(model, place)) as writer:
+        writer.add_frame(frame)
+        writer.flush()
+        plain, handed, late = [], [], []
+        stepping = writing = 0.0  # [s] of processor time
+        for index in range(1, frames + 1):
+            begin, used = time.perf_counter(), time.process_time()
+            stepper.step(steps)
+            plain.append(time.perf_counter() - begin)
+            alone = time.process_time() - used
+            begin, used = time.perf_counter(), time.process_time()
+            writer.add_frame(dataclasses.replace(frame, index=index))
+            stepper.step(steps)
+            handed.append(time.perf_counter() - begin)
+            begin = time.perf_counter()
             writer.flush()
-            plain, handed, busy, late = [], [], [], []
-            stepping = handing = 0.0  # [s] of processor time
-            process = psutil.Process(writer.pid)
-            before = sum(process.cpu_times()[:2])
-            for index in range(1, frames + 1):
-                begin, used = time.perf_counter(), time.process_time()
-                stepper.step(steps)
-                plain.append(time.perf_counter() - begin)
-                stepping += time.process_time() - used
-                begin, used = time.perf_counter(), time.process_time()
-                writer.add_frame(dataclasses.replace(frame, index=index))
-                busy.append(time.perf_counter() - begin)
-                handing += time.process_time() - used
-                stepper.step(steps)
-                handed.append(time.perf_counter() - begin)
-                begin = time.perf_counter()
-                writer.flush()
-                late.append(time.perf_counter() - begin)
-            writing = sum(process.cpu_times()[:2]) - before
-            writer.close(complete=True)
-            shutil.rmtree(place / "frames")
+            late.append(time.perf_counter() - begin)
+            stepping += alone
+            writing += time.process_time() - used - alone
+        writer.close(complete=True)
+        shutil.rmtree(place / "frames")
     return {
         "case": "usd slowdown", "nodes": model.panel.node_count, "frames": frames, "steps_a_frame": steps, "threads": threads,
         "steps_s": statistics.median(plain), "steps_and_frame_s": statistics.median(handed),
-        "hand_over_s": statistics.median(busy), "waited_for_s": statistics.median(late),
+        "waited_for_s": statistics.median(late),
         "slowdown": statistics.median(h / p for h, p in zip(handed, plain, strict=True)) - 1.0,
         "writer_processor_s_a_frame": writing / frames,
-        "slowdown_by_processor_time": (handing + writing) / stepping,
+        "slowdown_by_processor_time": writing / stepping,
     }  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from ..base.files import write_table
 from ..compute.memory import available_memory
 from ..measure import MeshModel
 from ..measure.table import Record
-from ..results.frame import Frame, WireLayout, state_file
+from ..results.frame import Frame, WireLayout, drawn_layout, state_file
 from ..results.row import Columns, Row, write_json
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
@@ -33,7 +33,7 @@ from .summary import Estimate, PanelValues, Summary, cord_summary, report_panel,
 from .variants import Means
 
 if TYPE_CHECKING:
-    from ..export.writer_process import FrameWriter
+    from ..export.frame_files import FrameFiles
 
 RECORD_MEMORY = 400  # bytes a node for writing a record: the frame and its tables
 NEEDED_TO_GO_ON = "checkpoint", "variants"  # of an unfinished run
@@ -42,14 +42,18 @@ RESERVED_DISK = 64 * 2**10  # [bytes] reserved for summary.json in case the disk
 ErrorEstimator = Callable[[Record], Estimate]
 
 
-def open_frames(scene: Scene, layout: WireLayout | None, out: Path, *, resume: bool, hold: int | None) -> FrameWriter:
-    """Writer of the recorded states of a run; one that writes nothing without a layout."""
+def open_frames(scene: Scene, layout: WireLayout, out: Path) -> FrameFiles:
+    """Writer of the recorded states of a run."""
     from .. import __version__
-    from ..export.writer_process import FrameWriter, StageOptions, frame_writer
+    from ..export.frame_files import FrameFiles
 
-    if layout is None:
-        return FrameWriter()
-    stage = StageOptions(
+    if not scene.output.usd:
+        return FrameFiles(out, layout, None)
+    from ..export.usd.writer import StageWriter
+
+    stage = StageWriter(
+        out,
+        drawn_layout(layout),
         scene_name=scene.name,
         scene_hash=scene.hash,
         version=__version__,
@@ -57,7 +61,7 @@ def open_frames(scene: Scene, layout: WireLayout | None, out: Path, *, resume: b
         full_every=scene.output.usd_full_every,
         points_per_tile=scene.output.usd_points_per_tile,
     )
-    return frame_writer(out, layout, stage if scene.output.usd else None, resume=resume, hold=hold)
+    return FrameFiles(out, layout, stage)
 
 
 def frame_of(record: Record) -> Frame:
@@ -81,7 +85,6 @@ class Recorder:
         display: Display,
         compile_time: float,
         checkpoint: Checkpoint | None,
-        hold: int | None,
         error_estimator: ErrorEstimator | None = None,
         probes: Probes | None = None,
     ) -> None:
@@ -115,11 +118,7 @@ class Recorder:
         self._reserve = out / ".reserve"
         self._reserve.write_bytes(bytes(RESERVED_DISK))
         with self.monitor.interrupts.handled():  # an interrupt that is raised while USD is imported is lost
-            self.frames = self._open_frames(resume=checkpoint is not None, hold=hold)
-
-    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
-        """Writer of the recorded states."""
-        return open_frames(self.scene, self.model.layout(), self.out, resume=resume, hold=hold)
+            self.frames = open_frames(self.scene, self.model.layout(), self.out)
 
     def run(self) -> CommandResult[Summary | None]:
         with self.monitor.interrupts.handled(), self.frames:  # a first interrupt waits for what is written

@@ -44,7 +44,7 @@ from .variants_recorder import MeshGroups, VariantsRecorder
 _log = logging.getLogger(__name__)
 
 LEAST_SHARED = 10_000  # nodes of a mesh from which on two ranks are as fast as two threads (docs/studies/performance.md)
-LOCK_TIMEOUT = 30.0  # [s] for a killed run to finish its last frame
+LOCK_TIMEOUT = 30.0  # [s] for an interrupted run to end
 
 
 def run_scene(
@@ -96,7 +96,7 @@ def run_scene(
     if times:
         _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(compile_time))
     with contextlib.ExitStack() as stack:
-        hold = ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
+        ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
         if device is None:
             _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
         if checkpoint is None:
@@ -104,7 +104,7 @@ def run_scene(
         if not ranks.is_first:
             loop = Monitor(simulation, out).run(lambda _record: None)
             return CommandResult(loop.exit_code, None, loop.message)
-        where = (out, progress or Display(), compile_time, checkpoint, hold)
+        where = (out, progress or Display(), compile_time, checkpoint)
         if several is not None:
             return VariantsRecorder(several, *where, probes=own).run()
         return Recorder(simulation, *where, error_estimator, own).run()
@@ -113,7 +113,7 @@ def run_scene(
 def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> Summary | None:
     """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used.
 
-    A run that was killed may still write its last frame: --resume and --force wait for it, a new run does not.
+    An interrupted run may still write its checkpoint: --resume and --force wait for it, a new run does not.
     """
     if out.is_dir():
         with _locked(out, LOCK_TIMEOUT if resume or force else 0.0):
@@ -131,15 +131,15 @@ def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: li
 
 
 @contextlib.contextmanager
-def _locked(out: Path, patience: float) -> Iterator[int | None]:
+def _locked(out: Path, patience: float) -> Iterator[None]:
     """Make the directory and lock it against other runs, `patience` [s] after them at most."""
     make_directory(out)
     with contextlib.ExitStack() as stack:
         try:
-            hold = stack.enter_context(held_directory(out, patience))
+            stack.enter_context(held_directory(out, patience))
         except BlockingIOError as error:
             raise RunDirectoryError(f"{out}: another run is writing there; give another directory with --out") from error
-        yield hold
+        yield
 
 
 def _simulation(model: Model, checkpoint: Checkpoint | None) -> Simulation:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..base.errors import Diverged, ModelError
 from ..measure import table, tension_scale
@@ -30,9 +30,6 @@ from .run_directory import CommandResult
 from .sensitivity import MESHES as CHANGED
 from .summary import Summary
 from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values, spreads, wanted
-
-if TYPE_CHECKING:
-    from ..export.writer_process import FrameWriter
 
 
 class MeshGroups:
@@ -129,10 +126,6 @@ class VariantsRecorder(Recorder):
         with beside(self.scene, self.meshes.models.device, self.meshes.begun[:CHANGED]) as self._beside:
             return super().run()
 
-    def _open_frames(self, *, resume: bool, hold: int | None) -> FrameWriter:
-        self._hold = hold
-        return open_frames(self.scene, None, self.out, resume=resume, hold=hold)  # until the median mesh is known
-
     def _loop(self) -> LoopResult:
         loop = self.monitor.run(self._write_record, self._following)
         self.meshes.note_failures()
@@ -207,7 +200,7 @@ class VariantsRecorder(Recorder):
         write_rows(self.out / "variants.csv", [row.changed(**row.probes) for row in every], names)
         self.model.layout().save(self.out / "layout.npz")
         median = numbers[seen.median]
-        with open_frames(self.scene, self.model.layout(), self.out, resume=False, hold=self._hold) as frames:
+        with open_frames(self.scene, self.model.layout(), self.out) as frames:
             for frame in self._frames_of(median, len(self.rows)):
                 frames.add_frame(frame)
             frames.close(complete=complete)

@@ -2,8 +2,7 @@
 
 import errno
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +14,15 @@ from warpknit.export.usd.shapes import GOLD
 from warpknit.export.usd.tiles import MILLIMETRES, Tile
 
 
-def save_layer(layer: Sdf.Layer, path: Path) -> None:
-    """Save a layer that was made for a file. Raises OSError, naming `path`, where the disk fails."""
-    with _disk_errors(path):
-        _written(layer.Save(), path)
-
-
 def write_layer(layer: Sdf.Layer, path: Path) -> None:
-    """Write a layer that stays in memory. Raises OSError where the disk fails."""
-    with path_aside(path) as aside, _disk_errors(path):
-        _written(layer.Export(str(aside)), path)
+    """Write a layer that stays in memory. Raises OSError, naming `path`, where the disk fails."""
+    with path_aside(path) as aside:
+        try:
+            number = 0 if layer.Export(str(aside)) else errno.EIO
+        except Tf.ErrorException as error:
+            number = errno.ENOSPC if os.strerror(errno.ENOSPC) in str(error) else errno.EIO
+        if number:
+            raise OSError(number, os.strerror(number), str(path))
 
 
 def set_units(stage: Usd.Stage) -> None:
@@ -32,25 +30,11 @@ def set_units(stage: Usd.Stage) -> None:
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
 
 
-@contextmanager
-def _disk_errors(path: Path) -> Iterator[None]:
-    """Raise USD's errors of a full disk as `OSError` with the path."""
-    try:
-        yield
-    except Tf.ErrorException as error:
-        number = errno.ENOSPC if os.strerror(errno.ENOSPC) in str(error) else errno.EIO
-        raise OSError(number, os.strerror(number), str(path)) from error
-
-
-def _written(done: bool, path: Path) -> None:
-    if not done:
-        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
-
-
 TOPOLOGY, MANIFEST, FRAMES = "wires.topology.usdc", "wires.manifest.usda", "frames"
 # A part is a prim at the root of the layers other than scene.usda; a level of detail is made of parts.
 FULL, K8, CONTACTS, SURFACE = "Full", "K8", "Contacts", "Surface"  # contacts: where wires hook, and elsewhere
 LEVELS = {"full": (FULL, CONTACTS, SURFACE), "k8": (K8, CONTACTS, SURFACE), "surface": (SURFACE,)}
+FRAMES_PER_SECOND = 10.0
 SHOWN_POINTS = 5_000_000  # a stage opens at the finest level of no more points
 PANEL = "/World/Panel"
 DOME, KEY = 0.4, 0.4  # light under which a white plane is bright, and not white; Blender takes KEY four times
@@ -60,15 +44,13 @@ def frame_file(index: int) -> str:
     return f"wires.{index:06d}.usdc"
 
 
-def new_scene(
-    tiles: Sequence[Tile], kept_points: int, *, name: str, scene_hash: str, frames_per_second: float, shows_stress: bool
-) -> Sdf.Layer:
+def new_scene(tiles: Sequence[Tile], name: str, scene_hash: str, *, shows_stress: bool) -> Sdf.Layer:
     """Static parts of scene.usda."""
     layer = Sdf.Layer.CreateAnonymous("scene.usda")
     stage = Usd.Stage.Open(layer)
     set_units(stage)
-    stage.SetTimeCodesPerSecond(frames_per_second)
-    stage.SetFramesPerSecond(frames_per_second)
+    stage.SetTimeCodesPerSecond(FRAMES_PER_SECOND)
+    stage.SetFramesPerSecond(FRAMES_PER_SECOND)
     world = UsdGeom.Xform.Define(stage, "/World").GetPrim()
     stage.SetDefaultPrim(world)
     Usd.ModelAPI(world).SetKind(Kind.Tokens.assembly)
@@ -88,7 +70,7 @@ def new_scene(
                     wires = stage.OverridePrim(f"{PANEL}/{tile.name}/Wires")
                     UsdShade.MaterialBindingAPI.Apply(wires).Bind(gold)
             _show_surface(stage, level, has_proxy=len(tiles) > 1)
-    points = {"full": sum(int(tile.point_counts.sum()) for tile in tiles), "k8": kept_points, "surface": 0}
+    points = {"full": sum(tile.points.size for tile in tiles), "k8": sum(tile.thinning.kept.size for tile in tiles), "surface": 0}
     levels.SetVariantSelection(next(level for level in LEVELS if points[level] <= SHOWN_POINTS))
     _light_and_camera(stage)
     del stage  # payloads and clips are relative to the file: add them where nothing composes them

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 COLOURS = 256  # entries of the table
-ROW = 2048  # points whose coordinates are compared at once
 GOLD = Gf.Vec3f(1.0, 0.77, 0.34)
 OPEN_COLOUR, ACTIVE_COLOUR = Gf.Vec3f(0.75, 0.75, 0.75), Gf.Vec3f(0.8, 0.02, 0.02)
 ELSEWHERE_COLOUR = Gf.Vec3f(0.0, 0.17, 0.45)
@@ -26,7 +25,7 @@ POINT3, EXTENT, FLOATS, INTS = (
 )
 COLOUR_INDEX = "primvars:displayColor:indices"
 Attributes: TypeAlias = Mapping[str, tuple[Any, str]]  # name -> type, interpolation of a primvar
-Values: TypeAlias = dict[str, Any]
+Values: TypeAlias = dict[str, NDArray[Any]]
 MOVING: Mapping[str, Attributes] = {
     "Wires": {
         "points": (POINT3, ""),
@@ -67,30 +66,22 @@ MOVING: Mapping[str, Attributes] = {
 
 def wire_values(points: NDArray[Any], stress: NDArray[Any], width: float, stress_max: float | None) -> Values:
     """`points` [point, 3] [mm] from the tile's origin and `stress` [point] [Pa], both float32."""
-    values = {
-        "points": Vt.Vec3fArray.FromNumpy(points),
-        "extent": _extent(points, width),
-        "primvars:warpknit:stress": Vt.FloatArray.FromNumpy(stress),
-    }
-    if stress_max is not None:
-        values[COLOUR_INDEX] = Vt.IntArray.FromNumpy(_colour_index(stress, stress_max))
-    return values
+    values = {"points": points, "extent": _extent(points, width), "primvars:warpknit:stress": stress}
+    return values if stress_max is None else values | {COLOUR_INDEX: _colour_index(stress, stress_max)}
 
 
 def contact_values(points: NDArray[Any], force: NDArray[Any], active: NDArray[Any], width: float) -> Values:
     """`points` [body, 3] [mm] from the tile's origin, `force` [body, 2] [N] and `active` [body, 2] of its two pairs."""
-    pairs = active.sum(axis=1, dtype=np.int32)
-    both = (pairs == 2).astype(np.int32)
-    force = force.astype(np.float32)
+    pairs = active.sum(axis=1)
     return {
-        "points": Vt.Vec3fArray.FromNumpy(points),
+        "points": points,
         "extent": _extent(points, width),
-        "primvars:warpknit:active": Vt.IntArray.FromNumpy(both),
-        "primvars:warpknit:activePairs": Vt.IntArray.FromNumpy(pairs),
-        "primvars:warpknit:normalForce": Vt.FloatArray.FromNumpy(force.min(axis=1)),
-        "primvars:warpknit:normalForceA": Vt.FloatArray.FromNumpy(np.ascontiguousarray(force[:, 0])),
-        "primvars:warpknit:normalForceB": Vt.FloatArray.FromNumpy(np.ascontiguousarray(force[:, 1])),
-        COLOUR_INDEX: Vt.IntArray.FromNumpy(both),
+        "primvars:warpknit:active": pairs == 2,
+        "primvars:warpknit:activePairs": pairs,
+        "primvars:warpknit:normalForce": force.min(axis=1),
+        "primvars:warpknit:normalForceA": force[:, 0],
+        "primvars:warpknit:normalForceB": force[:, 1],
+        COLOUR_INDEX: pairs == 2,
     }
 
 
@@ -102,12 +93,12 @@ def elsewhere_values(points: NDArray[Any], force: NDArray[Any], wires: NDArray[A
     if not len(points):
         points, force, wires, width = np.zeros((1, 3), dtype=np.float32), np.zeros(1), np.full((1, 2), -1), 0.0
     return {
-        "points": Vt.Vec3fArray.FromNumpy(points),
-        "widths": Vt.FloatArray(len(points), width),
+        "points": points,
+        "widths": np.full(len(points), width),
         "extent": _extent(points, width),
-        "primvars:warpknit:normalForce": Vt.FloatArray.FromNumpy(force.astype(np.float32)),
-        "primvars:warpknit:wireA": _ints(wires[:, 0]),
-        "primvars:warpknit:wireB": _ints(wires[:, 1]),
+        "primvars:warpknit:normalForce": force,
+        "primvars:warpknit:wireA": wires[:, 0],
+        "primvars:warpknit:wireB": wires[:, 1],
     }
 
 
@@ -115,8 +106,7 @@ def surface_values(
     points: NDArray[Any], stress: NDArray[Any], share: NDArray[Any], width: float, stress_max: float | None
 ) -> Values:
     """Values of `points` [vertex, 3] [mm] from the sheet's origin, `stress` [Pa] and `share` [%] of faces."""
-    values = wire_values(points, stress.astype(np.float32), width, stress_max)
-    return values | {"primvars:warpknit:activeShare": Vt.FloatArray.FromNumpy(share.astype(np.float32))}
+    return wire_values(points, stress, width, stress_max) | {"primvars:warpknit:activeShare": share}
 
 
 def stress_colour(stress: NDArray[Any], stress_max: float) -> NDArray[np.float32]:
@@ -132,22 +122,13 @@ def _stress_table() -> NDArray[np.float32]:
 
 
 def _colour_index(stress: NDArray[Any], stress_max: float) -> NDArray[np.int32]:
-    place = np.abs(stress)
-    place *= (COLOURS - 1) / stress_max
-    place += 0.5
-    return np.minimum(place, COLOURS - 1, out=place).astype(np.int32)
+    return np.minimum(np.abs(stress) * ((COLOURS - 1) / stress_max) + 0.5, COLOURS - 1).astype(np.int32)
 
 
-def _extent(points: NDArray[np.float32], width: float) -> Vt.Vec3fArray:
+def _extent(points: NDArray[np.float32], width: float) -> NDArray[np.float32]:
     """Bounds of points [mm] that are drawn `width` [mm] wide."""
-    whole = points.shape[0] // ROW * ROW
-    rows = points[:whole].reshape(-1, 3 * ROW)  # wide rows: over an axis of three NumPy takes several times as long
-    pad = np.float32(0.5 * width)
-    bounds = []
-    for extreme, sign in ((np.min, -1), (np.max, 1)):
-        parts = [part.reshape(-1, 3) for part in ([extreme(rows, axis=0)] if whole else [])]
-        bounds.append(extreme(np.concatenate([*parts, points[whole:]]), axis=0) + sign * pad)
-    return Vt.Vec3fArray.FromNumpy(np.stack(bounds).astype(np.float32))
+    pad, columns = np.float32(0.5 * width), np.ascontiguousarray(points.T)  # minima along rows are many times faster
+    return np.stack([columns.min(axis=1) - pad, columns.max(axis=1) + pad])
 
 
 def declare(layer: Sdf.Layer, prim: Sdf.Path, names: Container[str]) -> None:
@@ -158,6 +139,19 @@ def declare(layer: Sdf.Layer, prim: Sdf.Path, names: Container[str]) -> None:
             attribute = Sdf.AttributeSpec(spec, name, kind)
             if interpolation:
                 attribute.SetInfo("interpolation", interpolation)
+
+
+def author(layer: Sdf.Layer, prim: Sdf.Path, values: Values, time: int | None = None) -> None:
+    """Write moving values of a prim at a time code; without one as its pose."""
+    declare(layer, prim, values)
+    for name, value in values.items():
+        kind, path = MOVING[prim.name][name][0], prim.AppendProperty(name)
+        number = np.int32 if kind == INTS else np.float32
+        array = kind.type.pythonClass.FromNumpy(np.ascontiguousarray(value, dtype=number))
+        if time is None:
+            layer.GetAttributeAtPath(path).default = array
+        else:
+            layer.SetTimeSample(path, time, array)
 
 
 # --- what is written once ---------------------------------------------------------------------------------------------

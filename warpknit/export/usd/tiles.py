@@ -13,8 +13,8 @@ of u over its faces says.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,120 +24,6 @@ from warpknit.results.frame import WireLayout
 
 MILLIMETRES = 1000.0  # stage units in a metre
 POINTS_PER_TILE = 500_000
-BLOCK = 8192  # points
-
-
-@dataclass(frozen=True, eq=False)
-class Tile:
-    """Whole wires, and the bodies whose first wire is among them."""
-
-    name: str  # Tile_ii_jj: column ii along the weft, band jj along the warp
-    wires: NDArray[np.int64]  # rising
-    runs: tuple[slice, ...]  # the points of its wires, among all drawn curves
-    point_counts: NDArray[np.int64]  # [wire of the tile] points of the drawn curve
-    bodies: NDArray[np.int64]
-    origin: NDArray[np.float64]  # [3] [mm] near the middle, so that float32 is fine enough for what lies around it
-
-    def take(self, values: NDArray[Any], kind: Any = None) -> NDArray[Any]:
-        """The tile's part of `values` [point of all drawn curves, ...], as this type of number."""
-        taken = np.empty((int(self.point_counts.sum()), *values.shape[1:]), kind or values.dtype)
-        for run, place in self._places():
-            taken[place] = values[run]
-        return taken
-
-    def local(self, position: NDArray[Any]) -> NDArray[np.float32]:
-        """[point of the tile, 3] [mm]  its part of `position` [point, 3] [m] from its origin."""
-        points = np.empty((int(self.point_counts.sum()), 3), dtype=np.float32)
-        for run, place in self._places():
-            from_origin(position[run], self.origin, points[place])
-        return points
-
-    def _places(self) -> Iterator[tuple[slice, slice]]:
-        """Ranges of each run among all points, and among the tile's."""
-        first = 0
-        for run in self.runs:
-            length = run.stop - run.start
-            yield run, slice(first, first + length)
-            first += length
-
-
-def from_origin(position: NDArray[Any], origin: NDArray[Any], out: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Positions [point, 3] [m] from `origin` [3] [mm] in mm, into `out`: in double precision, and rounded at the end.
-
-    In blocks that stay in cache, over all three coordinates at once: twice as fast as a coordinate at a time.
-    """
-    flat, flat_out = np.ascontiguousarray(position).reshape(-1), out.reshape(-1)
-    repeated, block = np.tile(origin, BLOCK), np.empty(3 * BLOCK)
-    for first in range(0, flat.size, 3 * BLOCK):
-        part = flat[first : first + 3 * BLOCK]
-        moved = np.multiply(part, MILLIMETRES, out=block[: part.size])
-        moved -= repeated[: part.size]
-        flat_out[first : first + part.size] = moved
-    return out
-
-
-def cut_tiles(layout: WireLayout, position: NDArray[Any], points_per_tile: int = POINTS_PER_TILE) -> tuple[Tile, ...]:
-    """Cut the mesh into tiles of about `points_per_tile` points; `position` [point, 3] [m]: of its drawn curves."""
-    points = np.diff(layout.curve_start)
-    (left, right), (bottom, top) = (_wire_bounds(layout, position[:, axis]) for axis in (0, 1))
-    width, height = right.max() - left.min(), top.max() - bottom.min()
-    count = max(1, round(int(points.sum()) / points_per_tile))
-    bands = round(np.sqrt(count * height / width)) if width > 0.0 else count
-    longest = (top - bottom).max()
-    bands = max(1, min(bands, count, int(height / longest) if longest > 0.0 else count))
-    band = _shares(bottom + top, points, bands)
-    tiles = []
-    for row in range(bands):
-        wires = np.flatnonzero(band == row)
-        column = _shares((left + right)[wires], points[wires], max(1, round(count / bands)))
-        for number in range(int(column.max(initial=-1)) + 1):
-            chosen = wires[column == number]
-            if chosen.size:
-                name = f"Tile_{number:02d}_{row:02d}"
-                tiles.append(tile_of(layout, name, chosen, _middle(left, right, bottom, top, position, chosen)))
-    return tuple(tiles)
-
-
-def tile_of(layout: WireLayout, name: str, wires: NDArray[Any], origin: NDArray[Any]) -> Tile:
-    """The tile of these wires, rising; `origin` [3] in mm."""
-    breaks = np.flatnonzero(np.diff(wires) != 1)
-    first, last = wires[np.append(0, breaks + 1)], wires[np.append(breaks, wires.size - 1)]
-    start = layout.curve_start
-    is_inside = np.zeros(layout.wire_count, dtype=bool)
-    is_inside[wires] = True
-    return Tile(
-        name=name,
-        wires=np.asarray(wires, dtype=np.int64),
-        runs=tuple(slice(int(start[a]), int(start[b + 1])) for a, b in zip(first, last, strict=True)),
-        point_counts=np.diff(start)[wires],
-        bodies=np.flatnonzero(is_inside[layout.body_wires[:, 0]]),
-        origin=np.asarray(origin, dtype=np.float64),
-    )
-
-
-def _wire_bounds(layout: WireLayout, values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """[wire]  lowest and highest of a coordinate along each drawn curve."""
-    values, first = np.ascontiguousarray(values), layout.curve_start[:-1]
-    return np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
-
-
-def _shares(place: NDArray[Any], points: NDArray[Any], count: int) -> NDArray[np.int64]:
-    """Share [wire] of each wire, among `count` with similar numbers of points along `place`."""
-    order = np.argsort(place, kind="stable")
-    share = np.empty(place.size, dtype=np.int64)
-    before = np.cumsum(points[order]) - 0.5 * points[order]
-    share[order] = (before * (count / points.sum())).astype(np.int64)
-    return share
-
-
-def _middle(
-    left: NDArray[Any], right: NDArray[Any], bottom: NDArray[Any], top: NDArray[Any], position: NDArray[Any], wires: NDArray[Any]
-) -> NDArray[np.float64]:
-    """Middle [3] [mm] of the bounds of these wires, rounded to um; height of the whole mesh."""
-    z = position[:, 2]
-    bounds = ((left, right), (bottom, top))
-    middle = [0.5 * (low[wires].min() + high[wires].max()) for low, high in bounds] + [0.5 * (z.min() + z.max())]
-    return np.round(MILLIMETRES * np.array(middle), 3)
 
 
 STRIDE = 8  # points that are kept lie no farther apart
@@ -165,6 +51,71 @@ class Thinning:
     def largest(self, values: NDArray[Any]) -> NDArray[Any]:
         """Largest of `values` [point] around each kept point [kept point]."""
         return np.maximum.reduceat(values, self.first)
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """Whole wires, and the bodies whose first wire is among them."""
+
+    name: str  # Tile_ii_jj: column ii along the weft, band jj along the warp
+    wires: NDArray[np.int64]  # rising
+    points: NDArray[np.int64]  # [point of the tile] among all drawn curves
+    point_counts: NDArray[np.int64]  # [wire of the tile] points of the drawn curve
+    bodies: NDArray[np.int64]
+    origin: NDArray[np.float64]  # [3] [mm] near the middle, so that float32 is fine enough for what lies around it
+
+    @cached_property
+    def thinning(self) -> Thinning:
+        """The points that are kept at the level k8."""
+        return Thinning.of(self.point_counts)
+
+    def take(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The tile's part of `values` [point of all drawn curves, ...]."""
+        return values[self.points]
+
+    def local(self, position: NDArray[Any]) -> NDArray[np.float32]:
+        """[point, 3] [mm]  positions [m] from the tile's origin."""
+        return (MILLIMETRES * position - self.origin).astype(np.float32)
+
+
+def cut_tiles(layout: WireLayout, position: NDArray[Any], points_per_tile: int = POINTS_PER_TILE) -> tuple[Tile, ...]:
+    """Cut the mesh into tiles of about `points_per_tile` points; `position` [point, 3] [m]: of its drawn curves."""
+    points, start = np.diff(layout.curve_start), layout.curve_start[:-1]
+    low, high = np.minimum.reduceat(position, start), np.maximum.reduceat(position, start)  # [wire, 3]
+    width, height, _ = high.max(axis=0) - low.min(axis=0)
+    count = max(1, round(int(points.sum()) / points_per_tile))
+    bands = round(np.sqrt(count * height / width)) if width > 0.0 else count
+    longest = (high - low)[:, 1].max()
+    bands = max(1, min(bands, count, int(height / longest) if longest > 0.0 else count))
+    band = _shares((low + high)[:, 1], points, bands)
+    tiles = []
+    for row in range(bands):
+        of_band = np.flatnonzero(band == row)
+        column = _shares((low + high)[of_band, 0], points[of_band], max(1, round(count / bands)))
+        for number in np.unique(column):
+            wires = of_band[column == number]
+            middle = 0.5 * (low[wires].min(axis=0) + high[wires].max(axis=0))
+            middle[2] = 0.5 * (position[:, 2].min() + position[:, 2].max())  # of the whole mesh
+            tiles.append(
+                Tile(
+                    name=f"Tile_{number:02d}_{row:02d}",
+                    wires=wires,
+                    points=np.concatenate([np.arange(start[wire], start[wire] + points[wire]) for wire in wires]),
+                    point_counts=points[wires],
+                    bodies=np.flatnonzero(np.isin(layout.body_wires[:, 0], wires)),
+                    origin=np.round(MILLIMETRES * middle, 3),
+                )
+            )
+    return tuple(tiles)
+
+
+def _shares(place: NDArray[Any], points: NDArray[Any], count: int) -> NDArray[np.int64]:
+    """Share [wire] of each wire, among `count` with similar numbers of points along `place`."""
+    order = np.argsort(place, kind="stable")
+    share = np.empty(place.size, dtype=np.int64)
+    before = np.cumsum(points[order]) - 0.5 * points[order]
+    share[order] = (before * (count / points.sum())).astype(np.int64)
+    return share
 
 
 FACES_A_SIDE = 1000  # at most

@@ -1,0 +1,62 @@
+"""Files of the recorded states of a run: states/, scene.usda and its layers.
+
+A thread writes one frame at a time. The run goes on, and waits only if the frame before is not written yet, so memory does not
+grow with the number of frames.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from warpknit.results.frame import Frame, WireLayout, drawn_frame, state_file
+
+if TYPE_CHECKING:
+    from warpknit.export.usd.writer import StageWriter
+
+
+class FrameFiles:
+    """Writes frames into a directory, and into a stage where one is wanted. `with` ends the thread after the frame it is at."""
+
+    def __init__(self, directory: Path, layout: WireLayout, stage: StageWriter | None) -> None:
+        self._directory, self._layout, self._stage = directory, layout, stage
+        self._thread = ThreadPoolExecutor(1, "frames")
+        self._pending: Future[None] | None = None
+
+    def add_frame(self, frame: Frame) -> None:
+        """Write a frame. Raises OSError where the disk fails, now or at a later call."""
+        self.flush()
+        self._pending = self._thread.submit(self._write, frame)
+
+    def check(self) -> None:
+        """Raise what went wrong so far."""
+        if self._pending is not None and self._pending.done():
+            self.flush()
+
+    def flush(self) -> None:
+        """Wait until all frames are on the disk."""
+        if (pending := self._pending) is not None:
+            self._pending = None
+            pending.result()
+
+    def close(self, *, complete: bool) -> None:
+        """Wait, and record in the stage whether the run came to its end."""
+        self.flush()
+        if self._stage is not None:
+            self._stage.close(complete=complete)
+
+    def __enter__(self) -> FrameFiles:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._thread.shutdown()
+
+    def _write(self, frame: Frame) -> None:
+        frame.save(state_file(self._directory, frame.index))
+        if self._stage is None:
+            return
+        if not self._stage.frames:  # a run that goes on: the stage is written anew from the states
+            for index in range(frame.index):
+                self._stage.add_frame(drawn_frame(self._layout, Frame.load(state_file(self._directory, index))))
+        self._stage.add_frame(drawn_frame(self._layout, frame))
