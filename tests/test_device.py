@@ -21,7 +21,7 @@ from warpknit.mesh.layout import knit_scene
 from warpknit.runner import run as runner
 from warpknit.scene import Scene, load_scene
 from warpknit.spatial import wire_contact
-from warpknit.studies import study
+from warpknit.studies import trade
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 PATCH = ["model.boundary=gripped", "knit.repeats=[8, 8]"]
@@ -92,9 +92,9 @@ def test_a_study_of_a_small_mesh_takes_the_cpu(graphics: None, monkeypatch: pyte
         taken.append(name)
         raise Reached
 
-    monkeypatch.setattr(study, "build_model", build)
+    monkeypatch.setattr(trade, "build_model", build)
     with pytest.raises(Reached):
-        study.run_trade(lambda more, preset: load_scene(CELL, more, preset), out=tmp_path / "trade")
+        trade.run_trade(lambda more, preset: load_scene(CELL, more, preset), out=tmp_path / "trade")
     assert taken == ["cpu"]
 
 

@@ -17,8 +17,7 @@ from warpknit.runner.answers import heat_of
 from warpknit.runner.branches import jumps_of, with_work, work_steps
 from warpknit.runner.history import missing_steps, missing_work
 from warpknit.scene import make_scene
-from warpknit.studies.contact_map import MapRow, find_jumps, jump_warning
-from warpknit.studies.map_table import MapSummary, map_table
+from warpknit.studies.contact_map import MapRow, MapSummary, find_jumps, jump_warning, map_table
 
 STEPS = np.linspace(0.0, 0.5, 6)
 AREA = 2e-6  # [m2] of the mesh

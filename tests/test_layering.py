@@ -46,7 +46,7 @@ LAYERS = (
 MAY_IMPORT_EXPORT = {
     "runner.recorder",
     "studies.sweep",
-    "studies.study",
+    "studies.trade",
     "reflection.study",
     "commands.cli",
     "design.report_files",
@@ -55,7 +55,7 @@ MAY_IMPORT_EXPORT = {
 EXPORT_MAY_IMPORT = {"base", "results.frame", "results.row", "knit", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 LOADERS_MAY_IMPORT = {"kernels": {"pathlib"}, "kernels.native_text": {"collections", "pathlib", "re"}}  # which find files
-STARTED_BY_THE_COMMAND_LINE = {"runner.run", "studies.sweep", "studies.study", "design.report", "commands.plan"}
+STARTED_BY_THE_COMMAND_LINE = {"runner.run", "studies.sweep", "studies.trade", "design.report", "commands.plan"}
 ARRAYS_ONLY = {"knit": {"warp", "pydantic", "pxr"}}  # packages that are NumPy only, and what they may not import
 
 

@@ -260,7 +260,7 @@ def test_a_planar_map_is_compared_with_spatial_meshes_at_its_largest_load(tmp_pa
     written = load_run(tmp_path).summary
     assert written["spatial_model"]["tension_warp_N_per_m"] == expected.tension_warp_N_per_m
     monkeypatch.setattr("warpknit.runner.other_model.NODE_STEPS", 1e5)  # it takes more
-    assert "spatial_model" not in run_map(load_scene(table), out=tmp_path, force=True).summary.json()
+    assert "spatial_model" not in run_map(load_scene(table), out=tmp_path, force=True).summary
 
 
 def test_changed_meshes_beside_a_run_have_the_rows_of_those_after_it():

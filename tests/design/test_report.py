@@ -28,9 +28,8 @@ from warpknit.export import map_figure
 from warpknit.results.row import Row
 from warpknit.runner.progress_display import StageLines
 from warpknit.scene import load_scene
-from warpknit.studies.contact_map import map_row
+from warpknit.studies.contact_map import LEAST_TOLD, map_row
 from warpknit.studies.load_path import ends_of, exact_model, knitted_worlds
-from warpknit.studies.map_table import LEAST_TOLD
 
 SCENES = Path(__file__).parents[2] / "scenes"
 MARKERS: list[object] = []  # of the last map that was drawn

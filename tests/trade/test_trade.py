@@ -15,14 +15,15 @@ from warpknit.base.errors import RunDirectoryError
 from warpknit.commands.cli import main
 from warpknit.mechanics.probe_settings import SOFTENING, Setting
 from warpknit.planar import kind
+from warpknit.results.row import Row, plain
 from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import kind as spatial_kind
-from warpknit.studies import parameters, probe_run, study
-from warpknit.studies.point import Errors, Results, Scales, errors_of
-from warpknit.studies.study import MIN_ORDER, extrapolate, pareto, run_trade
-from warpknit.studies.trade_table import TradeRow, read_trade
+from warpknit.studies import parameters, probe_run
+from warpknit.studies import trade as study
+from warpknit.studies.point import RESULTS, Errors, Scales, TradeRow, errors_of
+from warpknit.studies.trade import MIN_ORDER, extrapolate, pareto, read_trade, run_trade
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 SMALL = ("load.strain_weft=0.12", "load.strain_warp=0.12", "output.frames=1")
@@ -32,17 +33,16 @@ def test_extrapolation_finds_the_limit_of_a_power_law() -> None:
     """f(n) = 3 + 5 n^-2.5 at n, n/r, n/r^2 gives p = 2.5 and f = 3, to round-off of differences of 5 n^-2.5."""
     ratio = math.sqrt(2.0)
     values = [3.0 + 5.0 * (40.0 / ratio**k) ** -2.5 for k in range(3)]
-    found = extrapolate(*values, ratio)
-    assert found.order == pytest.approx(2.5, rel=1e-9)
-    assert found.limit == pytest.approx(3.0, rel=1e-12)
-    assert found.error == pytest.approx(5.0 * 40.0**-2.5, rel=1e-9)
+    order, limit = extrapolate(*values, ratio)
+    assert order == pytest.approx(2.5, rel=1e-9)
+    assert limit == pytest.approx(3.0, rel=1e-12)
 
 
 def test_extrapolation_of_rough_values_errs_to_the_safe_side() -> None:
     """Differences of unlike sign: first order, whose error is the difference over r - 1."""
-    found = extrapolate(1.0, 1.1, 1.0, 2.0)
-    assert found.order == MIN_ORDER
-    assert found.error == pytest.approx(0.1)
+    order, limit = extrapolate(1.0, 1.1, 1.0, 2.0)
+    assert order == MIN_ORDER
+    assert abs(limit - 1.0) == pytest.approx(0.1)
 
 
 def test_front_keeps_what_nothing_beats() -> None:
@@ -50,15 +50,20 @@ def test_front_keeps_what_nothing_beats() -> None:
     assert pareto(points) == [5, 0, 3, 2]
 
 
+def results(*values: float) -> Row:
+    """The first results of a point; the strains are 0."""
+    return Row(**dict(zip(RESULTS, (*values, 0.0, 0.0), strict=True)))
+
+
 def test_errors_are_points_of_percent_and_shares() -> None:
     """By hand: tension misses 0.03 of the larger, 0.2; where the reference carries nothing the scales stand in."""
     scales = Scales(force=1e-6, tension=1e-3, stress=1e6)
-    true = Results(66.0, 0.1, 0.2, 2e-3, 1e-4, 1e9)
-    errors = errors_of(Results(60.0, 0.13, 0.19, 1.9e-3, 1e-4, 1.1e9), true, scales)
+    true = results(66.0, 0.1, 0.2, 2e-3, 1e-4, 1e9)
+    errors = errors_of(results(60.0, 0.13, 0.19, 1.9e-3, 1e-4, 1.1e9), true, scales)
     assert errors == Errors(6.0, pytest.approx(0.15), pytest.approx(0.05), pytest.approx(0.1))
     assert errors.largest_percent == pytest.approx(15.0)
-    slack = Results(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert errors_of(Results(0.0, 1e-5, 0.0, 1e-8, 0.0, 1e4), slack, scales) == Errors(
+    slack = results(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert errors_of(results(0.0, 1e-5, 0.0, 1e-8, 0.0, 1e4), slack, scales) == Errors(
         0.0, pytest.approx(0.01), pytest.approx(0.01), pytest.approx(0.01)
     )
 
@@ -111,14 +116,14 @@ def test_interrupted_study_goes_on_where_it_stopped(
     assert result.exit_code == 0
     rows = read_trade(tmp_path / "t" / "trade.csv")
     assert [row.point for row in rows[:3]] == [row.point for row in before]
-    assert [row.outcome.wall_s for row in rows[:3]] == [row.outcome.wall_s for row in before]
+    assert [row.wall_s for row in rows[:3]] == [row.wall_s for row in before]
     names = [row.point for row in rows]
     assert len(set(names)) == len(names)
     assert not any(re.search(r"[0-9]\.[0-9]{5,}", name) for name in names)  # labels of more digits than a table can show
     said = [re.match(r"(\d+) settings to run", message) for message in caplog.messages]
     assert [int(line[1]) for line in said if line] == [len(names), len(names) - 3]
     assert (tmp_path / "t" / "figures" / "trade.png").exists()
-    _check_study(tmp_path / "t", rows, result.summary.json())
+    _check_study(tmp_path / "t", rows, plain(result.summary))
 
 
 def _check_study(out: Path, rows: list[TradeRow], summary: dict) -> None:
@@ -152,18 +157,18 @@ def test_study_in_space_varies_what_space_has(tmp_path: Path, few_points: None, 
     small = ("load.strain_weft=0.04", "load.strain_warp=0.08", "output.frames=1")
     result = run_trade(lambda more, preset: load_scene(scene, (*small, *more), preset), out=tmp_path / "t")
     rows = read_trade(tmp_path / "t" / "trade.csv")
-    assert result.exit_code == 0 and {row.outcome.settings["kind"] for row in rows} == {"spatial"}
-    assert not {row.parameter for row in rows} & {"multipliers", "body_mass"}
-    ramp = next(row for row in rows if row.parameter == "drive")
-    assert ramp.outcome.stop_reason == "cost limit" and ramp.outcome.node_steps == 0
-    assert "not run" in ramp.outcome.message
+    assert result.exit_code == 0 and {row.kind for row in rows} == {"spatial"}
+    assert not {row.knob for row in rows} & {"multipliers", "body_mass"}
+    ramp = next(row for row in rows if row.knob == "drive")
+    assert ramp.stop_reason == "cost limit" and ramp.node_steps == 0
+    assert "not run" in ramp.message
     errors = {
         knob["value"]: knob["largest_error_percent"]
-        for knob in result.summary.json()["knobs"]
+        for knob in plain(result.summary)["knobs"]
         if knob["knob"] == "nodes_per_loop"
     }
     assert errors["model.nodes_per_loop=32"] < errors["model.nodes_per_loop=16"]
-    assert all(row.outcome.results is not None for row in rows if row.outcome.settings["drive"] == "relax")
+    assert all(row.has_results for row in rows if row.drive == "relax")
 
 
 def test_reference_that_is_refused_is_bad_input(tmp_path: Path) -> None:

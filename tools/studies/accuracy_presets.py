@@ -13,7 +13,7 @@ from study import read_rows, scene_of, show_rows, table_path, write_rows
 
 from warpknit.scene.presets import PRESETS
 from warpknit.solve.model import build_model
-from warpknit.studies.point import Results, errors_of, run_point, scales_of
+from warpknit.studies.point import errors_of, run_point, scales_of
 
 LEVELS = "output.frames=5"
 TRUE_NODES = {"cell": 96, "patch": 80, "hook": 192}  # nodes of what counts as true, a loop or a wire
@@ -65,7 +65,7 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
 
     def outcome(keys: Sequence[tuple[str, Any]]) -> Any:
         levels = (LEVELS,) if file == "atlas_cell.toml" else ()
-        return run_point(lambda: scene_of(file, *overrides, *levels, *keys), monitor=lambda _progress: None)
+        return run_point(lambda: scene_of(file, *overrides, *levels, *keys))
 
     nodes = 30 if quick else TRUE_NODES.get(name.split(maxsplit=1)[0], TRUE_NODES["cell"])
     tolerance, softening = 1e-4, 64.0
@@ -77,7 +77,7 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
         ("model.nodes_per_loop", nodes), ("solver.axial_softening", softening), ("solver.residual_tolerance", tolerance),
         ("solver.precision", "double"),
     ))  # fmt: skip
-    if truth.results is None:
+    if not truth.has_results:
         print(f"{name}: left out, {truth.message}", flush=True)
         return
     scales = scales_of(build_model(scene_of(file, *overrides)))
@@ -86,7 +86,7 @@ def rows_of(name: str, file: str, overrides: Sequence[str], quick: bool) -> Iter
             keys = tuple(pair for pair in keys if pair[0] != "solver.precision")
         found = outcome(keys)
         print(name, setting, found.stop_reason, found.message[:80], flush=True)
-        yield _row(name, setting, dict(keys), found, truth.results, scales)
+        yield _row(name, setting, dict(keys), found, truth, scales)
 
 
 def rows_in_space(name: str, overrides: Sequence[str], quick: bool) -> Iterator[PresetRow]:
@@ -94,10 +94,10 @@ def rows_in_space(name: str, overrides: Sequence[str], quick: bool) -> Iterator[
 
     def outcome(keys: Sequence[tuple[str, Any]]) -> Any:
         levels = "output.frames=1" if quick else LEVELS
-        return run_point(lambda: scene_of("atlas_cell.toml", *overrides, levels, SPACE, *keys), monitor=lambda _progress: None)
+        return run_point(lambda: scene_of("atlas_cell.toml", *overrides, levels, SPACE, *keys))
 
     truth = outcome((("model.nodes_per_loop", 56), ("solver.residual_tolerance", 3e-3)) if quick else TRUE_IN_SPACE)
-    if truth.results is None:
+    if not truth.has_results:
         print(f"{name}: left out, {truth.message}", flush=True)
         return
     scales = scales_of(build_model(scene_of("atlas_cell.toml", *overrides, SPACE)))
@@ -108,12 +108,12 @@ def rows_in_space(name: str, overrides: Sequence[str], quick: bool) -> Iterator[
         }  # fmt: skip
         found = outcome((("solver.preset", preset),))
         print(name, preset, found.stop_reason, found.message[:80], flush=True)
-        yield _row(name, preset, keys, found, truth.results, scales)
+        yield _row(name, preset, keys, found, truth, scales)
 
 
-def _row(name: str, setting: str, keys: dict[str, Any], outcome: Any, truth: Results, scales: Any) -> PresetRow:
+def _row(name: str, setting: str, keys: dict[str, Any], outcome: Any, truth: Any, scales: Any) -> PresetRow:
     nan = float("nan")
-    found = outcome.results
+    found = outcome if outcome.has_results else None
     errors = None if found is None else errors_of(found, truth, scales)
     return PresetRow(
         name, setting, keys["model.nodes_per_loop"], keys["solver.residual_tolerance"], outcome.node_steps, outcome.cpu_s,

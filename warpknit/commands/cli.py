@@ -139,7 +139,7 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
 
     from ..reflection.study import read_findings
     from ..runner.progress_display import progress_for
-    from ..studies.map_table import map_table
+    from ..studies.contact_map import map_table
     from .run import map_command, naming_the_file
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
@@ -159,8 +159,7 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     loaded, directory = open_scene(asked, "trade", ranks)
 
     from ..runner.progress_display import progress_for
-    from ..studies.study import run_trade
-    from ..studies.trade_table import trade_table
+    from ..studies.trade import run_trade, trade_table
     from .run import naming_the_file
 
     with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:

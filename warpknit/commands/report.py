@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..base.errors import INTERRUPTED, Diverged, InputError, naming_arguments
@@ -21,8 +21,7 @@ from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, read_summary
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, shown, si
-from ..studies.contact_map import read_map
-from ..studies.map_table import MapSummary, map_table
+from ..studies.contact_map import MapSummary, map_table, read_map
 from ..studies.sweep import run_map as sweep_scene
 from .reflect import check_reflection, with_reflection
 from .run import Directory, Source, finished_run
@@ -129,12 +128,11 @@ def report_command(
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)
     elapsed = Values(wall_s=time.perf_counter() - begin, stages_s=Values(**times, **page.times))
     known_waves = read_summary(out, "map.json") or {}
-    summary = replace(
-        result.summary, report=elapsed, reflection=known_waves.get("reflection"), answers=known_waves.get("answers")
-    )
+    waves = {name: known_waves[name] for name in ("reflection", "answers") if name in known_waves}
+    summary = result.summary.changed(report=elapsed, **waves)
     if not page.earlier_kept:
         write_fit(fitted, out)
-        write_json(out / "map.json", summary.json())
+        write_json(out / "map.json", summary)
     if asked.tension is not None and page.card is None:
         return Report(CommandResult(Diverged.exit_code, summary, page.card_state), notes, page)
     return Report(CommandResult(0, summary), notes, page)

@@ -26,7 +26,7 @@ from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
 from ..scene.options import DEFAULT, GIVEN
 from ..scene.units import QuantityError, has_unit, shown, si, tidy
-from ..studies.map_table import MapSummary
+from ..studies.contact_map import MapSummary
 from ..studies.sweep import run_map as sweep_scene
 from .reflect import check_reflection, with_reflection
 

@@ -23,6 +23,7 @@ from ..scene import Scene, Wire
 from ..studies.contact_map import (
     MapRow,
     Optimum,
+    drift_name,
     drift_text,
     jump_warning,
     optimum_note,
@@ -221,7 +222,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {share}"),
-            *((f"valid {drift.what}", drift_text(drift)) for drift in optimum.drift),
+            *((drift_name(drift), drift_text(drift)) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
         page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))

@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import FrozenInstanceError, fields, is_dataclass
+from inspect import get_annotations
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NoReturn, TypeAlias, TypeVar
@@ -204,9 +205,6 @@ def _count(text: str) -> float:
 
 # of a column that is no number; an empty cell of numbers is None
 KINDS: dict[str, Callable[[str], Any]] = {"int": _count, "str": str, "bool": "True".__eq__}
-COLUMNS: dict[str, Callable[[str], Any]] = {
-    name: KINDS.get(kind.partition(" ")[0], _number) for name, kind in Row.__annotations__.items()
-} | {"stop_reason": str, "message": str, "variants": int, "contacts": str, "record": int}
 
 
 def columns_of(rows: Iterable[Mapping[str, object]]) -> Columns:
@@ -233,4 +231,6 @@ def read_rows(path: Path, kind: type[Kind]) -> list[Kind]:
     """The rows that `write_rows` wrote, bit-identical, as values of a `kind`; columns of other names are numbers or None."""
     with open(path, newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    return [kind(**{name: COLUMNS.get(name, _number)(text) for name, text in line.items()}) for line in lines]
+    hints = {name: hint for part in (Row, *kind.__mro__[::-1]) for name, hint in get_annotations(part).items()}
+    readers = {name: KINDS.get(hint.partition(" ")[0], _number) for name, hint in hints.items()}
+    return [kind(**{name: readers.get(name, _number)(text) for name, text in line.items()}) for line in lines]

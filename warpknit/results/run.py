@@ -19,7 +19,7 @@ from ..runner.run_directory import SUMMARIES, TABLES, Tree, directory_of, holds_
 from ..runner.summary import Summary
 from ..runner.summary_table import summary_table
 from ..scene import Scene, load_scene
-from ..studies.map_table import MapSummary, map_table
+from ..studies.contact_map import MapSummary, map_table
 from .finding import ResultTable
 from .frame import Frame, WireLayout
 from .table import AGAIN, Table, found, html_table, units

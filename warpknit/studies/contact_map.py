@@ -1,29 +1,31 @@
 """The contact map: one cell for each pair of strains or tensions, with the measures of its equilibrium.
 
-Rows of map.csv and map_details.csv, the mean over meshes of scattered loops, and the optimum. NumPy and plain numbers only.
+Rows of map.csv and map_details.csv, the mean over meshes of scattered loops, the optimum, map.json and the table of the command.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..base.errors import Diverged
-from ..base.text import alike, between, both, of_sides, sides_text
+from ..base.text import alike, between, both, counted, duration, engineering, of_sides, percent, sides_text
 from ..measure import energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
 from ..measure.table import Measure, Record
 from ..mechanics.protocols import Model
-from ..results.finding import ResultWarning
-from ..results.row import Row, read_rows, write_rows
+from ..results.finding import Finding, ResultTable, ResultWarning
+from ..results.row import Row, Values, read_rows, valued, write_rows
 from ..runner.best_tension import DRIFT
+from ..runner.run_directory import Tree
+from ..runner.summary_table import TIMED, heading, model_findings
 
 STEADY = "steady"
+LEAST_TOLD = 0.1  # [s] of a stage of a report: a map that was there takes less
 SIDES = ("weft", "warp")
 SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active contacts
 
@@ -208,10 +210,7 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[Re
     loads = both(*(load_text(load, by_tension) for load in found[0]))
     kind = "tensions" if by_tension else "strains"
     where = f"{len(found)} neighbouring pairs of {kind}, first {loads}" if len(found) > 1 else f"the {kind} {loads}"
-    yield ResultWarning(
-        "W40",
-        f"Snap-through to another equilibrium between {where}.",
-    )
+    yield ResultWarning("W40", f"Snap-through to another equilibrium between {where}.")
 
 
 def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> Iterator[ResultWarning]:
@@ -221,8 +220,7 @@ def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> Iterator[Re
         yield ResultWarning("W39", f"{failed} of {len(rows)} pairs of {quantity} did not converge.")
 
 
-@dataclass(frozen=True)
-class TensionRange:
+class TensionRange(Values):
     """Valid range of tension about the optimum, cell by cell. Weft and warp tensions [N/m] of the last good cells."""
 
     along: str  # weft | warp | both: the load that drifts
@@ -232,12 +230,12 @@ class TensionRange:
     open_high: bool
     diverged_low: bool  # the next pair did not converge
     diverged_high: bool
-    jumps: tuple[tuple[Pair, Pair], ...] = ()  # tensions on both sides of each jump to another equilibrium that ends the range
+    jumps: Sequence[tuple[Pair, Pair]]  # tensions on both sides of each jump to another equilibrium that ends the range
 
-    @property
-    def what(self) -> str:
-        """What drifts, in words."""
-        return "both tensions" if self.along == "both" else f"{self.along} tension"
+
+def drift_name(drift: TensionRange) -> str:
+    """What drifts, in words."""
+    return "valid both tensions" if drift.along == "both" else f"valid {drift.along} tension"
 
 
 def drift_text(drift: TensionRange) -> str:
@@ -261,25 +259,13 @@ def drift_text(drift: TensionRange) -> str:
     return f"from {ends[0]}{',' if drift.diverged_low else ''} to {ends[1]}{snaps}"
 
 
-@dataclass(frozen=True)
-class Optimum:
-    """The load with the most active contacts and no wire above the elastic limit."""
+class Optimum(Row):
+    """The load with the most active contacts and no wire above the elastic limit: strains, tensions, contacts and stress."""
 
-    strain_weft: float
-    strain_warp: float
-    tension_weft_N_per_m: float
-    tension_warp_N_per_m: float
-    active_percent: float
-    stress_max_Pa: float
     stress_margin: float  # 1 - stress over yield stress
-    at_edge: tuple[str, ...] = ()  # directions (weft, warp) in which the map ends there: a wider one may have a better optimum
-    load: Pair | None = None  # strains, or tensions [N/m], of its cell
-    drift: tuple[TensionRange, ...] = ()  # with at most DRIFT fewer active contacts, and below the elastic limit
-
-    @classmethod
-    def of(cls, tree: Mapping[str, Any]) -> Optimum:
-        """The optimum of map.json."""
-        return cls(**{**tree, "load": tuple(tree["load"]), "drift": tuple(TensionRange(**drift) for drift in tree["drift"])})
+    at_edge: Sequence[str]  # directions (weft, warp) in which the map ends there: a wider one may have a better optimum
+    load: Pair  # strains, or tensions [N/m], of its cell
+    drift: Sequence[TensionRange]  # with at most DRIFT fewer active contacts, and below the elastic limit
 
 
 def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator[ResultWarning]:
@@ -289,14 +275,11 @@ def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator
     if optimum.at_edge:
         yield ResultWarning("W43", f"The optimum is at the edge of the map in {' and '.join(optimum.at_edge)}.")
     if _is_beside_jump(optimum.load, jumps):
-        yield ResultWarning(
-            "W44",
-            "The optimum is beside a snap-through to another equilibrium.",
-        )
+        yield ResultWarning("W44", "The optimum is beside a snap-through to another equilibrium.")
 
 
 def _is_beside_jump(load: Pair | None, jumps: Sequence[Jump]) -> bool:
-    return any(load == tuple(cell) for jump in jumps for cell in jump)
+    return load is not None and any(tuple(load) == tuple(cell) for jump in jumps for cell in jump)
 
 
 def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool = True) -> str:
@@ -320,65 +303,146 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Ju
     height, width = active.shape
     around = np.stack([padded[i : i + height, j : j + width] for i, j in np.ndindex(3, 3)])
     equal_neighbours = np.sum(around >= active - SAME_SHARE, axis=0)
-    best: tuple[tuple[float, float, float], Optimum] | None = None
-    for row in rows:
-        values = (row.active_percent, row.tension_weft_N_per_m, row.tension_warp_N_per_m, row.stress_max_Pa)
-        share, tension_weft, tension_warp, stress = (math.nan if value is None else value for value in values)
-        tensile = share > 0.0 and tension_weft > 0.0 and tension_warp > 0.0
-        if not (tensile and stress <= yield_stress and row.stop_reason == STEADY):
-            continue
+
+    def rank(row: MapRow) -> tuple[int, int, float]:
         neighbours = int(equal_neighbours[warp.index(row.load[1]), weft.index(row.load[0])])
-        order = (round(share / SAME_SHARE), neighbours, -stress)
-        if best is None or order > best[0]:
-            margin = 1.0 - stress / yield_stress
-            edges = tuple(
-                side
-                for side, value, axis in zip(SIDES, row.load, (weft, warp), strict=True)
-                if len(axis) > 1 and (value == axis[-1] or value == axis[0] != 0.0)
-            )
-            strains = row.strain_weft, row.strain_warp
-            best = order, Optimum(*strains, tension_weft, tension_warp, share, stress, margin, edges, row.load)
-    return None if best is None else replace(best[1], drift=tuple(_drifts(rows, best[1], yield_stress, jumps)))
+        return round(row.active_percent / SAME_SHARE), neighbours, -row.stress_max_Pa
+
+    good = [row for row in rows if _is_good(row, yield_stress) and row.active_percent > 0.0]
+    if not good:
+        return None
+    best = max(good, key=rank)
+    edges = [
+        side
+        for side, value, axis in zip(SIDES, best.load, (weft, warp), strict=True)
+        if len(axis) > 1 and (value == axis[-1] or value == axis[0] != 0.0)
+    ]
+    return Optimum(
+        **{name: best[name] for name in SPREAD},
+        stress_margin=1.0 - best.stress_max_Pa / yield_stress,
+        at_edge=edges,
+        load=best.load,
+        drift=list(_drifts(rows, best, yield_stress, jumps)),
+    )
 
 
-def _drifts(rows: Sequence[MapRow], optimum: Optimum, yield_stress: float, jumps: Sequence[Jump]) -> Iterator[TensionRange]:
-    """Ranges about the optimum along weft, along warp, and along both together."""
+def _is_good(row: MapRow, yield_stress: float) -> bool:
+    """Whether a cell has converged, under tension, with its wire below the elastic limit."""
+    is_steady = row.stop_reason == STEADY and row.active_percent is not None
+    return is_steady and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0
+
+
+def _drifts(rows: Sequence[MapRow], best: MapRow, yield_stress: float, jumps: Sequence[Jump]) -> Iterator[TensionRange]:
+    """Ranges about the best cell along weft, along warp, and along both together."""
     weft, warp = axes_of(rows)
-    cells = {row.load: row for row in rows}
-    assert optimum.load is not None
-    at = weft.index(optimum.load[0]), warp.index(optimum.load[1])
-
-    def cell(i: int, j: int) -> MapRow | None:
-        return cells.get((weft[i], warp[j])) if 0 <= i < len(weft) and 0 <= j < len(warp) else None
-
-    def is_good(row: MapRow) -> bool:
-        if row.active_percent is None or row.stop_reason != STEADY:
-            return False
-        enough = row.active_percent >= optimum.active_percent - DRIFT
-        return bool(enough and row.stress_max_Pa <= yield_stress and min(row.tension) > 0.0)
-
+    cells = {(weft.index(row.load[0]), warp.index(row.load[1])): row for row in rows}
+    (begin,) = (place for place, row in cells.items() if row is best)
     for along, (i, j) in (("weft", (1, 0)), ("warp", (0, 1)), ("both", (1, 1))):
-        ends: list[Pair] = []
-        beyond: list[MapRow | None] = []
-        passed: list[tuple[Pair, Pair]] = []
-        for sign in (-1, 1):
-            count, here = 0, cell(*at)
-            while (row := cell(at[0] + sign * (count + 1) * i, at[1] + sign * (count + 1) * j)) is not None and is_good(row):
-                assert here is not None
+        found: dict[str, object] = {}
+        passed = []
+        for name, sign in (("low", -1), ("high", 1)):
+            here, place = best, begin
+            while True:
+                place = place[0] + sign * i, place[1] + sign * j
+                row = cells.get(place)
+                if row is None or not _is_good(row, yield_stress) or row.active_percent < best.active_percent - DRIFT:
+                    break
                 low, high = (here, row)[::sign]
                 if _is_jump(low.load, high.load, jumps):
                     passed.append((low.tension, high.tension))
                     break
-                count, here = count + 1, row
-            assert here is not None
-            ends.append(here.tension)
-            beyond.append(row)
-        open_low, open_high = (row is None for row in beyond)
-        diverged_low, diverged_high = (row is not None and row.stop_reason != STEADY for row in beyond)
-        yield TensionRange(along, ends[0], ends[1], open_low, open_high, diverged_low, diverged_high, tuple(passed))
+                here = row
+            is_failed = row is not None and row.stop_reason != STEADY
+            found |= {name: here.tension, f"open_{name}": row is None, f"diverged_{name}": is_failed}
+        yield TensionRange(along=along, **found, jumps=passed)
 
 
 def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:
     """Whether there is a jump from one cell to the next, along both loads: on each way, first along weft or first along warp."""
     corners = (high[0], low[1]), (low[0], high[1])
     return all((low, corner) in jumps or (corner, high) in jumps for corner in corners)
+
+
+class MapSummary(Values):
+    """The tables of map.json. `report`, `reflection`, `answers` and `spatial_model` are left out of maps without them."""
+
+    scene: Values
+    version: str
+    stop_reason: str
+    warnings: Sequence[ResultWarning]
+    path: str  # of each load, in words
+    loads: str  # strains | tensions
+    cells: Values  # wanted, done, converged
+    variants: int
+    model: Values
+    solver: Values
+    wire: Values
+    optimum: Optimum | None
+    jumps: Sequence[Jump]
+    report: Values  # times of a report
+    reflection: Sequence[Values]  # of a map with [reflection], see there
+    answers: Values  # of a map with [reflection]: its least tensions
+    spatial_model: Values  # of a planar tile: means of the spatial model at the largest load, with `load` and `planar`
+
+    @classmethod
+    def of(cls, tree: Tree) -> MapSummary:
+        """The summary in map.json."""
+        return cls(**vars(valued(tree)) | {"warnings": [*map(ResultWarning.of, tree["warnings"])]})
+
+
+def map_table(result: MapSummary, *more: Finding) -> ResultTable:
+    """The table of a map, with further findings at its end."""
+    return ResultTable((*map_findings(result), *more), tuple(result.warnings), "map.json")
+
+
+def map_findings(result: MapSummary) -> Iterator[Finding]:
+    """The rows of the table of a map."""
+    cells, solver, optimum, report = result.cells, result.solver, result.optimum, result.get("report")
+    meshes = "" if result.variants == 1 else f", up to {result.variants} meshes each"
+    yield heading(
+        result.scene.name,
+        f"{cells.steady} of {counted(cells.wanted, 'pair')} of {result.loads} converged{meshes}",
+        result.stop_reason,
+    )
+    limit = engineering(result.wire.yield_stress_Pa, "Pa")
+    assumed = f" (assumed {limit})" if result.wire.yield_stress_assumed else ""
+    if optimum is None:
+        text = f"none: no load of the map has tension, an active contact and a stress below {limit}; change [sweep]"
+        yield Finding("optimum", text, short=True)
+    else:
+        where = optimum_note(optimum.load, result.jumps)
+        strain = f"{percent(optimum.strain_weft)} weft, {percent(optimum.strain_warp)} warp"
+        yield Finding("optimum at strain", strain, where=where, short=True)
+        tension = sides_text((optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m), "N/m")
+        yield Finding("  tension", tension, short=True)
+        yield Finding(
+            "  active contacts", percent(0.01 * optimum.active_percent), where=" (the most on this map below yield)", short=True
+        )
+        share = f", {percent(1.0 - optimum.stress_margin, 0)} of yield{assumed}"
+        yield Finding("  largest wire stress", optimum.stress_max_Pa, "Pa", where=share, short=True)
+        for drift in optimum.drift:
+            yield Finding(f"  {drift_name(drift)}", drift_text(drift), short=drift.along == "both")
+    if "spatial_model" in result:
+        yield _spatial_finding(result.spatial_model, by_tension=result.loads == "tensions")
+    steps = f"{solver.cell_steps:,} steps"
+    wall = duration(solver.wall_s if report is None else report.wall_s, 3)
+    yield from model_findings(result.model, f"{result.model.nodes:,} nodes, {steps}, {wall}")
+    yield Finding("  speed", f"{solver.cell_steps_per_s:,.0f} steps a second")
+    if report is None:
+        yield Finding("  wall time", f"{duration(solver.wall_s, 3)} {TIMED}")
+    else:
+        stages = ", ".join(f"{name} {duration(took)}" for name, took in vars(report.stages_s).items() if took >= LEAST_TOLD)
+        yield Finding("  wall time", f"{duration(report.wall_s, 3)}: {stages}")
+
+
+def _spatial_finding(other: Values, *, by_tension: bool) -> Finding:
+    """The largest load of a planar map in the spatial model."""
+
+    def text(of: Values) -> str:
+        tension = sides_text((of.tension_weft_N_per_m, of.tension_warp_N_per_m), "N/m")
+        driven = f"{percent(of.strain_weft)} weft, {percent(of.strain_warp)} warp" if by_tension else tension
+        return f"{driven}, {percent(0.01 * of.active_percent)} active, {engineering(of.stress_max_Pa, 'Pa')}"
+
+    where = f"at {load_text(other.load, by_tension)}"
+    found = f"{where}: {text(other)} (mean of {other.meshes} meshes); planar: {text(other.planar)}"
+    return Finding("in the spatial model", found, short=True)

@@ -157,7 +157,7 @@ def mean_of(records: Sequence[Record]) -> Row:
 def knitted_worlds(
     models: Sequence[Mesh], stages: Sequence[Stage], levels: Sequence[int], monitor: Monitor = lambda _: None
 ) -> Simulation:
-    """A simulation of meshes from their state as knitted, each with a load step and a number of load levels.
+    """A simulation of meshes as knitted, each with a load step and its levels.
 
     Loads are independent, so results do not depend on the meshes beside. `monitor` is called at every convergence check.
     """

@@ -1,11 +1,11 @@
-"""One point of a trade: a run of the scene at some settings, without files."""
+"""One point of a trade: a run of the scene at some settings, without files, and its errors."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,41 +14,88 @@ from ..base.errors import Diverged, InputError
 from ..base.text import rounded
 from ..measure import MeshModel, Observables, table
 from ..measure.table import Record
+from ..results.row import Row, Values
 from ..scene import Scene
 from ..solve.model import build_model
 from ..solve.simulate import Progress, Simulation
 
+DOUBLE_COST = 1.8  # time of a node-step in double precision over that in single: docs/studies/performance.md
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: lower bound of the contact force in a relative error
 STRAIN_FLOOR = 1e-3  # lower bound of the strain in a relative error, where tension drives
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in a relative error
 
 
-@dataclass(frozen=True)
-class Results:
-    """Results at the end of the last stage."""
+class TradeRow(Row):
+    """One point of a trade: the columns of trade.csv in their order. None where a point has no result, or no reference yet."""
 
-    active_percent: float
+    preset: str  # name of the preset of this point; empty where it is none
+    group: str  # reference | preset | alone | together
+    knob: str  # the parameter that is varied
+    kind: str  # settings: words where they were read from a file
+    boundary: str
+    repeats: str
+    nodes_per_loop: str
+    merge_lenses: str
+    drive: str
+    precision: str
+    axial_softening: str
+    contact_stiffness_N_per_m: str
+    residual_tolerance: str
+    multipliers: str
+    levels: str
+    mass_scaling: str
+    target_time_step_s: str
+    loading_time_s: str
+    damping_per_s: str
+    body_mass_kg: str
+    wall_s: float
+    cpu_s: float  # of all threads together
+    steps: int
+    node_steps: int
+    error_active_percent: float  # against the reference, as `Errors`
+    error_tension: float
+    error_contact_force: float
+    error_stress: float
+    active_percent: float  # results at the end of the last stage
     tension_weft_N_per_m: float  # of two hooked wires: the force [N] on the driven end, and 0
     tension_warp_N_per_m: float
     contact_force_sum_N: float
     contact_force_max_N: float
     stress_max_Pa: float
-    strain_weft: float = 0.0
-    strain_warp: float = 0.0
-
-
-@dataclass(frozen=True)
-class PointOutcome:
-    """Settings, results and cost of a point; `results` is None where the run did not finish."""
-
-    settings: dict[str, object]
-    results: Results | None
+    strain_weft: float
+    strain_warp: float
     stop_reason: str
-    message: str = ""
-    wall_s: float = 0.0
-    cpu_s: float = 0.0  # of all threads together
-    steps: int = 0
-    node_steps: int = 0
+    message: str
+    point: str  # unique name
+
+    @property
+    def has_results(self) -> bool:
+        """Whether the run came to its end."""
+        return self.stress_max_Pa is not None
+
+    @property
+    def errors(self) -> Errors | None:
+        """Errors against the reference, once there is one."""
+        errors = [self[f"error_{name}"] for name in ERRORS]
+        return None if None in errors else Errors(*errors)
+
+    @property
+    def cost(self) -> float:
+        """Node-steps, weighted by DOUBLE_COST in double precision."""
+        return float(self.node_steps * (DOUBLE_COST if self.precision == "double" else 1.0))
+
+    @property
+    def summary(self) -> Values:
+        """Name, cost and errors, for trade.json."""
+        errors = self.errors
+        return Values(
+            point=self.point, node_steps=self.node_steps, price=self.cost, cpu_s=self.cpu_s,
+            largest_error_percent=errors and errors.largest_percent, errors=errors,
+        )  # fmt: skip
+
+
+COLUMNS = tuple(TradeRow.__annotations__)
+RESULTS = COLUMNS[COLUMNS.index("active_percent") : COLUMNS.index("stop_reason")]
 
 
 class CostLimitExceeded(Exception):
@@ -60,19 +107,17 @@ def run_point(
     *,
     device: str = "cpu",
     max_node_steps: float = math.inf,
-    monitor: Callable[[Progress], None],
-) -> PointOutcome:
+    monitor: Callable[[Progress], None] = lambda _: None,
+) -> TradeRow:
     """Run the scene that `load` returns; `monitor` may raise to stop it.
 
     A refused scene, a diverged run and one that exceeds `max_node_steps` are outcomes, not errors.
     """
-    settings: dict[str, object] = {}
     try:
         simulation = Simulation(build_model(load(), device))
         simulation.compile()
     except InputError as error:
-        return PointOutcome(settings, None, "refused", str(error))
-    settings = settings_of(simulation.model)
+        return without_run("refused", str(error))
 
     def check_cost(progress: Progress) -> None:
         monitor(progress)
@@ -93,16 +138,20 @@ def run_point(
         reason, message, record = "diverged", str(error), None
     if record is not None and not record.steady:
         reason = "finished"
-    return PointOutcome(
-        settings=settings,
-        results=None if record is None else results_of(record.observables),
-        stop_reason=reason,
-        message=message,
+    return without_run(reason, message).changed(
+        **settings_of(simulation.model),
+        **({} if record is None else vars(results_of(record.observables))),
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
         steps=simulation.progress.steps,
         node_steps=node_steps(simulation),
     )
+
+
+def without_run(stop_reason: str, message: str) -> TradeRow:
+    """A point without settings, results and costs."""
+    row = TradeRow(**dict.fromkeys(COLUMNS))
+    return row.changed(wall_s=0.0, cpu_s=0.0, steps=0, node_steps=0, stop_reason=stop_reason, message=message)
 
 
 def node_steps(simulation: Simulation) -> int:
@@ -146,12 +195,12 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
     }
 
 
-def results_of(r: Observables) -> Results:
+def results_of(r: Observables) -> Row:
     """Results of a state."""
-    results = Results(**table.values(r, Results.__dataclass_fields__))
+    results = Row(**table.values(r, RESULTS))
     if r.hook_contact is None:
         return results
-    return replace(results, tension_weft_N_per_m=abs(r.hook_contact.drive_force), tension_warp_N_per_m=0.0)
+    return results.changed(tension_weft_N_per_m=abs(r.hook_contact.drive_force), tension_warp_N_per_m=0.0)
 
 
 @dataclass(frozen=True)
@@ -188,16 +237,16 @@ class Errors:
         return max(self.active_percent, 100.0 * self.tension, 100.0 * self.contact_force, 100.0 * self.stress)
 
 
-def errors_of(results: Results, reference: Results, scales: Scales) -> Errors:
+def errors_of(results: Row, reference: Row, scales: Scales) -> Errors:
     """Errors of results relative to the reference."""
     by_tension = np.array(scales.by_tension)
 
-    def larger(of: Callable[[Results], tuple[float, float]], counts: np.ndarray, least: float) -> float:
-        found, true = np.array(of(results)), np.array(of(reference))
+    def larger(what: str, counts: np.ndarray, least: float) -> float:
+        found, true = (np.array([row[what.format(side)] for side in ("weft", "warp")]) for row in (results, reference))
         return float(np.abs(found - true)[counts].max(initial=0.0) / max(np.abs(true).max(), least))
 
-    tension = larger(lambda r: (r.tension_weft_N_per_m, r.tension_warp_N_per_m), ~by_tension, scales.tension)
-    strain = larger(lambda r: (r.strain_weft, r.strain_warp), by_tension, STRAIN_FLOOR)
+    tension = larger("tension_{}_N_per_m", ~by_tension, scales.tension)
+    strain = larger("strain_{}", by_tension, STRAIN_FLOOR)
     force, stress = reference.contact_force_sum_N, reference.stress_max_Pa
     return Errors(
         active_percent=abs(results.active_percent - reference.active_percent),
@@ -205,3 +254,6 @@ def errors_of(results: Results, reference: Results, scales: Scales) -> Errors:
         contact_force=abs(results.contact_force_sum_N - force) / max(force, scales.force),
         stress=abs(results.stress_max_Pa - stress) / max(stress, scales.stress),
     )
+
+
+ERRORS = tuple(Errors.__dataclass_fields__)

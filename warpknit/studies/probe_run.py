@@ -10,6 +10,7 @@ ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at 
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import asdict, replace
 from functools import cached_property
 
@@ -18,10 +19,11 @@ from ..measure.table import Record
 from ..mechanics.probe_settings import Setting, edge_of
 from ..mesh.layout import of_repeats
 from ..results.finding import ResultWarning
+from ..results.row import Row
 from ..runner.summary import Estimate
 from ..scene import Scene
 from ..solve.model import build_model, kind_of
-from .point import Errors, PointOutcome, Results, Scales, errors_of, results_of, run_point, scales_of
+from .point import Errors, Scales, TradeRow, errors_of, results_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
 LEVELS = 2  # of a mesh whose state does not depend on the load history
@@ -52,50 +54,43 @@ class ProbeRun:
         return scales_of(build_model(self.small))
 
     @cached_property
-    def fine(self) -> Results:
+    def fine(self) -> Row:
         """Reference results of the small mesh, at many nodes. Raises `Diverged`."""
         setting = kind_of(self.scene).fine(self.scene)
-        outcome = self._run(setting)
-        if outcome.results is None:
-            raise Diverged(
-                f"error estimate: the reference run of {setting.nodes_per_loop} nodes a loop failed: {outcome.message}"
-            )
-        return outcome.results
+        row = self._run(setting)
+        if not row.has_results:
+            raise Diverged(f"error estimate: the reference run of {setting.nodes_per_loop} nodes a loop failed: {row.message}")
+        return row
 
     def errors(self, setting: Setting) -> Errors | None:
-        """Estimated errors of the scene at a setting; None where the small mesh does not converge."""
-        results = self._run(setting).results
-        if results is None:
-            return None
-        return self._scaled(errors_of(results, self.fine, self.scales))
+        """Estimated errors of the scene at a setting; None where the small mesh does not converge.
 
-    def errors_of_run(self, results: Results, setting: Setting) -> Errors | None:
+        Errors of a gripped mesh are smaller than the small mesh's: the grips' share in a mean scales with 1/size.
+        """
+        row = self._run(setting)
+        if not row.has_results:
+            return None
+        errors = errors_of(row, self.fine, self.scales)
+        if self.edge != "gripped":
+            return errors
+        share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
+        return replace(errors, active_percent=share * errors.active_percent, tension=share * errors.tension,
+                       contact_force=share * errors.contact_force)  # fmt: skip
+
+    def errors_of_run(self, results: Row, setting: Setting) -> Errors | None:
         """Estimated errors of a run of the scene at a setting, from its results.
 
         A periodic tile and a hook are compared with the fine run directly; a gripped mesh only by a smaller one.
         """
         if self.edge == "gripped":
             return self.errors(setting)
-        repeats = self._repeats(self.scene) / self._repeats(self.small)
-        one = replace(results, contact_force_sum_N=results.contact_force_sum_N / repeats)
-        return errors_of(one, self.fine, self.scales)
+        repeats = math.prod(self.scene.knit.repeats) / math.prod(self.small.knit.repeats)
+        return errors_of(results.changed(contact_force_sum_N=results.contact_force_sum_N / repeats), self.fine, self.scales)
 
-    def _run(self, setting: Setting) -> PointOutcome:
-        outcome = run_point(lambda: with_setting(self.small, setting), monitor=lambda _progress: None)
-        self.node_steps += outcome.node_steps
-        return outcome
-
-    @staticmethod
-    def _repeats(scene: Scene) -> int:
-        return scene.knit.repeats[0] * scene.knit.repeats[1]
-
-    def _scaled(self, errors: Errors) -> Errors:
-        """Errors of a gripped mesh from a smaller one's. The grips' share in a mean scales with 1/size."""
-        if self.edge != "gripped":
-            return errors
-        share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
-        return replace(errors, active_percent=share * errors.active_percent, tension=share * errors.tension,
-                       contact_force=share * errors.contact_force)  # fmt: skip
+    def _run(self, setting: Setting) -> TradeRow:
+        row = run_point(lambda: with_setting(self.small, setting))
+        self.node_steps += row.node_steps
+        return row
 
 
 def error_bound_percent(errors: Errors) -> float:

@@ -10,14 +10,14 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import measure
+from .. import __version__, measure
 from ..base.errors import Diverged, MemoryNeeded, ModelError
 from ..base.text import counted, percent
 from ..compute.device import find_device
@@ -42,6 +42,7 @@ from ..solve.variant_models import MOST_NODES, VariantModels
 from .contact_map import (
     STEADY,
     MapRow,
+    MapSummary,
     Pair,
     find_jumps,
     find_optimum,
@@ -57,7 +58,6 @@ from .contact_map import (
     write_map,
 )
 from .load_path import ends_of, knitted_worlds, share_done
-from .map_table import MapSummary
 
 _log = logging.getLogger(__name__)
 
@@ -167,31 +167,29 @@ class _Mapper:
                 self._save()
         summary = self._summary(reason)
         if code == 0:
-            summary = replace(summary, spatial_model=self._spatial_model())
+            summary = summary.changed(**self._spatial_model())
         if code == 0 and not any(row.active_percent is not None for row in self.rows):
             code, message = 3, f"no {self.sweep.quantity} of the sweep converged: {self.rows[0].message}"
-            summary = replace(summary, stop_reason="diverged")
-        write_json(self.out / "map.json", summary.json())
+            summary = summary.changed(stop_reason="diverged")
+        write_json(self.out / "map.json", summary)
         if self.scene.output.figures and self.rows:
             self._draw(summary)
         return CommandResult(code, summary, message)
 
-    def _spatial_model(self) -> Values | None:
-        """Means of the spatial model at the largest load, and the map there.
+    def _spatial_model(self) -> dict[str, Values]:
+        """Means of the spatial model at the largest load, and the map there, for the summary.
 
         An interrupt leaves them out.
         """
         steady = [row for row in self.rows if row.stop_reason == STEADY]
         if not steady:
-            return None
+            return {}
         row = max(steady, key=lambda row: sum(row.load))
-        try:
-            with self._interrupts.handled():
-                means = spatial_means(self.scene, lambda _steps: self._interrupts.check(), row.load)
-        except Interrupted:
-            return None
-        planar = Values(**{name: row[name] for name in COMPARED})
-        return None if means is None else Values(**vars(means), load=list(row.load), planar=planar)
+        with suppress(Interrupted), self._interrupts.handled():
+            means = spatial_means(self.scene, lambda _steps: self._interrupts.check(), row.load)
+            planar = Values(**{name: row[name] for name in COMPARED})
+            return {} if means is None else {"spatial_model": Values(**vars(means), load=list(row.load), planar=planar)}
+        return {}
 
     @property
     def rows(self) -> list[MapRow]:
@@ -326,6 +324,7 @@ class _Mapper:
         warnings += self._missing_warning or optimum_warnings(optimum, jumps)
         return MapSummary(
             scene=Values(name=scene.name, hash=scene.hash),
+            version=__version__,
             stop_reason=reason,
             warnings=warnings,
             path=f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"

@@ -1,4 +1,4 @@
-"""`warpknit trade`: all points of a study into a directory, with interrupt and resume.
+"""`warpknit trade`: all points of a study into a directory, with interrupt and resume; the table of the command.
 
 DIR holds trade.csv, trade_knobs.csv (effect of each parameter alone), trade.json, scene.toml (resolved) and figures/trade.png.
 """
@@ -9,30 +9,29 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..base.errors import Diverged, InputError
-from ..base.files import write_table
+from .. import __version__
+from ..base.errors import Diverged, InputError, RunDirectoryError
 from ..base.text import rounded
 from ..compute.device import find_device
 from ..mechanics.numerics import slowest_rate
 from ..mechanics.probe_settings import Varied
 from ..mesh.layout import mesh_nodes
-from ..results.row import Values, write_json
+from ..results.finding import Finding, ResultTable, ResultWarning
+from ..results.row import Row, Values, read_rows, valued, write_json, write_rows
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Display
-from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
+from ..runner.run_directory import CommandResult, Tree, continues_earlier, finished_summary, open_directory
+from ..runner.summary_table import heading, model_findings
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.model import build_model, kind_of
 from . import parameters
 from .parameters import Overrides, Point
-from .point import Errors, PointOutcome, Results, errors_of, run_point, scales_of, settings_of_scene
-from .trade_table import TradeRow, TradeSummary, parameter_table, read_trade, write_trade
+from .point import COLUMNS, ERRORS, RESULTS, Errors, TradeRow, errors_of, run_point, scales_of, settings_of_scene, without_run
 
 _log = logging.getLogger(__name__)
 
@@ -42,6 +41,28 @@ RATIO = math.sqrt(2.0)  # ratio of successive node counts of the references
 COST_LIMIT = 4.0  # times the node-steps of the reference: limit of a point
 MIN_ORDER, MAX_ORDER = 1.0, 4.0  # accepted orders of convergence; outside, the differences are too small or too noisy
 RAMP_NODES = 2_000  # largest mesh on which ramps in real time are tried: they take a hundred times the steps
+
+
+class TradeSummary(Values):
+    """The tables of trade.json."""
+
+    scene: Values
+    version: str
+    stop_reason: str
+    warnings: Sequence[ResultWarning]
+    model: Values
+    points: int
+    without_result: int
+    without_result_by: Values
+    reference: Values  # empty where it did not finish
+    front: Sequence[Values]
+    presets: Sequence[Values]
+    knobs: Sequence[Values]
+
+    @classmethod
+    def of(cls, tree: Tree) -> TradeSummary:
+        """The summary in trade.json."""
+        return cls(**vars(valued(tree)) | {"warnings": [*map(ResultWarning.of, tree["warnings"])]})
 
 
 def run_trade(
@@ -105,11 +126,9 @@ class _Study:
             except Interrupted:
                 reason, code, message = "interrupted", 130, f"interrupted; finished settings are kept in {self.out}"
         summary = self._summary(reason)
-        write_json(self.out / "trade.json", summary.json())
+        write_json(self.out / "trade.json", summary)
         if code == 0:
-            knobs = [vars(row) for row in summary.knobs]
-            columns = {name: np.array(["" if row[name] is None else row[name] for row in knobs]) for name in knobs[0]}
-            write_table(self.out / "trade_knobs.csv", columns)
+            write_rows(self.out / "trade_knobs.csv", summary.knobs, [*vars(summary.knobs[0])])
             self._draw(summary.reference.own_error)
         return CommandResult(code, summary, message)
 
@@ -134,12 +153,6 @@ class _Study:
         """Scene of a point, in the model of the scene or of the reference."""
         last = self.of_reference if point.group == "reference" else ()
         return self.load_with((*self.of_kind, *point.overrides, *last), point.preset)
-
-    @property
-    def _limit(self) -> float:
-        """Node-steps of a point, at most; none for the reference itself."""
-        reference = next((row for row in self.rows if row.group == "reference"), None)
-        return math.inf if reference is None else COST_LIMIT * reference.outcome.node_steps
 
     def _least_work(self, point: Point) -> float:
         """Least node-steps of a ramp, from loading time and first step; 0 of others."""
@@ -167,33 +180,34 @@ class _Study:
     def _run(self, point: Point) -> None:
         if any(row.point == point.name for row in self.rows):
             return
-        is_reference = point.group == "reference"
-        limit, least = self._limit, self._least_work(point)
+        reference = next((row for row in self.rows if row.group == "reference"), None)
+        limit = math.inf if reference is None else COST_LIMIT * reference.node_steps
+        least = self._least_work(point)
         if least > limit:
             message = f"not run: at least {rounded(least):,} node-steps, where the limit is {rounded(limit):,}"
-            outcome = PointOutcome(settings_of_scene(self._load(point)), None, "cost limit", message)
+            row = without_run("cost limit", message).changed(**settings_of_scene(self._load(point)))
         else:
-            outcome = run_point(
+            row = run_point(
                 lambda: self._load(point),
                 device=self.device,
                 max_node_steps=limit,
                 monitor=lambda progress: self._interrupts.check(),
             )
-        if is_reference and outcome.results is None:
-            raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {outcome.message}")
-        self.rows.append(TradeRow(point.name, point.group, point.parameter, outcome))
+        if point.group == "reference" and not row.has_results:
+            raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {row.message}")
+        preset = point.parameter if point.group == "preset" else ""
+        self.rows.append(row.changed(point=point.name, group=point.group, knob=point.parameter, preset=preset))
         self._compute_errors()
-        write_trade(self.path, self.rows)
+        write_rows(self.path, self.rows, COLUMNS)
 
     def _compute_errors(self) -> None:
         """Fill in errors against the finest reference; sums over a mesh are compared per repeat."""
-        truth = self.rows[0].outcome.results
-        assert truth is not None
-        for row in self.rows:
-            results = row.outcome.results
-            if results is not None:
-                sum_ = results.contact_force_sum_N * _repeats(self.rows[0]) / _repeats(row)
-                row.errors = errors_of(replace(results, contact_force_sum_N=sum_), truth, self.scales)
+        truth, repeats = self.rows[0], _repeats(self.rows[0])
+        for number, row in enumerate(self.rows):
+            if row.has_results:
+                per_mesh = row.changed(contact_force_sum_N=row.contact_force_sum_N * repeats / _repeats(row))
+                errors = vars(errors_of(per_mesh, truth, self.scales))
+                self.rows[number] = row.changed(**{f"error_{name}": value for name, value in errors.items()})
 
     # --- results ---
 
@@ -203,9 +217,10 @@ class _Study:
         counted, scene = self._counted, self.base.scene
         reference = self._reference()
         own = reference.own_error.largest_percent if "own_error" in reference else 0.0
-        failed = [row.outcome.stop_reason for row in self.rows if row.outcome.results is None]
+        failed = Counter(row.stop_reason for row in self.rows if not row.has_results)
         return TradeSummary(
             scene=Values(name=scene.name, hash=scene.hash),
+            version=__version__,
             stop_reason=reason,
             warnings=list(self.base.warnings([])),
             model=Values(
@@ -215,73 +230,67 @@ class _Study:
                 friction_assumed="contact.friction" in scene.assumed,
             ),
             points=len(self.rows),
-            without_result=len(failed),
-            without_result_by=dict(Counter(failed)),
+            without_result=failed.total(),
+            without_result_by=Values(**failed),
             reference=reference,
-            front=[counted[k].summary for k in pareto([(row.cost, row.largest_error or 0.0) for row in counted], own)],
+            front=[counted[k].summary for k in pareto([(row.cost, row.errors.largest_percent) for row in counted], own)],
             presets=[row.summary for row in self.rows if row.group == "preset"],
             knobs=parameter_table(self.rows),
         )
 
     @property
-    def _counted(self) -> list[TradeRow]:
+    def _counted(self) -> list[Any]:
         """The points with errors, without the reference."""
-        return [row for row in self.rows if row.errors is not None and row.group != "reference"]
+        return [row for row in self.rows if row.has_results and row.group != "reference"]
 
     def _reference(self) -> Values:
         """Results of the reference, and its own error by extrapolation from three node counts."""
         rows = [row for row in self.rows if row.group == "reference"]
         if len(rows) < len(self.finest):
             return Values()
-        results = [row.outcome.results for row in rows]
-        first, second, third = (asdict(each) for each in results if each is not None)
-        limits = {name: extrapolate(first[name], second[name], third[name], RATIO) for name in first}
-        extrapolated = Results(**{name: limit.limit for name, limit in limits.items()})
-        assert results[0] is not None
+        found = Row(**{name: rows[0][name] for name in RESULTS})
+        first, second, third = rows
+        limits = {name: extrapolate(first[name], second[name], third[name], RATIO) for name in RESULTS}
         return Values(
-            nodes_per_loop=[float(str(row.outcome.settings["nodes_per_loop"])) for row in rows],
-            found=results[0],
-            order={name: limit.order for name, limit in limits.items()},
-            own_error=errors_of(results[0], extrapolated, self.scales),
-            node_steps=rows[0].outcome.node_steps,
+            nodes_per_loop=[float(row.nodes_per_loop) for row in rows],
+            found=found,
+            order={name: order for name, (order, _) in limits.items()},
+            own_error=errors_of(found, Row(**{name: limit for name, (_, limit) in limits.items()}), self.scales),
+            node_steps=rows[0].node_steps,
         )
 
     def _draw(self, own: Errors) -> None:
         from ..export.trade_figure import Mark, trade_figure
 
-        marks = [Mark(row.cost, astuple(row.errors), row.group, row.preset) for row in self._counted if row.errors is not None]
+        marks = [Mark(row.cost, astuple(row.errors), row.group, row.preset) for row in self._counted]
         trade_figure(self.out / "figures" / "trade.png", marks, astuple(own), title=self.base.scene.name)
+
+
+def read_trade(path: Path) -> list[TradeRow]:
+    """Rows of trade.csv, settings as text; none where the file is absent. Raises `RunDirectoryError` for another version."""
+    rows = read_rows(path, TradeRow) if path.exists() else []
+    if rows and (missing := set(COLUMNS) - set(vars(rows[0]))):
+        raise RunDirectoryError(f"{path}: not of this version (no {', '.join(sorted(missing))}); start over with --force")
+    return rows
 
 
 def _repeats(row: TradeRow) -> int:
     """Number of repeats of the mesh of a point."""
-    return math.prod(int(part) for part in str(row.outcome.settings["repeats"]).split("x"))
+    return math.prod(int(part) for part in row.repeats.split("x"))
 
 
-@dataclass(frozen=True)
-class Extrapolated:
-    """Order of convergence, limit and error of one quantity."""
-
-    order: float  # p, clipped to the accepted range
-    limit: float  # f
-    error: float  # of the finest value: |f1 - f|, more where the order is clipped
-
-
-def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> Extrapolated:
-    """Richardson extrapolation to infinitely many nodes from values at n, n/ratio and n/ratio^2 nodes.
+def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> tuple[float, float]:
+    """Order of convergence p and limit f, by Richardson extrapolation from values at n, n/ratio and n/ratio^2 nodes.
 
         f(n) = f + C n^-p        (f1 - f2)/(f2 - f3) = r^-p        f = f1 + (f1 - f2)/(r^p - 1)
 
     with f1 at the most nodes and r the ratio of successive node counts (Roache, J. Fluids Eng. 116 (1994) 405).
-    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped, and the error is
-    at least the larger difference.
+    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped.
     """
     first, second = finest - middle, middle - coarsest
     apparent = math.log(second / first) / math.log(ratio) if first * second > 0.0 else 0.0
     order = min(max(apparent, MIN_ORDER), MAX_ORDER)
-    step = first / (ratio**order - 1.0)
-    least = 0.0 if order == apparent else max(abs(first), abs(second))
-    return Extrapolated(order, finest + step, max(abs(step), least))
+    return order, finest + first / (ratio**order - 1.0)
 
 
 def pareto(points: Sequence[tuple[float, float]], least: float = 0.0) -> list[int]:
@@ -292,3 +301,64 @@ def pareto(points: Sequence[tuple[float, float]], least: float = 0.0) -> list[in
         if not front or least <= points[front[-1]][1] > points[k][1]:
             front.append(k)
     return front
+
+
+def parameter_table(rows: Sequence[TradeRow]) -> list[Values]:
+    """Effect of each parameter alone: cost relative to the unchanged scene, and errors."""
+    base = next((row for row in rows if row.knob == parameters.BASE), None)
+    if base is None:
+        return []
+    unchanged = f"alone: {base.point.removeprefix('alone: ')}"
+    return [
+        Values(
+            knob=row.knob,
+            value=row.point.removeprefix(unchanged).strip(),
+            stop_reason=row.stop_reason,
+            node_steps_over_base=row.node_steps / base.node_steps,
+            price_over_base=row.cost / base.cost,
+            cpu_over_base=row.cpu_s / base.cpu_s if base.cpu_s else None,
+            **{f"error_{name}": row[f"error_{name}"] for name in ERRORS},
+            largest_error_percent=row.summary.largest_error_percent,
+        )
+        for row in rows
+        if row.group == "alone"
+    ]
+
+
+def trade_table(result: TradeSummary) -> ResultTable:
+    """The table of a trade."""
+    return ResultTable(tuple(trade_findings(result)), tuple(result.warnings), "trade.json")
+
+
+def trade_findings(result: TradeSummary) -> Iterator[Finding]:
+    """The rows of the table of a trade."""
+    missing = f", {result.without_result} without a result" if result.without_result else ""
+    yield heading(result.scene.name, f"{result.points} points{missing}", result.stop_reason)
+    for reason, count in vars(result.without_result_by).items():
+        yield Finding("  without a result", f"{count} {reason}")
+    worst = 0.0
+    if "own_error" in result.reference:
+        worst = Errors(**vars(result.reference.own_error)).largest_percent
+        text = f"{result.reference.nodes_per_loop[0]:g} nodes a loop, own error {worst:.2g} %"
+        yield Finding("reference", text, short=True)
+    for preset in result.presets:
+        yield Finding(f"preset {preset.point.split()[1]}", _cost_and_error(preset, worst), short=True)
+    yield Finding("Pareto front", f"{len(result.front)} points (trade.csv)", short=True)
+    for point in result.front:
+        yield Finding("  point", f"{_cost_and_error(point, worst)}: {point.point.partition(': ')[2]}")
+    for parameter in dict.fromkeys(row.knob for row in result.knobs):
+        for row in (row for row in result.knobs if row.knob == parameter and row.largest_error_percent is not None):
+            cost = f"{row.value or 'unchanged'}: {row.price_over_base:.2g} x"
+            yield Finding(f"  {parameter}", f"{cost}, {_percent(row.largest_error_percent)}")
+    yield from model_findings(result.model, f"{result.model.nodes:,} nodes" if "nodes" in result.model else "")
+
+
+def _percent(error: float) -> str:
+    return f"{error:.2g} %" if error < 99.5 else f"{error:.0f} %"
+
+
+def _cost_and_error(point: Values, own: float) -> str:
+    """Cost and error of a point; `own` [%] is the error of the reference, below which none is known."""
+    error = point.largest_error_percent
+    known = "no result" if error is None else _percent(error) + (", below the reference's own error" if error < own else "")
+    return f"{rounded(point.price):,} node-steps, {known}"
