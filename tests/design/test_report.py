@@ -54,10 +54,16 @@ def reports(tmp_path_factory):
         MARKERS[:] = more["marks"].places
         return drawn(*arguments, **more)
 
+    stage = StageLines.stage
+
+    def noted(self, name, number, of):
+        PROGRESS.append((name, number, of))
+        stage(self, name, number=number, of=of)
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(curves, "POINTS", 2)
         patch.setattr(map_figure, "map_figure", kept)
-        patch.setattr(StageLines, "stage", lambda self, name, number, of: PROGRESS.append((name, number, of)))
+        patch.setattr(StageLines, "stage", noted)
         given = {"": (), "0.06 N/m": ("--tension", "0.06 N/m", "--cards", "nastran, radioss")}
         for tension in given:
             done = make_report(

@@ -177,10 +177,7 @@ class _Mapper:
         return CommandResult(code, summary, message)
 
     def _spatial_model(self) -> dict[str, Values]:
-        """Means of the spatial model at the largest load, and the map there, for the summary.
-
-        An interrupt leaves them out.
-        """
+        """Means of the spatial model and the map at the largest load; an interrupt leaves them out."""
         steady = [row for row in self.rows if row.stop_reason == STEADY]
         if not steady:
             return {}

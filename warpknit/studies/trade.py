@@ -280,7 +280,7 @@ def _repeats(row: TradeRow) -> int:
 
 
 def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> tuple[float, float]:
-    """Order of convergence p and limit f, by Richardson extrapolation from values at n, n/ratio and n/ratio^2 nodes.
+    """Order p and limit f of values at n, n/ratio and n/ratio^2 nodes (Richardson).
 
         f(n) = f + C n^-p        (f1 - f2)/(f2 - f3) = r^-p        f = f1 + (f1 - f2)/(r^p - 1)
 
