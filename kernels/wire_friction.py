@@ -206,15 +206,15 @@ def transfer_elastic_slip(
     searched: wp.array(dtype=wp.int32),
     # in: the pairs before
     old_start: wp.array(dtype=wp.int32),
-    old_count: wp.array(dtype=wp.int32),
+    old_count_of: wp.array(dtype=wp.int32),
     old_second: wp.array(dtype=wp.int32),
     old_shift: wp.array(dtype=wp.vec3d),
-    old_step: wp.array2d(dtype=wp.int32),
-    old_place: wp.array2d(dtype=wp.vec2d),
+    old_slip_step: wp.array2d(dtype=wp.int32),
+    old_slip_place: wp.array2d(dtype=wp.vec2d),
     old_elastic_slip: wp.array2d(dtype=wp.vec3d),
     # in: the pairs now
-    start: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
+    pair_count_of: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
     # out
@@ -225,20 +225,20 @@ def transfer_elastic_slip(
     """Copy elastic slips from the old pair list to the new one; a thread a segment. A pair has two contacts."""
     i = wp.tid()
     half = int(control[i / world_nodes, STEP]) % 2
-    for pair in range(start[i], start[i] + count[i]):
+    for pair in range(pair_start[i], pair_start[i] + pair_count_of[i]):
         for k in range(2 * pair, 2 * pair + 2):
             slip_step[0, k] = -1
             slip_step[1, k] = -1
         begin = old_start[i]
-        end = begin + old_count[i]
+        end = begin + old_count_of[i]
         if searched[i / world_nodes] == 0:
-            begin += pair - start[i]
+            begin += pair - pair_start[i]
             end = begin + 1
         for old in range(begin, end):
             if old_second[old] == pair_second[pair] and wp.length(old_shift[old] - pair_shift[pair]) == wp.float64(0.0):
                 for a in range(2):
-                    slip_step[half, 2 * pair + a] = old_step[half, 2 * old + a]
-                    slip_place[half, 2 * pair + a] = old_place[half, 2 * old + a]
+                    slip_step[half, 2 * pair + a] = old_slip_step[half, 2 * old + a]
+                    slip_place[half, 2 * pair + a] = old_slip_place[half, 2 * old + a]
                     elastic_slip[half, 2 * pair + a] = old_elastic_slip[half, 2 * old + a]
 
 

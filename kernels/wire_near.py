@@ -123,7 +123,7 @@ def list_near_pairs(
 @wp.kernel
 def find_near_starts(
     # in: [segment] where the pairs of each begin in either order, and the number of all pairs
-    start: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
     second_start: wp.array(dtype=wp.int32),
     pair_count: wp.array(dtype=wp.int32),
     near_before: wp.array(dtype=wp.int32),
@@ -135,8 +135,8 @@ def find_near_starts(
     i = wp.tid()
     first = pair_count[0]
     second = pair_count[0]
-    if i < start.shape[0]:
-        first = start[i]
+    if i < pair_start.shape[0]:
+        first = pair_start[i]
         second = second_start[i]
     touch_first_start[i] = before(near_before, first)
     touch_second_start[i] = before(near_by_second, second)
@@ -159,8 +159,8 @@ def carry_pairs(
     old_is_near: wp.array(dtype=wp.int32),
     old_place: wp.array(dtype=wp.vec2d),
     # in: where the pairs of each segment begin now, and how many they are
-    start: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
+    pair_count_of: wp.array(dtype=wp.int32),
     # out
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
@@ -176,8 +176,8 @@ def carry_pairs(
     i = wp.tid()
     if searched[i / world_nodes] != 0:
         return
-    for n in range(count[i]):
-        k = start[i] + n
+    for n in range(pair_count_of[i]):
+        k = pair_start[i] + n
         old = old_start[i] + n
         pair_first[k] = old_first[old]
         pair_second[k] = old_second[old]

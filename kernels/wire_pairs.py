@@ -193,12 +193,12 @@ def find_segment_pairs(
     tangent: wp.array(dtype=Any),
     # in: of worlds that are not searched, the number of pairs of each segment in the previous list; where the pairs of each begin
     old_count: wp.array(dtype=wp.int32),
-    start: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
     # in and out: how many other segments form pairs with each, and the first KEPT of them
     partner_count: wp.array(dtype=wp.int32),
     partner: wp.array(dtype=wp.int32),
     # out: how many there are, or the pairs
-    count: wp.array(dtype=wp.int32),
+    pair_count_of: wp.array(dtype=wp.int32),
     pair_first: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
@@ -217,7 +217,7 @@ def find_segment_pairs(
     i = first_segment + wp.tid()
     world = i / world_nodes
     if is_filling == 0:
-        count[i] = wp.where(searched[world] != 0, 0, old_count[i])
+        pair_count_of[i] = wp.where(searched[world] != 0, 0, old_count[i])
     if searched[world] == 0:
         return
     own = control[world]
@@ -299,7 +299,7 @@ def find_segment_pairs(
             if gap > search_distance:
                 continue
             if is_filling != 0:
-                k = start[i] + found
+                k = pair_start[i] + found
                 pair_first[k] = i
                 pair_second[k] = j
                 pair_shift[k] = shift
@@ -311,5 +311,5 @@ def find_segment_pairs(
                 partner[KEPT * i + partners] = j
             partners += 1
     if is_filling == 0:
-        count[i] = found
+        pair_count_of[i] = found
         partner_count[i] = partners

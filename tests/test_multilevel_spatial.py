@@ -24,10 +24,10 @@ from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
 from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Progress, Simulation
 from warpknit.spatial import transfer
-from warpknit.spatial.fields import PanelNodes
 from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
 from warpknit.spatial.rod_relaxation import CHECK_STEPS
+from warpknit.spatial.transfer import PanelNodes
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell_spatial.toml"
 TOLERANCE = 3e-3  # what a tension may still drift

@@ -26,7 +26,7 @@ from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.model import BORDER
 from warpknit.spatial.observables import SpatialObservables
-from warpknit.spatial.search_cells import search_cells
+from warpknit.spatial.pair_search import search_cells
 from warpknit.spatial.strip import cut_rods
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -111,9 +111,9 @@ def test_strips_are_the_mesh(boundary: str, ranks: int) -> None:
             assert np.array_equal(s.wire[n.sent], strips[n.rank].wire[back.received])
     simulation = Simulation(model)
     simulation.mechanics.search()
-    pairs = simulation.mechanics.contact._list
+    pairs = simulation.mechanics.contact.pairs
     first, second = (
-        rods.wire_of[fetch(nodes)[: simulation.mechanics.contact.pair_count]] for nodes in (pairs.first, pairs.second)
+        rods.wire_of[fetch(nodes)[: simulation.mechanics.contact.pair_count]] for nodes in (pairs.pair_first, pairs.pair_second)
     )
     for s, wires in zip(strips, own, strict=True):
         touched = np.concatenate([second[np.isin(first, wires)], first[np.isin(second, wires)]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.compute.ranks import One
-from warpknit.spatial.wire_sums import WireSums
+from warpknit.spatial.strip import WireSums
 
 
 @pytest.mark.parametrize(("blocks", "worlds", "left_out"), [(999, 1, 0), (2_500, 1, 2), (2_500, 3, 2)])

@@ -17,7 +17,7 @@ from warpknit.spatial.wire_contact import WireContact
 ATLAS = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 STEPS = 40
 PUSHED = 1e-3  # of the thickness: random motion before the steps, so that contacts come, go and slide
-PAIR = ("found", "place", "wake_travel")
+PAIR = ("pair_found", "pair_place", "pair_wake_travel")
 TOUCH = ("touch_loaded", "touch_force", "touch_couple", "touch_overlap", "touch_normal_force", "touch_normal")
 
 
@@ -37,9 +37,9 @@ def at_load(knit: str, friction: float) -> WireContact:
 
 def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np.ndarray]:
     """What the launches of contact find in the state of now, of each pair that is near; all pairs stay as they are."""
-    pairs, touch, near = contact._list, contact.touch, contact._near_pairs()
+    pairs, touch, near = contact.pairs, contact.touch, contact._near_pairs()
     contact.stepper.state.steering.set(status=status, evaluated_gap=0.3 * contact.stepper.rods.section.thickness)
-    kept = {name: fetch(getattr(pairs, name)).copy() for name in (*PAIR, "renewal_travel")}
+    kept = {name: fetch(getattr(pairs, name)).copy() for name in (*PAIR, "pair_renewal_travel")}
     store(touch.touch_followed, 0)
     store(touch.touch_loaded, 0)
     for launch in contact.launches():
@@ -70,12 +70,12 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
         all_of, own = found(contact, status, follows=False), found(contact, status, follows=True)
         is_followed = own["followed"] != 0
         assert np.array_equal(own["touch_loaded"], all_of["touch_loaded"])
-        of_all, of_own = all_of["found"][:, 0], own["found"][:, 0]
+        of_all, of_own = all_of["pair_found"][:, 0], own["pair_found"][:, 0]
         touches = is_followed & (of_own > 0)
         assert np.array_equal(of_own[touches], of_all[touches])
         assert evaluates or np.all(of_all[is_followed & ~touches] <= 0)
         places = touches[:, None] & (np.where(of_own == TWO_PLACES, PLACES, 1)[:, None] > np.arange(PLACES))
-        error = np.abs(own["place"] - all_of["place"]).reshape(-1, PLACES, 2)
+        error = np.abs(own["pair_place"] - all_of["pair_place"]).reshape(-1, PLACES, 2)
         assert error[places].max(initial=0.0) < float(NEWTON_ACCURACY)
         largest = np.abs(all_of["touch_force"]).max()
         loaded = is_followed & (all_of["touch_loaded"][:, 0] != 0)
@@ -86,7 +86,7 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
         assert (
             np.abs(own["touch_overlap"] - all_of["touch_overlap"])[weighs].max(initial=0.0) < float(NEWTON_ACCURACY) * thickness
         )
-        at_node = np.any((own["place"] <= 0.0) | (own["place"] >= 1.0), axis=1)
+        at_node = np.any((own["pair_place"] <= 0.0) | (own["pair_place"] >= 1.0), axis=1)
         if not evaluates:  # an evaluation searches sooner anew
             near, followed = near + len(is_followed), followed + int(is_followed.sum())
         kinds["one"] += int(np.sum(touches & (of_own == ONE_PLACE)))

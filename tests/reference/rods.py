@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from warpknit.compute.host import fetch
@@ -100,6 +102,11 @@ def helix(radius: float, pitch: float, nodes: int, turns: float = 1.0) -> np.nda
     """Nodes (nodes, 3) of a helix about z without its last point; `pitch` a turn."""
     angle = 2 * np.pi * turns * np.arange(nodes) / nodes
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), pitch * angle / (2 * np.pi)], axis=1)
+
+
+def straight(rods: Rods) -> Rods:
+    """The same wires, naturally straight and without twist."""
+    return replace(rods, natural_curvature=np.zeros((rods.node_count, 2)), natural_twist=np.zeros(rods.node_count))
 
 
 def set_masses(stepper: RodStepper, node_mass: float, spin_inertia: float) -> None:

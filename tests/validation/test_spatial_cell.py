@@ -18,7 +18,7 @@ from warpknit.scene import load_scene, make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.observables import NEAR, SpatialObservables
-from warpknit.spatial.search_cells import search_cells
+from warpknit.spatial.pair_search import search_cells
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell_spatial.toml"
 DRAFT = ("solver.preset=draft", "model.nodes_per_loop=40", "solver.residual_tolerance=0.02")

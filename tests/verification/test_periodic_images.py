@@ -7,10 +7,10 @@ import pytest
 
 from reference.rods import SECTION, set_masses
 from reference.touching import STIFFNESS, advance, line
+from warpknit.spatial.pair_search import MAX_SAG, search_cells
 from warpknit.spatial.rest_curve import catmull_rom
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
-from warpknit.spatial.search_cells import MAX_SAG, search_cells
 from warpknit.spatial.wire_contact import MIN_ARC_SEPARATION, STICK_SHARE, WireContact
 from warpknit.wires.overlaps import segment_distances
 
@@ -61,11 +61,11 @@ def searched(rods: Rods, **options: float) -> tuple[RodStepper, WireContact]:
 
 
 def pairs_of(contact: WireContact, tile: np.ndarray) -> list[Pair]:
-    pairs, count = contact._list, contact.pair_count
-    image = np.rint(pairs.shift.numpy()[:count, :2] / tile[:2]).astype(int)
+    pairs, count = contact.pairs, contact.pair_count
+    image = np.rint(pairs.pair_shift.numpy()[:count, :2] / tile[:2]).astype(int)
     return [
         (int(i), int(j), int(a), int(b))
-        for i, j, (a, b) in zip(pairs.first.numpy()[:count], pairs.second.numpy()[:count], image, strict=True)
+        for i, j, (a, b) in zip(pairs.pair_first.numpy()[:count], pairs.pair_second.numpy()[:count], image, strict=True)
     ]
 
 
@@ -101,7 +101,7 @@ def test_pairs_are_those_of_a_search_by_all_images(tile: tuple[float, float]) ->
             (np.abs(along - spacing) < 1e-9) | (along + np.maximum(size[i], size[j]) < 0.5 * MIN_ARC_SEPARATION)
         )
         counts = (i < j) | ((i == j) & ((a > 0) | ((a == 0) & (b > 0))))
-        gap = distance - 1.0 - contact.margin
+        gap = distance - 1.0 - contact.cells.margin
         reachable = gap < 2.0 * MAX_SAG * size.max()
         for k in np.flatnonzero(counts & ~left_out & (gap < -1e-9)):
             assert (int(i[k]), int(j[k]), a, b) in found

@@ -109,7 +109,7 @@ def gradient_error(pose: Pose, contact: WireContact) -> tuple[float, float]:
 def test_contact_on_the_curve_is_the_gradient_of_its_energy() -> None:
     """Forces on nodes and torques on sections of a bent and twisted pose, by central differences of k o^2/2."""
     rods, line = line_of(looped, across, nodes=14, step=1.3)
-    pose, contact = contact_of(replace(rods, thicker=np.array([0.6, 0.6])), line)
+    pose, contact = contact_of(replace(rods, sections=(replace(SECTION, thickness=1.2),) * 2), line)
     rng = np.random.default_rng(5)
     pose.bend_by(0.02 * rng.normal(size=(28, 3)), np.where(pose.has_segment, 0.2 * rng.normal(size=28), 0.0))
     pose.at(np.zeros((28, 3)), np.zeros(28))
@@ -287,6 +287,7 @@ def test_a_closest_point_that_appears_anew_is_found_at_once() -> None:
     state, count = pose.stepper.state, []
     set_masses(pose.stepper, 1e15, 1e15)
     pose.stepper.set_time_step(1.0)
+    contact.search = lambda rows=None: pytest.fail("searched again")  # type: ignore[method-assign]
     for lean, following in pairwise(leans):
         state.velocity.assign(rods_at(following).position - rods_at(lean).position)
         advance(contact, 1)
@@ -295,7 +296,6 @@ def test_a_closest_point_that_appears_anew_is_found_at_once() -> None:
         if len(count) > steps:
             assert push(found) == pytest.approx(push(other), abs=1e-5 * np.linalg.norm(push(other)))
     assert (count[0], count[steps], count[3 * steps // 2], count[-1]) == (1, 1, 2, 1)
-    assert contact.searches == 1
 
 
 @pytest.mark.parametrize("seed", [0, 1])

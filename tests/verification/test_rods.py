@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reference.rods import SECTION, Pose, helix, round_section
+from reference.rods import SECTION, Pose, helix, round_section, straight
 from warpknit.spatial.rod_checks import RodChecks
 from warpknit.spatial.rod_relaxation import BandedMasses
 from warpknit.spatial.rod_step import RodStepper
-from warpknit.spatial.rods import Rods, rods_of, straight
+from warpknit.spatial.rods import Rods, rods_of
 from warpknit.spatial.step_bound import largest_rates, stable_step
 
 ROUND_OFF = 1e-12

@@ -86,9 +86,9 @@ def test_every_contact_is_found() -> None:
     state = stepper.state
     begin = state.position.numpy()
     middle = begin + 0.5 * state.length.numpy()[:, None] * state.tangent.numpy()
-    pairs = contact._list
+    pairs = contact.pairs
     found = set()
-    for i, j, shift in zip(pairs.first.numpy(), pairs.second.numpy(), pairs.shift.numpy(), strict=True):
+    for i, j, shift in zip(pairs.pair_first.numpy(), pairs.pair_second.numpy(), pairs.pair_shift.numpy(), strict=True):
         if i != j:
             found.add((int(i), int(j), *np.rint(shift[:2] / rods.tile[:2]).astype(int).tolist()))
     wire = rods.wire_of
@@ -96,7 +96,7 @@ def test_every_contact_is_found() -> None:
         for b in range(-4, 5):
             moved = middle + np.append(gradient @ (rods.tile[:2] * [a, b]), 0.0)
             apart = np.linalg.norm(middle[:, None] - moved[None], axis=2)
-            for i, j in np.argwhere(apart < 1.0 + contact.margin):
+            for i, j in np.argwhere(apart < 1.0 + contact.cells.margin):
                 # neighbours on one wire do not count; those who do are all far along it, in this tangle
                 if i < j and wire[i] != wire[j]:
                     assert (int(i), int(j), a, b) in found

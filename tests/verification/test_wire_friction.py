@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from reference.cases import slow
-from reference.rods import SECTION, residual_of, set_masses, update
+from reference.rods import SECTION, residual_of, set_masses, straight, update
 from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.results.row import Row, read_rows
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
-from warpknit.spatial.rods import rods_of, straight
+from warpknit.spatial.rods import rods_of
 from warpknit.spatial.step_bound import largest_rates, stable_step
 from warpknit.spatial.wire_contact import STICK_SHARE, WireContact
 

@@ -337,11 +337,13 @@ def searching_only(relaxation: Simulation, mesh: SpatialModel, clasps: set[int])
 
     def renew() -> None:
         search()
-        pairs, count = contact._list, contact.pair_count
-        shift = pairs.shift.numpy()
-        site, _ = relaxation.mechanics.sites.of(pairs.first.numpy()[:count], pairs.second.numpy()[:count], shift[:count])
+        pairs, count = contact.pairs, contact.pair_count
+        shift = pairs.pair_shift.numpy()
+        site, _ = relaxation.mechanics.sites.of(
+            pairs.pair_first.numpy()[:count], pairs.pair_second.numpy()[:count], shift[:count]
+        )
         shift[:count][~np.isin(np.where(site >= 0, site % of_repeat, -1), list(clasps))] = FAR
-        pairs.shift.assign(shift)
+        pairs.pair_shift.assign(shift)
 
     return renew
 

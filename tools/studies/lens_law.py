@@ -33,7 +33,7 @@ from hook_reference import Contact, Hook
 from scipy.optimize import brentq, fsolve
 
 from warpknit.scene import Hook as SceneHook
-from warpknit.spatial.hook_wires import tilt
+from warpknit.spatial.placed_wires import tilt
 
 STEPS = 12  # of the force, from one that hardly presses: each is the start of the next
 LEAST = 1e-3  # of the force: where they begin

@@ -22,7 +22,7 @@ from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.spatial.contact_places import hook_contact
-from warpknit.spatial.hook_wires import TiltedArc, tilt
+from warpknit.spatial.placed_wires import TiltedArc, tilt
 
 LEVELS = 4
 HOOK_MOVE = 0.8e-3  # [m]

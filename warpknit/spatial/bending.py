@@ -25,10 +25,11 @@ import numpy as np
 
 from ..compute.host import fetch, store
 from ..compute.steering import Steering
+from .node_stiffness import node_frame
 from .rest_curve import node_weights, section_offsets
 from .rod_arrays import RodArrays, RodState
 from .rods import Rods
-from .wire_sums import WireSums
+from .strip import WireSums
 
 BETWEEN = np.array([0.25, 0.5, 0.75])  # places on a segment where moments are taken too
 STRAIGHT = 1e-9  # [rad] turn whose axis does not matter
@@ -104,10 +105,9 @@ def clamped_ends(rods: Rods) -> tuple[np.ndarray, np.ndarray]:
 
 def _pushes(r: Any) -> _Pushes:
     t = r.touching
-    push = t.force[:, None] * t.normal + t.friction
     node, place = np.concatenate([t.first, t.second]), np.concatenate([t.place[:, 0], t.place[:, 1]])
     order = np.lexsort((place, node))
-    return _Pushes(node[order], place[order], np.concatenate([push, -push])[order])
+    return _Pushes(node[order], place[order], np.concatenate([t.push, -t.push])[order])
 
 
 def _weights(r: Any, at: _Pushes) -> np.ndarray:
@@ -125,15 +125,10 @@ def _node_moments(r: Any) -> np.ndarray:
     rods, t, d = r.model.rods, r.segment_tangent, r.director
     before = rods.previous
     inside = ((before >= 0) & (rods.following >= 0))[:, None]
-    e, f, d1, d2 = t[before], t, d[before] + d, np.cross(t[before], d[before]) + np.cross(t, d)
+    e, f = t[before], t
     cosine = np.clip(np.sum(e * f, axis=1), -1.0, 1.0)
     half = 0.5 * np.arctan2(np.linalg.norm(np.cross(e, f), axis=1), cosine)
-    b = (e + f) / np.maximum(np.linalg.norm(e + f, axis=1), 1e-300)[:, None]
-    n = np.where((half > STRAIGHT)[:, None], np.cross(e, f), d2)
-    n -= np.sum(n * b, axis=1)[:, None] * b
-    n /= np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
-    along = np.stack([np.sum(d2 * n, axis=1), -np.sum(d1 * n, axis=1)], axis=1)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    n, b, along = node_frame(e, f, d[before], d, half > STRAIGHT)
     g1, g2, twist = r.moment.T
     in_plane, across = g1 * along[:, 0] + g2 * along[:, 1], g2 * along[:, 0] - g1 * along[:, 1]
     total = in_plane[:, None] * n + (across / np.sinc(half / np.pi))[:, None] * np.cross(b, n)

@@ -99,6 +99,11 @@ class Contacts:
     normal: np.ndarray  # (contact, 3) towards the first
     overlap: np.ndarray  # [m] negative: gap
 
+    @property
+    def push(self) -> np.ndarray:
+        """(contact, 3) [N] force on the first wire."""
+        return np.asarray(self.force[:, None] * self.normal + self.friction)
+
     @staticmethod
     def joined(parts: Sequence[Contacts]) -> Contacts:
         """Contacts of all parts in sequence."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -56,8 +55,7 @@ class ContactChecks:
             kept = [one for one in self._recorded if one[1] == touch.capacity][-1:]
             self._recorded = {one: self._recorded[one] for one in kept}
             self._recorded[key] = SharedLaunches(self._stepper.team, self._stepper.device, self._stepper.few)
-        self._launches, self._touch = self._recorded[key], touch
-        self._pairs = SimpleNamespace(**pairs.named("first", "second", "shift", "found", "place"))
+        self._launches, self._touch, self._pairs = self._recorded[key], touch, pairs
 
     def launch(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
         """Launch a kernel for the own blocks or nodes, on the lists in use."""

@@ -17,7 +17,7 @@ from ..compute.host import fetch, store
 from ..kernels.contact_checks import MOST_RAISED, renew_contact_offsets
 from ..mechanics.numerics import error_ratio
 from .contact_checks import ContactSums
-from .search_cells import MAX_OFFSET
+from .pair_search import MAX_OFFSET
 from .wire_contact import WireContact
 
 OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact

@@ -10,7 +10,7 @@ from ..measure import active_threshold
 from ..measure.observables import ContactPlaces, HookContact, arcs_along
 from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from ..wires.overlaps import segment_distances
-from .hook_wires import BETWEEN
+from .placed_wires import BETWEEN
 from .rest_curve import rest_place
 from .sites import NOWHERE
 
@@ -140,7 +140,7 @@ def hook_contact(r: Any) -> HookContact:
     hook, rods = model.scene.hook, model.rods
     assert hook is not None
     step = hook.length / model.scene.model.nodes_per_loop
-    push = t.force[:, None] * t.normal + t.friction  # on the left wire, whose nodes come first
+    push = t.push  # on the left wire, whose nodes come first
     total = push.sum(axis=0)
     force = float(np.linalg.norm(total))
     arc = {wire: float(model.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}

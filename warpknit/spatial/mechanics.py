@@ -22,14 +22,13 @@ from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import Edge
 from .convergence import overlap_text, parting_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
-from .fields import Fields
 from .model import SpatialModel, segment_thermal_strain
 from .observables import SpatialObservables, read
 from .rod_arrays import root_mean_square, set_natural_shape
 from .rod_relaxation import CHECK_STEPS
 from .sites import Sites
 from .strip import RodStrip
-from .transfer import MembraneGrid, Prolongation
+from .transfer import Fields, MembraneGrid, Prolongation
 
 # steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond
 LOAD_STEPS, LOAD_STRAINS = 200, (0.001, 0.03)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +29,11 @@ from ..scene.wire import Wire
 from ..wires.centre_lines import Wires
 from ..wires.read import rest_wires, thickness_of
 from .from_file import panel_of_wires
-from .hook_wires import hook_wires
-from .placed_wires import SpatialWires, place_wires
+from .pair_search import search_cells
+from .placed_wires import SpatialWires, hook_wires, place_wires
 from .rest_curve import RestCurve, along_centre_line, catmull_rom, fit_rest_curve
 from .rod_arrays import RodState, rest_state
 from .rods import Rods, Section, rods_of
-from .search_cells import search_cells
 from .step_bound import RampNumerics, ramp_numerics
 from .strip import RodStrip, cut_rods
 
@@ -57,8 +57,6 @@ class SpatialModel:
     __repr__ = short_repr
 
     scene: Scene
-    cloth: Cloth | None
-    table: Table | None
     panel: Panel
     wires: SpatialWires
     rods: Rods
@@ -69,6 +67,8 @@ class SpatialModel:
     loop_length: float  # [m]
     device: str
     precision: Precision
+    cloth: Cloth | None = None
+    table: Table | None = None
     ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
     whole: SpatialModel | None = None  # the model of all ranks; None: this one
@@ -231,25 +231,27 @@ def _whole_model(scene: Scene, device: str) -> SpatialModel:
     section = wire_section(scene.wire)
     if scene.wires is not None:
         _refuse_fine_nodes(scene, section.thickness)
-        found = rest_wires(scene)
+        found, length = rest_wires(scene), scene.wires.loop_length
         size = f"wires.node_spacing = {exact(scene.wires.node_spacing, 'm')}"
         refuse_beyond_memory(size, scene, found.node_count, device)
-        panel, wires, rods = panel_of_wires(_sections(scene, found), found, scene.wires.loop_length)
+        panel, wires, rods = panel_of_wires(_sections(scene, found), found, length)
         spacing = float(rods.natural_length[rods.following >= 0].min())
-        return _assemble(scene, None, None, panel, wires, rods, catmull_rom(rods), spacing, scene.wires.loop_length, device)
+        curve = catmull_rom(rods)
+        return _assemble(scene, rods, spacing, length, wires, panel=panel, curve=curve, device=device)
+    cloth = None
     if scene.hook is not None:
-        segments, set_fraction = scene.model.nodes_per_loop, scene.wire.set_fraction
+        segments, set_fraction, length = scene.model.nodes_per_loop, scene.wire.set_fraction, scene.hook.length
         table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
         panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
-        wires = hook_wires(scene.hook, panel, segments)
-        rods, curve = rods_of_wires(section, panel, wires)
-        length = scene.hook.length
-        return _assemble(scene, None, table, panel, wires, rods, curve, length / segments, length, device)
-    cloth = knit_scene(scene, device)
-    table, panel, loop_length = lay_out(scene, cloth)
-    wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
+        wires, spacing = hook_wires(scene.hook, panel, segments), length / segments
+    else:
+        cloth = knit_scene(scene, device)
+        table, panel, length = lay_out(scene, cloth)
+        wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
+        spacing = float(table.spacing.min())
     rods, curve = rods_of_wires(section, panel, wires)
-    return _assemble(scene, cloth, table, panel, wires, rods, curve, float(table.spacing.min()), loop_length, device)
+    parts = {"panel": panel, "curve": curve, "cloth": cloth, "table": table, "device": device}
+    return _assemble(scene, rods, spacing, length, wires, **parts)
 
 
 def _sections(scene: Scene, wires: Wires) -> list[Section]:
@@ -270,19 +272,8 @@ def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
         raise scene_error(scene.path, "wires.node_spacing", wrong, f"write at least {at_least(least, 'm')}")
 
 
-def _assemble(
-    scene: Scene,
-    cloth: Cloth | None,
-    table: Table | None,
-    panel: Panel,
-    wires: SpatialWires,
-    rods: Rods,
-    curve: RestCurve,
-    spacing: float,
-    loop_length: float,
-    device: str,
-) -> SpatialModel:
-    """The model with its solver constants; spacing [m] of its nodes."""
+def _assemble(scene: Scene, rods: Rods, spacing: float, loop_length: float, wires: SpatialWires, **parts: Any) -> SpatialModel:
+    """The model with its solver constants; spacing [m] of its nodes; parts: its other fields."""
     rods = replace(rods, set_fraction=scene.wire.set_fraction)
     axial, bending = rods.of_wires("axial_stiffness"), rods.of_wires("bending_stiffness")
     # with more softening, bending limits the step of a ramp and nothing is gained
@@ -294,33 +285,22 @@ def _assemble(
     given = scene.contact.stiffness
     model = SpatialModel(
         scene=scene,
-        cloth=cloth,
-        table=table,
-        panel=panel,
-        wires=replace(wires, forms=None),  # nothing reads them any more
         rods=rods,
-        curve=curve,
+        wires=replace(wires, forms=None),  # nothing reads them any more
         softening=softening,
         contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
         soft_penalty=_soft_penalty(rods, loop_length) if given is None else given,
         loop_length=loop_length,
-        device=device,
         precision=precision_of(scene.solver.precision, 1.0),
+        **parts,
     )
-    return model if scene.solver.drive == "relax" else replace(model, ramp=_ramp_numerics(model))
+    return model if scene.solver.drive == "relax" else replace(model, ramp=ramp_numerics(model))
 
 
 def _soft_penalty(rods: Rods, loop_length: float) -> float:
     """[N/m] smallest penalty of a contact: about as stiff as a loop, or as the softest wire where all are nearly straight."""
     loop = float(rods.of_wires("bending_stiffness").max()) / loop_length**3
     return float(max(SOFT_PENALTY * loop, STRAIGHT_PENALTY * rods.wire_stiffness.min() / loop_length))
-
-
-def _ramp_numerics(model: SpatialModel) -> RampNumerics:
-    stiffness, length = model.contact_stiffness, model.loop_length
-    return ramp_numerics(
-        model.scene, model.rods, model.curve, softening=model.softening, contact_stiffness=stiffness, loop_length=length
-    )
 
 
 def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[Rods, RestCurve]:

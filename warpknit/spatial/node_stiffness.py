@@ -35,17 +35,8 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
     e, f = tangent[before], tangent
     inside = (before >= 0) & (rods.following >= 0)
     turn = np.where(inside, rods.rest_turning, 0.0)
-    axis = np.cross(e, f)
-    bisector = (e + f) / np.maximum(np.linalg.norm(e + f, axis=1), 1e-300)[:, None]
-    first = rods.director[before] + rods.director
-    second = np.cross(e, rods.director[before]) + np.cross(f, rods.director)
-    bends = turn > STRAIGHT
-    n = np.where(bends[:, None], axis, second)
-    n -= np.sum(n * bisector, axis=1)[:, None] * bisector
-    n /= np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
+    n, bisector, along = node_frame(e, f, rods.director[before], rods.director, turn > STRAIGHT)
     frame = np.stack([n, np.cross(bisector, n), bisector], axis=1)  # rows
-    along = np.stack([np.sum(second * n, axis=1), -np.sum(first * n, axis=1)], axis=1)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     length = np.where(inside, rods.node_length, 1.0)
     ei, gj = rods.of_nodes("bending_stiffness"), rods.of_nodes("twist_stiffness")
     isotropic = rods.section.yield_curvature > 0.0 or rods.natural_curvature is not None
@@ -61,6 +52,22 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
     turned[:, 0, 1], turned[:, 1, 1] = -along[:, 1], along[:, 0]
     stiffness = np.einsum("nai,nij,nbj->nab", turned, stiffness, turned)
     return np.stack([stiffness[:, a, b] for a, b in ENTRIES], axis=1)
+
+
+def node_frame(
+    e: np.ndarray, f: np.ndarray, before: np.ndarray, director: np.ndarray, bends: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axis of the turn n and bisector b (node, 3), and components of n along the directors (node, 2).
+
+    e, f (node, 3): tangents before and behind a node, with directors `before` and `director`; where it does not bend, n is any.
+    """
+    first, second = before + director, np.cross(e, before) + np.cross(f, director)
+    b = (e + f) / np.maximum(np.linalg.norm(e + f, axis=1), 1e-300)[:, None]
+    n = np.where(bends[:, None], np.cross(e, f), second)
+    n -= np.sum(n * b, axis=1)[:, None] * b
+    n /= np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
+    along = np.stack([np.sum(second * n, axis=1), -np.sum(first * n, axis=1)], axis=1)
+    return n, b, along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
 
 
 def _along_line(rods: Rods, pieces: np.ndarray, places: np.ndarray, frame: np.ndarray) -> np.ndarray:

@@ -132,7 +132,7 @@ class SpatialObservables(Boundary):
         t = self.touching
         site, sign = self.touching_site
         here = site != NOWHERE
-        np.add.at(total, site[here], (sign[:, None] * (t.force[:, None] * t.normal + t.friction))[here])
+        np.add.at(total, site[here], (sign[:, None] * t.push)[here])
         return np.linalg.norm(total, axis=1)
 
     @cached_property
@@ -309,34 +309,34 @@ class SpatialObservables(Boundary):
         return find_panel_map(self) if has_map(self.model) else None
 
 
+def virial(
+    model: SpatialModel, segment_force: np.ndarray, force: np.ndarray, t: Contacts
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Places at rest, forces and levers (n, 3) of segments, contacts and held nodes, see `SpatialObservables.nominal_stress`."""
+    rods, wires = model.rods, model.wires
+    place, other = (rest_place(rods, model.curve, node, t.place[:, k]) for k, node in enumerate((t.first, t.second)))
+    held = wires.held_node
+    return [
+        (rods.position, segment_force, rods.rest_edge),
+        (place, -t.push, place - other - t.shift),
+        (rods.position[held], force[held], wires.held_lever),
+    ]
+
+
 def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.ndarray, touching: Contacts) -> np.ndarray:
     """(2, 2) [N/m] see `SpatialObservables`; segment_force (node, 3) [N], force (node, 3) [N] unbalanced."""
-    rods, curve, t = model.rods, model.curve, touching
-    total = np.einsum("ia,ib->ab", segment_force[:, :2], rods.rest_edge[:, :2])
-    if len(t.force):
-        lever = rest_place(rods, curve, t.first, t.place[:, 0]) - rest_place(rods, curve, t.second, t.place[:, 1]) - t.shift
-        push = t.force[:, None] * t.normal + t.friction
-        total = total - np.einsum("ia,ib->ab", push[:, :2], lever[:, :2])
-    held = model.wires.held_node
-    total = total + np.einsum("ia,ib->ab", force[held, :2], model.wires.held_lever)
-    return np.asarray(total / model.panel.area)
+    terms = virial(model, segment_force, force, touching)
+    return np.asarray(sum(np.einsum("ia,ib->ab", f[:, :2], lever[:, :2]) for _, f, lever in terms) / model.panel.area)
 
 
 def find_panel_map(r: Any) -> PanelMap:
     """The map of a gripped panel (measure/tiles.py), from its virial tile by tile."""
-    rods, wires, touching = r.model.rods, r.model.wires, r.touching
     tiles = Tiles.of(r.model)
-    virial, stress_max = tiles.zeros(2, 2), tiles.zeros()
-    here = tiles.at(rods.position[:, :2])
-    np.maximum.at(stress_max, here, r.wire_stress.node)
-    tiles.add(virial, here, np.einsum("na,nb->nab", r.segment_force[:, :2], rods.rest_edge[:, :2]))
-    place = rest_place(rods, r.model.curve, touching.first, touching.place[:, 0])
-    other = rest_place(rods, r.model.curve, touching.second, touching.place[:, 1]) + touching.shift
-    push = touching.force[:, None] * touching.normal + touching.friction
-    tiles.add(virial, tiles.at(place[:, :2]), np.einsum("ca,cb->cab", push[:, :2], (other - place)[:, :2]))
-    held = np.einsum("na,nb->nab", r.force[wires.held_node, :2], wires.held_lever)
-    tiles.add(virial, here[wires.held_node], held)
-    return panel_map_of(r, tiles, virial, stress_max, _moved(r), _sheet_places(r))
+    stress, stress_max = tiles.zeros(2, 2), tiles.zeros()
+    np.maximum.at(stress_max, tiles.at(r.model.rods.position[:, :2]), r.wire_stress.node)
+    for place, force, lever in virial(r.model, r.segment_force, r.force, r.touching):
+        tiles.add(stress, tiles.at(place[:, :2]), np.einsum("na,nb->nab", force[:, :2], lever[:, :2]))
+    return panel_map_of(r, tiles, stress, stress_max, _moved(r), _sheet_places(r))
 
 
 def _sheet_places(r: Any) -> SheetPlaces:

@@ -14,15 +14,18 @@ last segment, half as long as its neighbours, and holds its two nodes and its se
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..knit.cloth import Cloth
+from ..mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, Arc
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
 from ..mesh.thread_curve import ThreadCurve
+from ..scene import Hook
 from .rest_curve import FIT_PLACES, CentreLine
 
 MIN_SEGMENTS = 3  # between two clamps
@@ -32,6 +35,7 @@ GRADING = 0.5  # largest change of the spacing over the distance along the threa
 MEAN_OVER = 3.0  # thicknesses, of the curvature
 SAMPLES = 12  # a thickness of plan length
 LEAST_SHARE = 0.5  # smallest spacing over the mean one, and
+BETWEEN = 0.5  # segments from the planar nodes of a hook to the nodes here, with the clamp midway between two
 LEAST_SPACING = 1.5  # in thicknesses: the smaller one of both
 
 
@@ -254,3 +258,60 @@ def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> _FormNo
     arcs = thread.at_node(first + np.arange(segments + 2) * step)
     arcs[[0, -1]] = 2.0 * ends - arcs[[1, -2]]
     return _FormNodes(arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]), first, step)
+
+
+def tilt(hook: Hook) -> float:
+    """[rad] tilt of each arc out of the plane."""
+    assert hook.crossing_distance is not None
+    half = hook.radius * math.sin(math.acos(1.0 - 0.5 * hook.overlap / hook.radius))
+    return math.asin(0.5 * hook.crossing_distance / half)
+
+
+class TiltedArc:
+    """Centre line of a wire by its arc length s [m] from the lower clamp."""
+
+    def __init__(self, hook: Hook, wire: int, angle: float) -> None:
+        """angle [rad]: tilt of the upper end out of the plane."""
+        self._arc, self._half, self._middle = Arc(hook, wire), 0.5 * hook.length, 0.5 * hook.height
+        self._bulge, self._radius = self._arc.bulge, hook.radius
+        self._up = np.array([math.cos(angle), math.sin(angle)])
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        """Points (m, 3) [m]."""
+        place = self._arc(s)
+        tilted = self._up * (place[:, 1:2] - self._middle)
+        return np.column_stack([place[:, 0], self._middle + tilted[:, 0], tilted[:, 1]])
+
+    def slope(self, s: np.ndarray) -> np.ndarray:
+        """Unit vectors (m, 3) along it."""
+        t = (np.asarray(s) - self._half) / self._radius
+        return np.column_stack([-self._bulge * np.sin(t), np.cos(t)[:, None] * self._up])
+
+
+def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
+    """Both wires with `segments` equal segments; each clamp is in the middle of one more segment.
+
+    In the planar model both arcs lie in one plane and cross twice. Here each arc is tilted about the horizontal axis through the
+    middle of the hook, the two in opposite directions: at the lower crossing the left wire lies `hook.crossing_distance` above
+    the right one, at the upper crossing as much below it. With the same order at both crossings the wires would not be hooked.
+    """
+    step = hook.length / segments
+    along = (np.arange(segments + 2) - 0.5) * step
+    arcs = (TiltedArc(hook, LEFT, -tilt(hook)), TiltedArc(hook, RIGHT, tilt(hook)))
+    lines = [line_along(arc, arc.slope(along), along, step) for arc in arcs]
+    count = segments + 2
+    held = np.array([[0, 1, count - 2, count - 1], [count, count + 1, 2 * count - 2, 2 * count - 1]])
+    points = tuple(arc(along) for arc in arcs)
+    lever = np.concatenate(points)[held.ravel(), :2] - np.repeat(panel.clamp_position, 2, axis=0)
+    return SpatialWires(
+        tile=np.zeros(3),
+        forms=WireForms(points, CentreLine.joined(lines), np.arange(2), np.zeros((2, 3))),
+        held_node=held.ravel(),
+        held_lever=lever,
+        held_section=held[:, [0, 2]].ravel(),
+        site_wire=np.array([[LEFT, RIGHT]]),
+        site_seed=(panel.pair_seed - panel.wire_first[panel.pair_wire] - BETWEEN)[None],
+        site_low=panel.pair_low[None].astype(float),
+        site_high=panel.pair_high[None].astype(float),
+        sliding_clamp=np.array([LEFT_TOP, RIGHT_TOP]),
+    )

@@ -47,8 +47,7 @@ from .rod_arrays import (
     upload_rods,
 )
 from .rods import Rods
-from .strip import RodStrip
-from .wire_sums import WireSums
+from .strip import RodStrip, WireSums
 
 GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than replaying few more often
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save

@@ -63,7 +63,6 @@ class Rods:
     set_fraction: float = 1.0  # natural over rest curvature and twist, where these are None
     node_stiffness: np.ndarray | None = None  # (node, 6) [N m], see node_stiffness.py; None: of the polygon
     sections: tuple[Section, ...] = ()  # [wire] where they differ
-    thicker: np.ndarray | None = None  # [wire] [m] contact radius; None: half the section's thickness
     radius_beside: float = 0.0  # [m] bound on the contact radius of worlds beside these
     tile: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m] periods of the world along x, y, z; 0: none
     forms: Rods | None = None  # the wires that these are copies of; None: each is its own
@@ -100,7 +99,7 @@ class Rods:
     @cached_property
     def wire_radius(self) -> np.ndarray:
         """[wire] [m] contact radius."""
-        return 0.5 * self.of_wires("thickness") if self.thicker is None else self.thicker
+        return 0.5 * self.of_wires("thickness")
 
     @property
     def largest_radius(self) -> float:
@@ -223,29 +222,12 @@ class Rods:
     def copied(self, wires: np.ndarray, shift: np.ndarray) -> Rods:
         """Copies of these wires, moved by shift (copy, 3) [m]; a wire may be copied more than once."""
         node, count = self.nodes_of(wires), self.wire_count[wires]
-
-        def part(values: np.ndarray | None, index: np.ndarray) -> np.ndarray | None:
-            return None if values is None else values[index]
-
-        return replace(
-            self,
-            wire_first=np.cumsum(count) - count,
-            wire_count=count,
-            wire_closed=self.wire_closed[wires],
-            wire_period=self.wire_period[wires],
-            position=self.position[node] + np.repeat(shift, count, axis=0),
-            director=self.director[node],
-            held=self.held[node],
-            natural_length=self.natural_length[node],
-            natural_arc=self.natural_arc[node],
-            row=self.row[node],
-            natural_curvature=part(self.natural_curvature, node),
-            natural_twist=part(self.natural_twist, node),
-            node_stiffness=part(self.node_stiffness, node),
-            sections=tuple(self.sections[wire] for wire in wires) if self.sections else (),
-            thicker=part(self.thicker, wires),
-            forms=self.of_rows,
-        )
+        parts = {name: getattr(self, name)[node] for name in OF_NODES if getattr(self, name) is not None}
+        parts |= {name: getattr(self, name)[wires] for name in OF_WIRES}
+        parts["position"] += np.repeat(shift, count, axis=0)
+        sections = tuple(self.sections[wire] for wire in wires) if self.sections else ()
+        first, row = np.cumsum(count) - count, self.row[node]
+        return replace(self, wire_first=first, row=row, sections=sections, forms=self.of_rows, **parts)
 
     def holding(
         self,
@@ -302,9 +284,9 @@ def rods_of(
     )
 
 
-OF_WORLD = (
-    "wire_count", "wire_closed", "wire_period", "position", "director", "held", "natural_length", "natural_arc",
-    "natural_curvature", "natural_twist", "node_stiffness", "thicker",
+OF_WIRES = ("wire_count", "wire_closed", "wire_period")
+OF_NODES = (
+    "position", "director", "held", "natural_length", "natural_arc", "natural_curvature", "natural_twist", "node_stiffness"
 )  # fmt: skip
 
 
@@ -317,7 +299,9 @@ def joined(worlds: Sequence[Rods]) -> Rods:
     sections = [rods.sections or (rods.section,) * len(rods.wire_first) for rods in worlds]
     is_same = all(rods.section == first.section and not rods.sections for rods in worlds)
     arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(rods, name) for rods in worlds]) for name in OF_WORLD if getattr(first, name) is not None
+        name: np.concatenate([getattr(rods, name) for rods in worlds])
+        for name in (*OF_WIRES, *OF_NODES)
+        if getattr(first, name) is not None
     }
     for name, step in (("wire_first", first.node_count), ("row", first.of_rows.node_count)):
         arrays[name] = np.concatenate([getattr(rods, name) + k * step for k, rods in enumerate(worlds)]).astype(np.int32)
@@ -327,8 +311,3 @@ def joined(worlds: Sequence[Rods]) -> Rods:
         forms=None if first.forms is None else joined([rods.of_rows for rods in worlds]),
         **arrays,
     )
-
-
-def straight(rods: Rods) -> Rods:
-    """The same wires, naturally straight and without twist."""
-    return replace(rods, natural_curvature=np.zeros((rods.node_count, 2)), natural_twist=np.zeros(rods.node_count))

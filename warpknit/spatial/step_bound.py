@@ -24,7 +24,6 @@ import numpy as np
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.bend import SLOPE_SHARE
 from ..mechanics.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
-from ..scene import Scene
 from .rest_curve import RestCurve
 from .rods import Rods
 
@@ -49,48 +48,26 @@ class Rates:
         return max(("stretch", "bending", "twist", "contact"), key=lambda name: getattr(self, name))
 
 
-def largest_rates(
-    rods: Rods,
-    node_mass: np.ndarray,
-    spin_inertia: np.ndarray,
-    *,
-    stretch_stiffness: float | None = None,
-    turning: np.ndarray | float = 0.0,
-    tension: float = 0.0,
-    contact_stiffness: float = 0.0,
-    curve: RestCurve | None = None,
-) -> Rates:
-    """Bounds on the squared frequencies of rods.
-
-    node_mass [node] [kg], spin_inertia [node] [kg m2]; stretch_stiffness [N]: EA where left out; turning [node] [rad], the
-    angle at the nodes; tension [N], the largest; contact_stiffness [N/m]; curve of the wires, Catmull-Rom's where left out.
-    """
-    k = _stiffnesses(rods, stretch_stiffness, turning, tension, contact_stiffness, curve)
+def largest_rates(rods: Rods, node_mass: np.ndarray, spin_inertia: np.ndarray, **stiff: Any) -> Rates:
+    """Bounds on the squared frequencies of rods; node_mass [node] [kg], spin_inertia [node] [kg m2], and see `_stiffnesses`."""
+    k = _stiffnesses(rods, **stiff)
     a, b, t = k.stretch / node_mass, k.bending / node_mass, k.twist / spin_inertia
     scaled = _coupled(_coupled(a, b, k.coupling), t, k.coupling) + k.additive / node_mass
     free = (rods.held & int(HELD_NODE)) == 0
     return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, k.contact / node_mass, scaled)))
 
 
-def stable_step(rates: Rates, look_ahead: float = 0.0) -> float:
-    """[s] stable step 2/w, reduced by a look-ahead [steps]."""
-    return 2.0 / math.sqrt(rates.all * (1.0 + 2.0 * look_ahead))
+def stable_step(rates: Rates) -> float:
+    """[s] stable step 2/w."""
+    return 2.0 / math.sqrt(rates.all)
 
 
-def masses_for_step(
-    rods: Rods,
-    time_step: float,
-    *,
-    stretch_stiffness: float,
-    turning: np.ndarray | float = 0.0,
-    contact_stiffness: float = 0.0,
-    curve: RestCurve | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
+def masses_for_step(rods: Rods, time_step: float, **stiff: Any) -> tuple[np.ndarray, np.ndarray]:
     """Smallest stable node masses [node] [kg] and spin inertias [node] [kg m2]. At a time step [s], by `largest_rates`.
 
     Twist has TWIST_SHARE of the squared frequency of translation, and adds at most as much to the coupled one.
     """
-    k = _stiffnesses(rods, stretch_stiffness, turning, 0.0, contact_stiffness, curve)
+    k = _stiffnesses(rods, **stiff)
     translation = _coupled(k.stretch, k.bending, k.coupling) + k.additive
     scaled = (1.0 + TWIST_SHARE) * (0.5 * time_step) ** 2
     return scaled * translation, scaled / TWIST_SHARE * k.twist
@@ -110,12 +87,15 @@ class _Stiffnesses:
 
 def _stiffnesses(
     rods: Rods,
-    stretch_stiffness: float | None,
-    turning: np.ndarray | float,
-    tension: float,
-    contact_stiffness: float,
-    curve: RestCurve | None,
+    *,
+    stretch_stiffness: float | None = None,
+    turning: np.ndarray | float = 0.0,
+    tension: float = 0.0,
+    contact_stiffness: float = 0.0,
+    curve: RestCurve | None = None,
 ) -> _Stiffnesses:
+    """stretch_stiffness [N]: EA where left out; turning [node] [rad], the angle at the nodes; tension [N], the largest;
+    contact_stiffness [N/m]; curve of the wires, Catmull-Rom's where left out."""
     section = rods.section
     own = np.where(rods.following >= 0, rods.natural_length, np.inf)
     h = np.minimum(own, np.where(rods.previous >= 0, own[rods.previous], np.inf))
@@ -155,21 +135,19 @@ class RampNumerics:
     damping: float  # [1/s]
 
 
-def ramp_numerics(
-    scene: Scene, rods: Rods, curve: RestCurve, *, softening: float, contact_stiffness: float, loop_length: float
-) -> RampNumerics:
-    """Numerics of a ramp for rods as knitted; contact_stiffness [N/m], loop_length [m] of wire.
+def ramp_numerics(model: Any) -> RampNumerics:
+    """Numerics of a ramp for the rods of a `SpatialModel` as knitted.
 
     Masses are the wire's times `mass_scaling`, raised node by node until `target_time_step` is stable. The rotary inertia of a
     wire is so small that twist would limit the step: it is raised until the squared frequency of twist is a quarter of the
     largest one of translation. Torsional waves remain far faster than bending waves, and the load is slow compared with both.
     """
-    solver = scene.solver
+    rods, solver = model.rods, model.scene.solver
     stiff: dict[str, Any] = {
-        "stretch_stiffness": rods.section.axial_stiffness / softening,
+        "stretch_stiffness": rods.section.axial_stiffness / model.softening,
         "turning": rods.widest_turn(rods.rest_turning),
-        "contact_stiffness": contact_stiffness,
-        "curve": curve,
+        "contact_stiffness": model.contact_stiffness,
+        "curve": model.curve,
     }
     true_mass = rods.section.linear_density * rods.node_length
     mass = true_mass * solver.mass_scaling
@@ -179,7 +157,7 @@ def ramp_numerics(
     spinless = largest_rates(rods, mass, np.full(len(spin), np.inf), **stiff)
     spin = np.maximum(spin, masses_for_step(rods, stable_step(spinless), **stiff)[1])
     rates = largest_rates(rods, mass, spin, **stiff)
-    slowest = slowest_rate(scene, loop_length)
+    slowest = slowest_rate(model.scene, model.loop_length)
     return RampNumerics(
         node_mass=mass,
         spin_inertia=spin,

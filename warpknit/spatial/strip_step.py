@@ -3,7 +3,7 @@
     frames, contact, forces and motion of the own wires, clamps -> border and sums to the other ranks -> control
 
 Copies of other ranks' wires receive all that contact reads, and every rank adds the rows of sums of all wires in the same order,
-so states equal a run on one rank, bit by bit. Sums of convergence checks are exact (wire_sums.py).
+so states equal a run on one rank, bit by bit. Sums of convergence checks are exact (strip.py).
 """
 
 from __future__ import annotations

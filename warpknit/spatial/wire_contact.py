@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..base.errors import OutOfResources
-from ..compute.host import fetch, store, store_at
-from ..compute.launch import Launch, bind, replay
+from ..compute.host import fetch, number_at, store, store_at, zeros
+from ..compute.launch import Launch, bind
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
 from ..kernels.rod_stress import count_contact_stress
@@ -31,10 +31,9 @@ from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
 from .contact_arrays import Contacts, TouchArrays, WireArrays
 from .contact_checks import STICK_SHARE, ContactChecks
-from .pair_search import MIN_ARC_SEPARATION, SLIP_ARRAYS, PairList, PairSearch
+from .pair_search import MIN_ARC_SEPARATION, PairList, PairSearch, SearchCells, search_cells
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
-from .search_cells import SearchCells, search_cells
 
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
@@ -42,10 +41,6 @@ TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list that a GPU filters for pairs not asleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
-# what of a pair goes over where its world is not searched
-CARRIED = (
-    "start", "first", "second", "shift", "arc_separation", "wake_travel", "renewal_travel", "found", "is_near", "place"
-)  # fmt: skip
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
@@ -53,15 +48,8 @@ LEAST_READ = 4096  # pairs whose contacts are read at once, at least
 CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
 
-@dataclass(frozen=True)
-class _Before:
-    """The equilibrium before, which friction needs (kernels/wire_friction.py); [node], but for `before_control`."""
-
-    before_position: wp.array  # vec3d [m]
-    before_length: wp.array  # [m]
-    before_tangent: wp.array  # vec3d
-    before_director: wp.array  # vec3d
-    before_control: wp.array
+# the equilibrium before, which friction needs (kernels/wire_friction.py); arrays of the state
+BEFORE = ("position", "length", "tangent", "director", "control")
 
 
 class WireContact:
@@ -81,24 +69,22 @@ class WireContact:
         self.friction = float(np.max(friction))
         rods, device, worlds = stepper.rods, stepper.device, stepper.worlds
         self.dissipated = np.zeros(worlds)  # [world] [J] by friction, over all ranks; see `collect_slip_work`
-        self.searches = 0
         curve = catmull_rom(rods) if curve is None else curve
-        cells = cells or search_cells(rods, curve)
-        self.margin, self._approach = cells.margin, cells.approach
+        self.cells = cells or search_cells(rods, curve)
         self._wires = WireArrays.of(rods, curve, device)
-        self._search = PairSearch(stepper, self._wires, cells)
+        self._search = PairSearch(stepper, self._wires, self.cells)
         self._checks = ContactChecks(stepper, self._wires, curve, has_friction=self.friction > 0.0)
         # [m] of each world, or each thread of a single one, CACHE_LINE numbers apart, since the last `pop_max_penetration`
-        self.max_penetration = wp.zeros((max(stepper.team.threads, worlds), CACHE_LINE), dtype=wp.float64, device=device)
+        self.max_penetration = zeros((max(stepper.team.threads, worlds), CACHE_LINE), wp.float64, device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
         self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
         self.touch = self._new_touch(LEAST_CAPACITY)
-        self._list = self._new_list(LEAST_CAPACITY, 0)
+        self.pairs = self._new_list(LEAST_CAPACITY, 0)
         # the list before, for its elastic slips and for worlds that are not searched
         self._has_two_lists = self.friction > 0.0 or worlds > 1
-        self._other = self._new_list(LEAST_CAPACITY, 1) if self._has_two_lists else self._list
-        now = (getattr(stepper.state, field.name.removeprefix("before_")) for field in fields(_Before))
-        self._before = _Before(*(wp.clone(array) if self.friction > 0.0 else array for array in now))
+        self._other = self._new_list(LEAST_CAPACITY, 1) if self._has_two_lists else self.pairs
+        now = {f"before_{name}": getattr(stepper.state, name) for name in BEFORE}
+        self._before = SimpleNamespace(**{name: wp.clone(x) if self.friction > 0.0 else x for name, x in now.items()})
         stepper.steering.set(contact_stiffness=stiffness, friction=friction)
         store(stepper.state.contact_penalty, stiffness)
         stepper.contact = self
@@ -106,50 +92,50 @@ class WireContact:
     @property
     def version(self) -> tuple[int, int]:
         """The arrays that the launches use; recorded launches are reused for the same version."""
-        return (self._list.number, self.touch.capacity)
+        return (self.pairs.number, self.touch.capacity)
 
     @property
     def pair_count(self) -> int:
         """Segment pairs in the list."""
-        return int(fetch(self._list.total)[0])
+        return number_at(self.pairs.pair_count, 0)
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
         """Launches that find a part of the contact forces, first of continuing pairs. On a GPU by lists of pairs: not asleep, to
         search, without forces.
         """
-        pairs, touch = self._list, self.touch
-        sources = (self._wires, self.stepper.arrays, self.stepper.state, touch)
-        named = pairs.named("first", "second", "shift", "found", "place") | self._share(part, parts)
-        travels = pairs.named("wake_travel", "renewal_travel")
-        forces = pairs.named("arc_separation") | {
+        pairs, touch = self.pairs, self.touch
+        sources = (self._wires, self.stepper.arrays, self.stepper.state, touch, pairs)
+        share = self._share(part, parts)
+        constants: dict[str, Any] = {
             "min_arc_separation": wp.float64(MIN_ARC_SEPARATION),
             "max_penetration": self.max_penetration,
         }
-        own = pairs.named("start") | {"pair_count_of": pairs.count, "stick_share": wp.float64(STICK_SHARE)}
-        own |= {name: getattr(pairs, name) for name in SLIP_ARRAYS}
         on_cpu = self.stepper.device == "cpu"
         threads = 1 if on_cpu else max(math.ceil(touch.capacity / PAIRS_A_THREAD), min(touch.capacity, LEAST_THREADS))
         lists, quads = {"touch_is_listed": int(not on_cpu)}, 1 if on_cpu else QUAD * threads
         first = [bind(
-            find_followed_contacts, quads, *sources, threads=quads, threads_a_block=min(quads, QUAD * QUADS_A_BLOCK), **named,
-            **travels, **forces, **lists,
+            find_followed_contacts, quads, *sources, threads=quads, threads_a_block=min(quads, QUAD * QUADS_A_BLOCK), **share,
+            **constants, **lists,
         )]  # fmt: skip
         if not on_cpu:
-            pair = pairs.named("first", "second", "wake_travel", "found")
-            asleep = bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity, **pair)
+            asleep = bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity)
             first = [bind(empty_pair_lists, 1, touch), asleep, *first]
         return [
             *first,
-            bind(find_closest_places, threads, *sources, threads=threads, **named, **travels, **lists),
-            bind(find_contact_forces, threads, *sources, self._before, threads=threads, **named, **forces, **own, **lists),
-        ]
+            bind(find_closest_places, threads, *sources, threads=threads, **share, **lists),
+            bind(
+                find_contact_forces, threads, *sources, self._before, threads=threads, stick_share=wp.float64(STICK_SHARE),
+                **share, **constants, **lists,
+            ),
+        ]  # fmt: skip
 
     def stress_launch(self, blocks: range, **named: Any) -> Launch:
         """Launch that sums the nominal stress of contacts of blocks of nodes."""
-        pairs, friction = self._list, int(self.friction > 0.0)
-        sources = (self._wires, self.stepper.arrays, self.stepper.state, self.touch)
-        own = pairs.named("first", "second", "shift", "found", "place")
-        return bind(count_contact_stress, len(blocks), *sources, first_block=blocks.start, has_friction=friction, **own, **named)
+        sources, friction = (
+            (self._wires, self.stepper.arrays, self.stepper.state, self.touch, self.pairs),
+            int(self.friction > 0.0),
+        )
+        return bind(count_contact_stress, len(blocks), *sources, first_block=blocks.start, has_friction=friction, **named)
 
     def _share(self, part: int, parts: int) -> dict[str, int]:
         """Work of a thread: a part of a single world's pairs, or all of its worlds'."""
@@ -160,7 +146,7 @@ class WireContact:
 
     def _new_list(self, capacity: int, number: int) -> PairList:
         stepper = self.stepper
-        return PairList(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
+        return PairList.of(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
 
     def _new_touch(self, capacity: int) -> TouchArrays:
         stepper = self.stepper
@@ -177,35 +163,32 @@ class WireContact:
         stepper, state = self.stepper, self.stepper.state
         stepper.update_frames(own)
         self._search.place(own)
-        before, pairs = self._list, self._other
+        before, pairs = self.pairs, self._other
         total = self._search.count(pairs, before)
         if total > pairs.capacity:
             larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
-            wp.copy(larger.start, pairs.start)
-            wp.copy(larger.count, pairs.count)
+            wp.copy(larger.pair_start, pairs.pair_start)
+            wp.copy(larger.pair_count_of, pairs.pair_count_of)
             pairs = larger
-        store(pairs.total, total)
+        store(pairs.pair_count, total)
         self._search.fill(pairs, before)
-        store(pairs.found, int(NOT_NEAR))
-        store(pairs.renewal_travel, 0.0)  # nothing is known of these pairs yet
+        store(pairs.pair_found, int(NOT_NEAR))
+        store(pairs.pair_renewal_travel, 0.0)  # nothing is known of these pairs yet
+        nodes, version = stepper.rods.node_count, (before.number, before.capacity)
+        old: dict[str, Any] = {f"old_{name.removeprefix('pair_')}": value for name, value in vars(before).items()}
+
+        def go_over(kernel: wp.Kernel) -> list[Launch]:
+            known = {argument.label for argument in kernel.adj.args}
+            own = {name: value for name, value in old.items() if name in known}
+            return [bind(kernel, nodes, stepper.arrays, state, pairs, searched=self._search.searched, **own)]
+
         if len(own) < stepper.worlds:
-            old = {f"old_{name}": getattr(before, name) for name in CARRIED}
-            new = pairs.named(*CARRIED[1:]) | {"start": pairs.start, "count": pairs.count, "searched": self._search.searched}
-            nodes, arrays = stepper.rods.node_count, stepper.arrays
-            pairs.replayed(f"carry {before.number} {before.capacity}", lambda: bind(carry_pairs, nodes, arrays, **new, **old))
+            pairs.replayed("carry", lambda: go_over(carry_pairs), version)
         if self.friction > 0.0:
-            pairs.replayed(f"slip {before.number} {before.capacity}", lambda: bind(
-                transfer_elastic_slip, stepper.rods.node_count, stepper.arrays, control=state.control,
-                searched=self._search.searched, start=pairs.start, count=pairs.count,
-                old_start=before.start, old_count=before.count, old_second=before.second, old_shift=before.shift,
-                old_step=before.slip_step, old_place=before.slip_place, old_elastic_slip=before.elastic_slip,
-                slip_step=pairs.slip_step, slip_place=pairs.slip_place, elastic_slip=pairs.elastic_slip,
-                **pairs.named("second", "shift"),
-            ))  # fmt: skip
+            pairs.replayed("slip", lambda: go_over(transfer_elastic_slip), version)
         pairs.order(total)
-        self._list, self._other = pairs, before if self._has_two_lists else pairs
-        self.searches += 1
-        self._search_travel[own] = self._approach / float(CLOSING_RATE)
+        self.pairs, self._other = pairs, before if self._has_two_lists else pairs
+        self._search_travel[own] = self.cells.approach / float(CLOSING_RATE)
         if state.block_travel.shape[0] > 1:
             fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
         reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
@@ -230,34 +213,34 @@ class WireContact:
 
     def _mark_near(self, gap: Any, own: np.ndarray) -> None:
         """Mark the pairs within a gap [m] at present positions, without offsets."""
-        stepper, state, pairs = self.stepper, self.stepper.state, self._list
+        stepper, state, pairs = self.stepper, self.stepper.state, self.pairs
         stepper.steering.set(own, near_gap=gap)
         if not pairs.mark:
             threads = 1 if stepper.device == "cpu" else pairs.capacity
-            named = pairs.named("start", "first", "second", "shift", "wake_travel", "found", "is_near")
-            counts = {"pair_count": pairs.total, "threads": threads}
+            sources = (self._wires, stepper.arrays, state, pairs)
             for part in range(stepper.parts):
                 share = self._share(part, stepper.parts)
-                mark = bind(mark_near_pairs, threads, self._wires, stepper.arrays, state, **share, **counts, **named)
+                mark = bind(mark_near_pairs, threads, *sources, threads=threads, **share)
                 pairs.mark.append(mark.replay(stepper.device))
         stepper.in_parts(pairs.mark)
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Use marked near pairs, or `which` pairs, in the next steps."""
-        pairs, total, device = self._list, self.pair_count, self.stepper.device
+        pairs, total = self.pairs, self.pair_count
         self.collect_slip_work()
         if which is not None:
             is_near = np.zeros(pairs.capacity, dtype=np.int32)
             is_near[which] = 1
-            store(pairs.is_near, is_near)
+            store(pairs.pair_is_near, is_near)
         count = pairs.take_near(total)
         if count > self.touch.capacity:
             self.touch = self._new_touch(self._capacity(count, TOUCH_BYTES))
-        if pairs.list_near is None or pairs.list_near[0] != self.touch.capacity:
-            by_pair = bind(list_near_pairs, pairs.capacity, pairs, self.touch, pair_count=pairs.total, **pairs.named("is_near"))
-            by_node = bind(find_near_starts, self.stepper.rods.node_count + 1, pairs, self.touch, pair_count=pairs.total)
-            pairs.list_near = self.touch.capacity, replay([by_pair, by_node], device)
-        pairs.list_near[1]()
+        nodes, touch = self.stepper.rods.node_count, self.touch
+
+        def listing() -> list[Launch]:
+            return [bind(list_near_pairs, pairs.capacity, pairs, touch), bind(find_near_starts, nodes + 1, pairs, touch)]
+
+        pairs.replayed("list near", listing, touch.capacity)
         store(self.touch.touch_count, count)
 
     def refresh(self, moved: float = 0.0, rows: np.ndarray | None = None) -> None:
@@ -275,37 +258,30 @@ class WireContact:
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
         near, (begin, end) = self._near_pairs(), self._pairs_of(world)
-        kept = self._list.state_dict((begin, end), self._nodes_of(world))
+        kept = self.pairs.state_dict(begin, end, self._nodes_of(world))
         kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
             kept |= {name: self.stepper.by_world(array)[world].copy() for name, array in vars(self._before).items()}
         if self._in_real_time:
             kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
-        numbers = [
-            self.searches,
-            self._penetration()[world],
-            self._travel[world],
-            self._search_travel[world],
-            self.dissipated[world],
-        ]
-        return kept | {"contact": np.array(numbers)}
+        of_world = (self._penetration(), self._travel, self._search_travel, self.dissipated)
+        return kept | {"contact": np.array([values[world] for values in of_world])}
 
     def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
         begin, end = self._pairs_of(world)
         near = self._near_pairs()
-        change = len(kept["pairs_first"]) - (end - begin)
+        change = len(kept["pair_first"]) - (end - begin)
         near = np.concatenate([near[near < begin], kept["pairs_near"] + begin, near[near >= end] + change])
-        pairs = self._new_list(max(self._capacity(self.pair_count + change, PAIR_BYTES), 1), self._list.number + 2)
-        pairs.load_state_dict(kept, self._list, (begin, end), self._nodes_of(world))
-        self._list = pairs
+        pairs = self._new_list(max(self._capacity(self.pair_count + change, PAIR_BYTES), 1), self.pairs.number + 2)
+        pairs.load_state_dict(kept, self.pairs, begin, end, self._nodes_of(world))
+        self.pairs = pairs
         if not self._has_two_lists:
             self._other = pairs
         if self.friction > 0.0:
             for name, array in vars(self._before).items():
                 store(self.stepper.part(array, world), kept[name])
-        searches, penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
-        self.searches = int(searches)
+        penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
         store(self.stepper.part(self.max_penetration, world), penetration)
         store(self.touch.touch_slip_work, 0.0)
         self._take_near_pairs(near)
@@ -321,7 +297,7 @@ class WireContact:
         """First pair of a world, and the one behind its last."""
         if self.stepper.worlds == 1:
             return 0, self.pair_count
-        start, nodes = fetch(self._list.start), self._nodes_of(world)
+        start, nodes = fetch(self.pairs.pair_start), self._nodes_of(world)
         return int(start[nodes.start]), int(start[nodes.stop]) if nodes.stop < len(start) else self.pair_count
 
     def bound_stiffness(self, rows: np.ndarray) -> None:
@@ -331,7 +307,7 @@ class WireContact:
     @property
     def checks(self) -> ContactChecks:
         """Sums over the contacts of the state last evaluated."""
-        self._checks.use(self._list, self.touch)
+        self._checks.use(self.pairs, self.touch)
         return self._checks
 
     def _capacity(self, total: int, size: int) -> int:
@@ -359,7 +335,7 @@ class WireContact:
         near = self._near_pairs()
         begin, end = np.searchsorted(near, self._pairs_of(world)).tolist()
         work = fetch(touch.touch_slip_work)[PLACES * begin : PLACES * end].reshape(-1, PLACES).sum(axis=1)
-        of_node = np.bincount(fetch(self._list.first)[near[begin:end]], work, stepper.rods.node_count)
+        of_node = np.bincount(fetch(self.pairs.pair_first)[near[begin:end]], work, stepper.rods.node_count)
         self.dissipated[world] += stepper.sums.of_nodes(of_node, rows)[0]
         for name, array in vars(self._before).items():
             now = stepper.by_world(getattr(stepper.state, name.removeprefix("before_")))
@@ -390,7 +366,7 @@ class WireContact:
 
     def _near_pairs(self) -> np.ndarray:
         """Numbers of the pairs that the steps look at."""
-        return fetch(self.touch.touch_pair)[: int(fetch(self.touch.touch_count)[0])].copy()
+        return fetch(self.touch.touch_pair)[: number_at(self.touch.touch_count, 0)].copy()
 
     def find_contacts(self, distance: float, world: int = 0) -> Contacts:
         """Contacts of a world with a gap below `distance` [m], in the last evaluated state. Up to 2 MAX_OFFSET thicknesses.
@@ -400,7 +376,7 @@ class WireContact:
         stepped, rows, (begin, end) = self._near_pairs(), np.array([world]), self._pairs_of(world)
         with self.stepper.only(rows):
             self._mark_near(distance, rows)
-            near = begin + np.flatnonzero(fetch(self._list.is_near)[begin:end])
+            near = begin + np.flatnonzero(fetch(self.pairs.pair_is_near)[begin:end])
             found, size = [], max(self.touch.capacity, LEAST_READ)
             times = int(self.stepper.strip.ranks.largest(np.array([math.ceil(len(near) / size), 1])).max())
             for first in range(0, times * size, size):
@@ -417,18 +393,18 @@ class WireContact:
         Of a strip those whose first segments are its own.
         """
         stepper = self.stepper
-        pairs, touch, near = self._list, self.touch, self._near_pairs()
+        pairs, touch, near = self.pairs, self.touch, self._near_pairs()
         nodes = stepper.strip.own if stepper.worlds == 1 else self._nodes_of(world)
         before = nodes.start if stepper.worlds > 1 else 0
-        found = fetch(pairs.found)[near][:, None]
-        is_own = (fetch(pairs.first)[near] >= nodes.start) & (fetch(pairs.first)[near] < nodes.stop)
+        found, of_first = fetch(pairs.pair_found)[near][:, None], fetch(pairs.pair_first)[near]
+        is_own = (of_first >= nodes.start) & (of_first < nodes.stop)
         is_there = is_own[:, None] & (found > int(NOT_NEAR)) & (np.arange(PLACES) < np.where(found == int(ONE_PLACE), 1, PLACES))
         force, overlap = (fetch(x)[: PLACES * len(near)] for x in (touch.touch_normal_force, touch.touch_overlap))
         kept = force != 0.0 if distance is None else (force != 0.0) | (overlap > -distance)
         which = np.flatnonzero(kept & is_there.ravel())
         pair = near[which // PLACES]
-        first, second, shift = (fetch(x)[pair] for x in (pairs.first, pairs.second, pairs.shift))
-        place = fetch(pairs.place)[PLACES * pair + which % PLACES]
+        first, second, shift = (fetch(x)[pair] for x in (pairs.pair_first, pairs.pair_second, pairs.pair_shift))
+        place = fetch(pairs.pair_place)[PLACES * pair + which % PLACES]
         normal = fetch(touch.touch_normal)[which]
         friction = fetch(touch.touch_friction)[which] if self.friction > 0.0 else np.zeros_like(normal)
         return Contacts(first - before, second - before, place, shift, force[which], friction, normal, overlap[which])

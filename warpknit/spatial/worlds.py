@@ -18,12 +18,12 @@ from .contact_multipliers import LOADED, SOFTEST, ContactMultipliers
 from .convergence import Residual, Stability
 from .mechanics import SpatialMechanics
 from .model import SpatialModel, initial_state
+from .pair_search import search_cells
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, StepForces
 from .rod_relaxation import RodRelaxation
 from .rod_step import RodStepper, WireGroup
 from .rods import joined
-from .search_cells import search_cells
 from .strip_step import stepper_of
 from .wire_contact import WireContact
 
