@@ -82,7 +82,7 @@ def behind(monkeypatch):
         (["run", CELL, "--preset", "fast"], "solver.preset: 'fast'"),
         (["export"], "Missing argument 'RUN_DIR'"),
         (["export", "runs/x"], "Missing option '--to'"),
-        (["export", "runs/x", "--to", "pdf"], "'pdf' is not one of 'usd', 'vtk', 'csv', 'png'"),
+        (["export", "runs/x", "--to", "pdf"], "--to: 'pdf' is unknown; give usd, vtk, csv or png"),
     ],
 )
 def test_bad_input_is_status_2_and_one_line(arguments, said):

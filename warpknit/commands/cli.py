@@ -16,18 +16,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .. import __version__
-from ..base.errors import FINISHED, INTERRUPTED, Diverged
+from ..base.errors import DIVERGED, FINISHED, INTERRUPTED
 from ..compute.ranks import Ranks
-from .program import (
-    QUIET,
-    RESULT_OPTIONS,
-    Asked,
-    Program,
-    configure_logging,
-    on_scene,
-    positive_lengths,
-    positive_quantity,
-)
+from .program import QUIET, RESULT_OPTIONS, Asked, Program, configure_logging, on_scene
 
 if TYPE_CHECKING:
     from ..results.finding import ResultTable
@@ -72,16 +63,14 @@ def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None =
     return loaded, Path(asked.out) if asked.out else default_directory(loaded)
 
 
-def unfinished(result: CommandResult[Any], asked: Asked, *, resume: bool = False) -> int:
-    """Print why a command did not finish, and how to continue it; return its exit status.
-
-    resume: whether it resumes of itself.
-    """
+def status_of(result: CommandResult[Any], asked: Asked, *, resume: bool = False) -> int:
+    """Exit status of a command; prints why it did not finish, and how to continue it. resume: whether it resumes of itself."""
     from ..runner.interrupts import to_continue
 
-    is_cut = result.exit_code == INTERRUPTED
-    go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut and result.goes_on else ""
-    click.echo(f"warpknit: {result.message}{go_on}", err=True)
+    if result.exit_code != FINISHED:
+        is_cut = result.exit_code == INTERRUPTED and result.goes_on
+        go_on = to_continue("command", resume=asked.resume or resume, force=asked.force) if is_cut else ""
+        click.echo(f"warpknit: {result.message}{go_on}", err=True)
     return int(result.exit_code)
 
 
@@ -93,12 +82,11 @@ def show(table: ResultTable, asked: Asked) -> None:
         print_table(table.lines(verbose=asked.verbose))
 
 
-def finished(table: ResultTable, directory: Path, asked: Asked) -> int:
-    """Print the table of a finished command and where its results are; return its exit status."""
+def show_results(table: ResultTable, directory: Path, asked: Asked) -> None:
+    """Print the table of a finished command and where its results are."""
     from ..results.finding import Finding
 
     show(table.with_lines([Finding("results", str(directory), short=True)]), asked)
-    return FINISHED
 
 
 @main.command()
@@ -113,22 +101,20 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
     quiet = asked.quiet or not ranks.is_first
     loaded, directory = open_scene(asked, "run" if error is None else "error", ranks, quiet=quiet)
 
-    from ..runner.progress_display import progress_for
-    from .run import naming_the_file, run_command
+    from ..reflection.study import read_findings
+    from ..runner.summary_table import summary_table
+    from .run import at_work, run_command
 
-    with naming_the_file(loaded), progress_for(quiet=quiet) as progress:
+    with at_work(loaded, quiet=quiet) as progress:
         result = run_command(
             loaded, directory, device=asked.device, error=error, resume=asked.resume, force=asked.force, progress=progress,
             ranks=ranks,
         )  # fmt: skip
     if not ranks.is_first:
         return int(result.exit_code)
-    from ..reflection.study import read_findings
-    from ..runner.summary_table import summary_table
-
-    if result.summary and (result.exit_code == FINISHED or (result.exit_code == Diverged.exit_code and result.summary.stages)):
+    if result.summary and (result.exit_code == FINISHED or (result.exit_code == DIVERGED and result.summary.stages)):
         show(summary_table(result.summary, directory, read_findings(directory, loaded)), asked)
-    return FINISHED if result.exit_code == FINISHED else unfinished(result, asked)
+    return status_of(result, asked)
 
 
 @main.command("map")
@@ -138,15 +124,14 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
     loaded, directory = open_scene(asked, "map", ranks)
 
     from ..reflection.study import read_findings
-    from ..runner.progress_display import progress_for
     from ..studies.contact_map import map_table
-    from .run import map_command, naming_the_file
+    from .run import at_work, map_command
 
-    with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
+    with at_work(loaded, quiet=asked.quiet) as progress:
         result = map_command(loaded, directory, resume=asked.resume, force=asked.force, progress=progress, device=asked.device)
-    if result.exit_code != FINISHED:
-        return unfinished(result, asked)
-    return finished(map_table(result.summary, *read_findings(directory, loaded)), directory, asked)
+    if result.exit_code == FINISHED:
+        show_results(map_table(result.summary, *read_findings(directory, loaded)), directory, asked)
+    return status_of(result, asked)
 
 
 @main.command()
@@ -158,18 +143,17 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     """Run SCENE at many settings and write their errors and costs to DIR."""
     loaded, directory = open_scene(asked, "trade", ranks)
 
-    from ..runner.progress_display import progress_for
     from ..studies.trade import run_trade, trade_table
-    from .run import naming_the_file
+    from .run import at_work
 
-    with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
+    with at_work(loaded, quiet=asked.quiet) as progress:
         result = run_trade(
             lambda more, other: loaded.changed(more, other, command="trade"),
             out=directory, against=against, device=asked.device, resume=asked.resume, force=asked.force, progress=progress,
         )  # fmt: skip
-    if result.exit_code != FINISHED:
-        return unfinished(result, asked)
-    return finished(trade_table(result.summary), directory, asked)
+    if result.exit_code == FINISHED:
+        show_results(trade_table(result.summary), directory, asked)
+    return status_of(result, asked)
 
 
 @main.command()
@@ -190,41 +174,21 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
         "--tension", metavar="TENSION", help='Equibiaxial tension of the material card, such as "2 N/m".  [default: the optimum]'
     ),
 )
-def report(
-    ranks: Ranks,
-    asked: Asked,
-    tension: str | None,
-    openings: str | None,
-    fit_loop_length: str | None,
-    fit_curve: str | None,
-    areal_mass: str | None,
-    cards: str | None,
-) -> int:
+def report(ranks: Ranks, asked: Asked, **options: str | None) -> int:
     """Write the design report of SCENE to DIR: contact map, curves, material card, openings, resistance.
 
     A map of the same scene in DIR is reused.
     """
-    from ..design.inputs import Known
-    from ..runner.progress_display import progress_for
-    from .report import ReportRequest, codes_of, report_command, report_table
-    from .run import naming_the_file
+    from .report import report_command, report_request, report_table
+    from .run import at_work
 
-    known = Known(
-        positive_quantity("--openings", openings, "per_length"),
-        positive_lengths("--fit-loop-length", fit_loop_length),
-        Path(fit_curve) if fit_curve else None,
-        positive_quantity("--areal-mass", areal_mass, "areal_mass"),
-    )
-    request = ReportRequest(positive_quantity("--tension", tension, "tension"), known, codes_of(cards))
+    request = report_request(**options)
     loaded, directory = open_scene(asked, "report", ranks)
-    with naming_the_file(loaded), progress_for(quiet=asked.quiet) as progress:
+    with at_work(loaded, quiet=asked.quiet) as progress:
         done = report_command(loaded, directory, request, force=asked.force, progress=progress, device=asked.device)
-    if done.page is None:
-        return unfinished(done.result, asked, resume=True)
-    show(report_table(done, directory), asked)
-    if done.result.exit_code != FINISHED:
-        raise Diverged(done.result.message)
-    return FINISHED
+    if done.page is not None:
+        show(report_table(done, directory), asked)
+    return status_of(done.result, asked, resume=True)
 
 
 @main.command()
@@ -256,47 +220,21 @@ def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
     help='Set a key of [reflection], such as reflection.frequencies="1 to 40 GHz, 50". Repeatable.',
 )
 @click.argument("run_dir", metavar="DIR")
-def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> int:
+def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> None:
     """Compute the reflection loss of the states of a run or map."""
     configure_logging(logging.WARNING if quiet else logging.INFO)
-    from ..runner.progress_display import progress_for
-    from .reflect import ReflectRequest, reflect_command
-
-    request = ReflectRequest(Path(run_dir), overrides)
-    with progress_for(quiet=quiet) as progress:
-        result = reflect_command(request, progress)
     from ..results.finding import ResultTable
+    from ..runner.progress_display import progress_for
+    from .reflect import reflect_command
 
-    return finished(ResultTable(tuple(result.findings)), request.directory, Asked(run_dir, (), None, None, quiet=quiet))
-
-
-class ExportFormat(click.ParamType):
-    """An export format; the table is imported on demand."""
-
-    name = "format"
-
-    @property
-    def _choice(self) -> click.Choice[str]:
-        from ..export import FORMATS
-
-        return click.Choice(tuple(FORMATS))
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The format; raises for other names."""
-        return self._choice.convert(value, param, ctx)
-
-    def get_metavar(self, *where: Any, **more: Any) -> str | None:
-        """The names for the usage line."""
-        return self._choice.get_metavar(*where, **more)
-
-    def get_missing_message(self, *where: Any, **more: Any) -> str | None:
-        """The names for the error of a missing option."""
-        return self._choice.get_missing_message(*where, **more)
+    with progress_for(quiet=quiet) as progress:
+        result = reflect_command(Path(run_dir), overrides, progress)
+    show_results(ResultTable(tuple(result.findings)), Path(run_dir), Asked(run_dir, quiet=quiet))
 
 
 @main.command()
 @click.argument("run_dir", metavar="RUN_DIR")
-@click.option("--to", type=ExportFormat(), required=True, help="Format of the files.")
+@click.option("--to", metavar="usd|vtk|csv|png", required=True, help="Format of the files.")
 def export(run_dir: str, to: str) -> None:
     """Write the recorded states of a run in another format."""
     configure_logging(logging.INFO)

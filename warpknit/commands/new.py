@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import click
 from scipy.constants import inch
 
+from ..base import toml
 from ..base.errors import InputError
 from ..base.files import write_aside
 from ..base.text import either, exact
@@ -27,12 +28,6 @@ from ..scene.shipped import first_sentence, nearest_scene, shipped_scenes
 from ..scene.wire import Wire
 from .plan import Overview, overview_of
 from .run import naming_the_file
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 
 DENSEST = 4.0  # times the courses that were asked for: the most that are tried
 
@@ -71,7 +66,7 @@ def _refuse_existing(path: Path, force: bool) -> None:
 def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overview]:
     """Text of the scene file, its scene and its plan. Raises the errors of `warpknit plan`."""
     text = scene_text(request, path.name)
-    scene = make_scene(tomllib.loads(text), path=path)
+    scene = make_scene(toml.loads(text), path=path)
     try:
         with naming_the_file(scene):
             return text, scene, overview_of(scene, "cpu")
@@ -105,7 +100,7 @@ def _gauges(request: SceneRequest, scene: Scene) -> Iterator[str]:
 def _has_room(request: SceneRequest) -> bool:
     """Whether the knit of a request can be laid out."""
     try:
-        knit_scene(make_scene(tomllib.loads(scene_text(request, ""))))
+        knit_scene(make_scene(toml.loads(scene_text(request, ""))))
     except (KnitError, InputError):
         return False
     return True
@@ -138,7 +133,7 @@ def copy_scene(name: str, path: Path) -> list[Finding]:
         nearest = nearest_scene(Path(name))
         raise InputError(f"--from: {name!r} is not a scene; " + (f"the nearest is {nearest}" if nearest else "see --list"))
     text = shipped_scenes()[name].read_text(encoding="utf-8")
-    make_scene(tomllib.loads(text), path=path)  # raises where it needs a file beside it
+    make_scene(toml.loads(text), path=path)  # raises where it needs a file beside it
     with write_aside(path) as file:
         file.write(text)
     return [Finding("scene", str(path)), Finding("next", f"warpknit run {shlex.quote(str(path))}")]

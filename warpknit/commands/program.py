@@ -102,9 +102,9 @@ class Asked:
     """The scene of a command and its results, as typed."""
 
     scene: str
-    overrides: tuple[str, ...]
-    preset: str | None
-    device: str | None
+    overrides: tuple[str, ...] = ()
+    preset: str | None = None
+    device: str | None = None
     out: str | None = None
     resume: bool = False
     force: bool = False
@@ -157,20 +157,3 @@ def on_scene(*more: Callable[[Any], Any]) -> Callable[[Callable[..., Any]], Any]
         return called
 
     return decorated
-
-
-def positive_lengths(option: str, given: str | None) -> tuple[float, ...] | None:
-    """Lengths of an option in SI, with commas between them, or None."""
-    if given is None:
-        return None
-    return tuple(value for text in given.split(",") if (value := positive_quantity(option, text.strip(), "length")) is not None)
-
-
-def positive_quantity(option: str, given: str | None, dimension: str) -> float | None:
-    """Value of an option in SI, or None; raises unless it has a unit and is positive."""
-    from ..scene.units import DIMENSIONS, has_unit, shown
-    from .report import positive
-
-    if given is not None and not has_unit(given):
-        raise click.UsageError(f"{option}: {shown(given)} has no unit; give {DIMENSIONS[dimension]}.")
-    return positive(option, given, dimension)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,27 +19,20 @@ from ..scene.capabilities import refuse
 TABLE = "reflection."  # the keys that may be set for finished results
 
 
-@dataclass(frozen=True)
-class ReflectRequest:
-    """Finished results, and keys of [reflection] that replace keys of their scene."""
+def reflect_command(directory: Path, overrides: Sequence[str], progress: Display) -> Reflected:
+    """Solve the waves from the states of finished results. Raises InputError, RunDirectoryError, KeyboardInterrupt.
 
-    directory: Path
-    overrides: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for override in self.overrides:
-            if not override.startswith(TABLE):
-                raise InputError(f"--set: {override!r} is not of [reflection]; other keys need a new run")
-
-
-def reflect_command(request: ReflectRequest, progress: Display) -> Reflected:
-    """Solve the waves from the states of finished results. Raises InputError, RunDirectoryError, KeyboardInterrupt."""
-    run = load_run(request.directory)
+    overrides: keys of [reflection] that replace keys of their scene.
+    """
+    for override in overrides:
+        if not override.startswith(TABLE):
+            raise InputError(f"--set: {override!r} is not of [reflection]; other keys need a new run")
+    run = load_run(directory)
     if not {"stages", "cells"} & set(run.summary):
-        raise RunDirectoryError(f"{request.directory}: has no states; give the directory of a run or a map")
-    scene = run.scene.changed(request.overrides)
+        raise RunDirectoryError(f"{directory}: has no states; give the directory of a run or a map")
+    scene = run.scene.changed(overrides)
     refuse(scene)
-    return reflect(request.directory, scene, progress)
+    return reflect(directory, scene, progress)
 
 
 def check_reflection(scene: Scene) -> None:

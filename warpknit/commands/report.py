@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..base.errors import INTERRUPTED, Diverged, InputError, naming_arguments
 from ..base.text import either
@@ -20,7 +21,7 @@ from ..results.run import Run
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, read_summary
 from ..scene import Scene, load_scene
-from ..scene.units import DIMENSIONS, QuantityError, shown, si
+from ..scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
 from ..studies.contact_map import MapSummary, map_table, read_map
 from ..studies.sweep import run_map as sweep_scene
 from .reflect import check_reflection, with_reflection
@@ -55,13 +56,10 @@ def make_report(
     same scene in `out` is used. Raises Diverged if no state carries the tension of the card.
     """
     with naming_arguments():
-        known = Known(
-            openings=positive("openings", openings, "per_length"),
-            loop_length=lengths_of("fit_loop_length", fit_loop_length),
-            curve=None if fit_curve is None else Path(fit_curve),
-            areal_mass=positive("areal_mass", areal_mass, "areal_mass"),
-        )
-        asked = ReportRequest(positive("tension", tension, "tension"), known, codes_of(cards))
+        asked = report_request(
+            tension=tension, openings=openings, fit_loop_length=fit_loop_length, fit_curve=fit_curve, areal_mass=areal_mass,
+            cards=cards,
+        )  # fmt: skip
     loaded = load_scene(scene, command="report")
     return finished_run(
         loaded,
@@ -86,6 +84,28 @@ class ReportRequest:
             raise InputError(f"--cards: {', '.join(map(repr, sorted(unknown)))} is unknown; give {either(list(CODES))}")
         if self.known.loop_length is not None and self.known.curve is not None:
             raise InputError("--fit-curve: cannot be combined with --fit-loop-length; give one of them")
+
+
+def report_request(
+    *,
+    tension: str | float | None,
+    openings: str | float | None,
+    fit_loop_length: str | float | Sequence[str | float] | None,
+    fit_curve: Directory | None,
+    areal_mass: str | float | None,
+    cards: str | Sequence[str] | None,
+) -> ReportRequest:
+    """The options of a report, checked. Raises `InputError`, which names the option."""
+    return ReportRequest(
+        _positive("--tension", tension, "tension"),
+        Known(
+            openings=_positive("--openings", openings, "per_length"),
+            loop_length=lengths_of("--fit-loop-length", fit_loop_length),
+            curve=None if fit_curve is None else Path(fit_curve),
+            areal_mass=_positive("--areal-mass", areal_mass, "areal_mass"),
+        ),
+        tuple(CODES) if cards is None else tuple(dict.fromkeys(map(str.strip, _parts(cards)))),
+    )
 
 
 @dataclass(frozen=True)
@@ -154,29 +174,29 @@ def report_table(done: Report, directory: Path) -> ResultTable:
     return ResultTable(tuple(lines), (*of_map.warnings, *page.warnings), "report.html")
 
 
-def codes_of(cards: str | Sequence[str] | None) -> tuple[str, ...]:
-    """FE codes from a list, or from a text with commas; None: all."""
-    if cards is None:
-        return tuple(CODES)
-    return tuple(dict.fromkeys(code.strip() for code in (cards.split(",") if isinstance(cards, str) else cards)))
-
-
-def lengths_of(name: str, given: str | float | Sequence[str | float] | None) -> tuple[float, ...] | None:
+def lengths_of(option: str, given: str | float | Sequence[str | float] | None) -> tuple[float, ...] | None:
     """Lengths in SI, or None where none was given: one, or several as a list or with commas. Raises `InputError`."""
     if given is None:
         return None
-    parts = given.split(",") if isinstance(given, str) else [given] if isinstance(given, int | float) else list(given)
-    return tuple(value for part in parts if (value := positive(name, part, "length")) is not None)
+    parts = [given] if isinstance(given, int | float) else _parts(given)
+    return tuple(value for part in parts if (value := _positive(option, part, "length")) is not None)
 
 
-def positive(name: str, given: str | float | None, dimension: str) -> float | None:
-    """A quantity in SI, or None where none was given. Raises `InputError` unless it is positive."""
+def _parts(given: str | Sequence[Any]) -> Sequence[Any]:
+    """Entries of a list, or of a text with commas."""
+    return given.split(",") if isinstance(given, str) else given
+
+
+def _positive(option: str, given: str | float | None, dimension: str) -> float | None:
+    """A quantity in SI, or None where none was given. Raises `InputError` unless it is positive, and has a unit as text."""
     if given is None:
         return None
+    if isinstance(given, str) and not has_unit(given.strip()):
+        raise InputError(f"{option}: {shown(given)} has no unit; give {DIMENSIONS[dimension]}")
     try:
         value = si(given, dimension)
     except QuantityError as error:
-        raise InputError(f"{name}: {error}") from error
+        raise InputError(f"{option}: {error}") from error
     if value <= 0.0:
-        raise InputError(f"{name}: {shown(given)} is not above 0; give {DIMENSIONS[dimension]}")
+        raise InputError(f"{option}: {shown(given)} is not above 0; give {DIMENSIONS[dimension]}")
     return value

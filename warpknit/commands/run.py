@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import INTERRUPTED, Diverged, InputError, ModelError, in_python, naming_arguments
+from ..base.errors import FINISHED, INTERRUPTED, Diverged, InputError, ModelError, in_python, naming_arguments
 from ..compute.ranks import One, Ranks
 from ..knit.lapping import KnitError
 from ..results.run import Run, load_run
@@ -48,14 +48,21 @@ def finished_run(
     resume: whether it already continues an interrupted one, of itself or by the argument.
     """
     where = default_directory(scene) if out is None else directory_of(out, "out")
-    with naming_arguments(), naming_the_file(scene), progress_for(quiet=quiet) as progress:
+    with naming_arguments(), at_work(scene, quiet=quiet) as progress:
         result = command(where, progress)
     if result.exit_code == INTERRUPTED:
         go_on = in_python(to_continue("call", resume=resume, force=force)) if result.goes_on else ""
         raise KeyboardInterrupt(result.message + go_on)
-    if result.exit_code != 0:
+    if result.exit_code != FINISHED:
         raise Diverged(result.message)
     return load_run(where)
+
+
+@contextmanager
+def at_work(scene: Scene, *, quiet: bool) -> Iterator[Display]:
+    """Show the progress of a command, and name the scene file in its errors."""
+    with naming_the_file(scene), progress_for(quiet=quiet) as progress:
+        yield progress
 
 
 def default_directory(scene: Scene) -> Path:

@@ -5,23 +5,18 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
+from ..base import toml
 from ..base.errors import RunDirectoryError
 from ..base.files import write_aside
 from ..base.text import listed
 from ..scene.scene import RESOLVED, Scene, resolved_toml
 from ..scene.units import shown
 from ..scene.wire_file import WireArrays
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 MOST_KEYS = 3  # that are named
 Tree: TypeAlias = Mapping[str, Any]  # of a JSON file
@@ -112,7 +107,7 @@ def _other_keys(out: Path, resolved: str) -> str:
     resolved: the scene with every default.
     """
     try:
-        kept, asked = (_flat(tomllib.loads(text)) for text in ((out / "scene.toml").read_text(encoding="utf-8"), resolved))
+        kept, asked = (_flat(toml.loads(text)) for text in ((out / "scene.toml").read_text(encoding="utf-8"), resolved))
     except (OSError, ValueError):
         return ""
     keys = [key for key in dict.fromkeys((*asked, *kept)) if kept.get(key) != asked.get(key)]
