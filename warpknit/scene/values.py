@@ -103,7 +103,7 @@ class Quantity(ValueCheck):
 
 @dataclass(frozen=True)
 class Unit(Quantity):
-    """A quantity that is one unit of a file, or the name of this unit."""
+    """One unit of a file, as a quantity or by its name."""
 
     def __call__(self, value: Any) -> float:
         return super().__call__(f"1 {value}" if isinstance(value, str) and not value[:1].isdigit() else value)
