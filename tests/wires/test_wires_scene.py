@@ -164,7 +164,7 @@ def test_only_the_spatial_model_takes_wires(command, tmp_path):
 def test_wires_from_a_file_are_planned_and_run_only(command, tmp_path):
     result = call(command, CELL, "--device", "cpu", "--out", tmp_path / "out", "--quiet")
     assert result.exit_code == 2
-    assert f"{CELL}: wires.file: 'plain_knit.pyp'" in result.stderr
+    assert f"{CELL}: wires: cannot be combined" in result.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -290,7 +290,7 @@ def new(file: str | None, as_list: bool, source: str | None, force: bool, **valu
     """
     configure_logging(logging.WARNING)
     from ..runner.summary_table import print_table
-    from .new import ask, checked_request, copy_scene, file_of, names_list, new_command, on_terminal
+    from .new import SceneRequest, ask, copy_scene, file_of, named_knit, names_list, new_command, on_terminal
 
     if as_list:
         click.echo("\n".join(names_list()))
@@ -301,7 +301,7 @@ def new(file: str | None, as_list: bool, source: str | None, force: bool, **valu
             raise click.UsageError(f"--from: cannot be combined with --{min(given)}; change the copy.")
         print_table(copy_scene(source, file_of(file or source, force=force)))
         return
-    request, path = checked_request(given), file_of(file, force=force) if file else None
+    request, path = SceneRequest(**given), file_of(file, force=force) if file else None
     if "knit" not in given and on_terminal():
         request, path = ask(given, path, force=force)
-    print_table(new_command(request, path or file_of(request.named.name, force=force), force=force))
+    print_table(new_command(request, path or file_of(named_knit(request.knit).name, force=force), force=force))

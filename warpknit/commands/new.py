@@ -7,8 +7,9 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import click
 from scipy.constants import inch
@@ -18,28 +19,18 @@ from ..base.errors import InputError
 from ..base.files import write_aside
 from ..base.text import either, exact
 from ..knit.lapping import KnitError
-from ..knit.named import NAMED_KNITS
+from ..knit.named import NAMED_KNITS, named_knit
 from ..mesh.layout import knit_scene
 from ..results.finding import Finding
 from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
-from ..scene.new_scene import Refused, SceneRequest, check_file_name, check_value, scene_text
+from ..scene.new_scene import Refused, SceneRequest, check_file_name, scene_text
 from ..scene.shipped import first_sentence, nearest_scene, shipped_scenes
 from ..scene.wire import Wire
 from .plan import Overview, overview_of
 from .run import naming_the_file
 
 DENSEST = 4.0  # times the courses that were asked for: the most that are tried
-
-
-def checked_request(given: Mapping[str, str]) -> SceneRequest:
-    """The request of the values of options. Raises `InputError`, which names the option."""
-    for name, value in given.items():
-        try:
-            check_value(name, value)
-        except Refused as error:
-            raise InputError(f"--{name}: {error}") from error
-    return SceneRequest(**given)
 
 
 def file_of(name: str, *, force: bool) -> Path:
@@ -71,20 +62,14 @@ def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overvi
         with naming_the_file(scene):
             return text, scene, overview_of(scene, "cpu")
     except InputError as error:
-        if isinstance(error.__cause__, KnitError):
-            wales, courses = request.spacings
-            tight = error.__cause__
-            if tight.key == "knit":
-                raise InputError(f"--wales, --courses: with {wales!r} and {courses!r}, {tight.wrong}; {tight.instead}") from error
-            loop = [f"in a scene {tight.key} {tight.instead.removeprefix('write ')}"] if "loop" in tight.key else []
-            thinner = (
-                tight.instead.removeprefix("use ").partition(" with ")[0] if tight.key == "wire.diameter" else "thinner wire"
-            )
-            instead = either([*_gauges(request, scene), thinner, *loop])
-            given = f"wire of {exact(scene.wire.diameter, 'm')} with {wales!r} and {courses!r}"
-            wrong = f"no room for {given} ({tight.key}: {tight.wrong})"
-            raise InputError(f"--diameter, --wales, --courses: {wrong}; use {instead}") from error
-        raise
+        tight = error.__cause__
+        if not isinstance(tight, KnitError):
+            raise
+        asked, gauges = request.filled_in, [] if tight.key == "knit" else list(_gauges(request, scene))
+        given = f"wire of {exact(scene.wire.diameter, 'm')} with {asked.wales!r} and {asked.courses!r}"
+        instead = f"use {either([*gauges, 'thinner wire'])}; in a scene, {tight.instead}" if gauges else tight.instead
+        wrong = f"no room for {given} ({tight.key}: {tight.wrong})"
+        raise InputError(f"--diameter, --wales, --courses: {wrong}; {instead}") from error
 
 
 def _gauges(request: SceneRequest, scene: Scene) -> Iterator[str]:
@@ -112,7 +97,7 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Findi
     text, scene, overview = planned_scene(request, path)
     with write_aside(path) as file:
         file.write(text)
-    wire, knit = scene.wire, request.named
+    wire, knit = scene.wire, named_knit(request.knit)
     lines = (
         ("scene", str(path)),
         ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
@@ -156,8 +141,18 @@ def names_list() -> list[str]:
 
 
 T = TypeVar("T")
-NO_PLATING = "none"
 MESH = ("diameter", "ends", "wales", "courses")  # asked again where they do not go together
+QUESTIONS = {
+    "knit": "Knit",
+    "material": f"Wire material ({', '.join(MATERIALS)})",
+    "plating": "Plating (none, or such as gold, 0.2 um)",
+    "diameter": "Wire diameter, without plating",
+    "ends": "Wires in a yarn",
+    "wales": "Wales per inch, or with a unit",
+    "courses": "Courses per inch, or with a unit",
+    "load": "Load: a strain, or a tension such as 2 N/m; two with a comma for weft and warp",
+    "model": "Model (auto, planar, spatial)",
+}
 
 
 def on_terminal() -> bool:
@@ -167,52 +162,35 @@ def on_terminal() -> bool:
 
 def ask(given: Mapping[str, str], path: Path | None, *, force: bool) -> tuple[SceneRequest, Path]:
     """Ask for what is not given: the request, and the file to write. Raises click's Abort at Ctrl-C and at the end of input."""
-    request = checked_request(given)
+    request = SceneRequest(**given)
     click.echo("Return accepts the value in brackets; Ctrl-C quits without a file.\n")
     if "knit" not in given:
         width = max(map(len, NAMED_KNITS))
         click.echo("\n".join(f"  {knit.name:<{width}}  {knit.about}" for knit in NAMED_KNITS.values()) + "\n")
 
     def answered(request: SceneRequest, *names: str) -> SceneRequest:
-        for name in (name for name in names if name not in given):
-            request = replace(request, **{name: _answer(name, request)})
-        return request
+        return reduce(_answered, (name for name in names if name not in given), request)
 
     request = answered(request, "knit", "material", "plating", *MESH)
-    while (fault := _fault(request)) is not None:
-        if set(MESH) <= given.keys():
-            raise fault
-        click.echo(f"Error: {fault}")
-        request = answered(request, *MESH)
+    while True:
+        try:
+            planned_scene(request, Path("scene.toml"))
+            break
+        except InputError as fault:
+            if set(MESH) <= given.keys():
+                raise
+            click.echo(f"Error: {fault}")
+            request = answered(request, *MESH)
     request = answered(request, "load", "model")
     if path is None:
-        path = _prompt("File", f"{request.named.name}.toml", lambda name: file_of(name, force=force))
+        path = _prompt("File", f"{named_knit(request.knit).name}.toml", lambda name: file_of(name, force=force))
     click.echo()
     return request, path
 
 
-def _answer(name: str, request: SceneRequest) -> str:
-    """The answer to the question about a value."""
-    wales, courses = request.spacings
-    question, default = {
-        "knit": ("Knit", request.knit),
-        "material": (f"Wire material ({', '.join(MATERIALS)})", request.material),
-        "plating": ("Plating (none, or such as gold, 0.2 um)", request.plating or NO_PLATING),
-        "diameter": ("Wire diameter, without plating", request.diameter),
-        "ends": ("Wires in a yarn", request.ends),
-        "wales": ("Wales per inch, or with a unit", wales),
-        "courses": ("Courses per inch, or with a unit", courses),
-        "load": ("Load: a strain, or a tension such as 2 N/m; two with a comma for weft and warp", request.loading),
-        "model": ("Model (auto, planar, spatial)", request.model),
-    }[name]
-
-    def checked(answer: str) -> str:
-        if (name, answer) == ("plating", NO_PLATING):
-            return ""
-        check_value(name, answer)
-        return answer
-
-    return _prompt(question, default, checked)
+def _answered(request: SceneRequest, name: str) -> SceneRequest:
+    """The request with the answer to the question about a value."""
+    return _prompt(QUESTIONS[name], getattr(request.filled_in, name), lambda answer: replace(request, **{name: answer}))
 
 
 def _prompt(question: str, default: str, value_of: Callable[[str], T]) -> T:
@@ -221,21 +199,12 @@ def _prompt(question: str, default: str, value_of: Callable[[str], T]) -> T:
     def converted(answer: str) -> T:
         try:
             return value_of(answer.strip())
-        except ValueError as error:
+        except InputError as error:
             raise click.UsageError(str(error)) from error
 
     try:
-        answer: Any = click.prompt(question, default=default, value_proc=converted)
+        answer: T = click.prompt(question, default=default, value_proc=converted)
     except click.Abort:
         click.echo()  # behind the question
         raise
     return answer
-
-
-def _fault(request: SceneRequest) -> InputError | None:
-    """Reason why the mesh of a request cannot be made."""
-    try:
-        planned_scene(request, Path("scene.toml"))
-    except InputError as error:
-        return error
-    return None

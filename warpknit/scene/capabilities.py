@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 Location = tuple[int | str, ...]
-Place = tuple[Location, Any]  # a key, and its value
+Place = tuple[Location, Any]  # a key, and its value if the message has it
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,6 @@ class Trait:
     needs: tuple[str, ...] = ()  # traits that it implies
 
 
-class Words(str):
-    """A value shown unquoted, because it belongs to no key."""
-
-
 # --- requests of a trait -----------------------------------------------------------------------------------------
 
 
@@ -75,11 +71,6 @@ def _value(key: str, case: Case) -> Any:
     for part in key.split("."):
         value = None if value is None else getattr(value, part)
     return value
-
-
-def _is(key: str, wanted: Any) -> Asked:
-    """Places of a key with this value."""
-    return lambda case: [(tuple(key.split(".")), wanted)] if _value(key, case) == wanted else []
 
 
 def _given(key: str, *nothing: Any) -> Asked:
@@ -99,36 +90,24 @@ def _staged(*keys: str, nothing: tuple[Any, ...] = ()) -> Asked:
     ]
 
 
-def _is_knit(case: Case) -> bool:
-    return case.scene.hook is None and case.scene.wires is None
-
-
-def _wires(case: Case) -> Iterable[Place]:
-    wires = case.scene.wires
-    return [] if wires is None else [(("wires", "file"), wires.file_name)]
-
-
-def _panel(case: Case) -> Iterable[Place]:
-    panel = case.scene.panel
-    return [(("panel",), panel)] if panel != type(panel)() else []
-
-
 def _turned_and_pulled(case: Case) -> Iterable[Place]:
     for location, stage in case.stages:
         if stage.clamp_rotation and stage.pull:
             yield (*location, "clamp_rotation"), stage.clamp_rotation
 
 
-def _other_poisson(case: Case) -> Iterable[Place]:
+def _has_panel(case: Case) -> bool:
+    return case.scene.panel != type(case.scene.panel)()
+
+
+def _other_poisson(case: Case) -> bool:
     wire = case.scene.wire
-    usual = wire.poissons_ratio in (None, MATERIALS[wire.material].poissons_ratio)
-    return [] if usual else [(("wire", "poissons_ratio"), wire.poissons_ratio)]
+    return wire.poissons_ratio not in (None, MATERIALS[wire.material].poissons_ratio)
 
 
-def _other_body_radius(case: Case) -> Iterable[Place]:
+def _other_body_radius(case: Case) -> bool:
     radius = case.scene.model.body_radius
-    usual = radius is None or math.isclose(radius, case.scene.wire.diameter / 8)
-    return [] if usual else [(("model", "body_radius"), radius)]
+    return radius is not None and not math.isclose(radius, case.scene.wire.diameter / 8)
 
 
 # --- the traits -------------------------------------------------------------------------------------------------------
@@ -136,7 +115,13 @@ def _other_body_radius(case: Case) -> Iterable[Place]:
 
 def _choice(key: str, value: str) -> Trait:
     table, name = key.split(".")
-    return Trait(f'`{key} = "{value}"`', key, _is(key, value), {table: {name: value}})
+    places: Asked = lambda case: [((table, name), value)] if _value(key, case) == value else []  # noqa: E731
+    return Trait(f'`{key} = "{value}"`', key, places, {table: {name: value}})
+
+
+def _if(words: str, key: str, condition: Callable[[Case], Any], example: Mapping[str, Any] | None = None, *needs: str) -> Trait:
+    """Trait of a key, or of an option of a command; messages do not have its value."""
+    return Trait(words, key, lambda case: [(tuple(key.split(".")), None)] if condition(case) else [], example or {}, needs)
 
 
 def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
@@ -153,9 +138,8 @@ def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ..
     return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
 
 
-def _command(words: str, *commands: str, needs: tuple[str, ...] = (), example: Mapping[str, Any] | None = None) -> Trait:
-    asked: Asked = lambda case: [((case.command,), Words("a scene"))] if case.command in commands else []  # noqa: E731
-    return Trait(words, commands[0], asked, example or {}, needs)
+def _command(words: str, *commands: str, needs: tuple[str, ...] = ()) -> Trait:
+    return Trait(words, commands[0], lambda case: [((case.command,), None)] if case.command in commands else [], needs=needs)
 
 
 PULL = {"at": ["1.7 mm", "0 mm"], "by": ["0.1 mm", "0 mm"], "width": "1 mm"}  # one repeat of the default knit is 3.4 mm wide
@@ -175,9 +159,9 @@ GROUPS = (
 )
 TRAITS = {
     # the mesh, the model, its edge, how it is driven
-    "knit": Trait("a knit", "knit", lambda case: [(("knit",), case.scene.knit)] if _is_knit(case) else []),
-    "hook": Trait("two hooked wires", "hook", _given("hook"), {"hook": {}}, ("gripped",)),
-    "wires": Trait("wires from a file", "wires", _wires, {"wires": {"file": "plain_knit.csv"}}, ("spatial",)),
+    "knit": _if("a knit", "knit", lambda case: case.scene.hook is None and case.scene.wires is None),
+    "hook": _key("two hooked wires", "hook", {}, needs=("gripped",)),
+    "wires": _if("wires from a file", "wires", lambda case: case.scene.wires, {"wires": {"file": "plain_knit.csv"}}, "spatial"),
     "planar": _choice("model.kind", "planar"),
     "spatial": _choice("model.kind", "spatial"),
     "gripped": _choice("model.boundary", "gripped"),
@@ -200,25 +184,20 @@ TRAITS = {
         {"load": {"clamp_rotation": 0.1, "pull": [PULL]}},
         ("rotation", "pull"),
     ),
-    "path": Trait(
-        "load steps after the first",
-        "path",
-        lambda case: [(("path",), Words("stages"))] if len(case.scene.stages) > 1 else [],
-        {"path": [{"name": "second"}]},
-    ),
+    "path": _if("load steps after the first", "path", lambda case: len(case.scene.stages) > 1, {"path": [{"name": "second"}]}),
     # the wire and the knit
     "friction": _key("friction", "contact.friction", 0.2, 0.0),
-    "elastic": Trait("elastic wire", "wire.plastic", _is("wire.plastic", False)),
+    "elastic": _if("elastic wire", "wire.plastic", lambda case: not case.scene.wire.plastic),
     "plastic": _key("plastic wire", "wire.plastic", True, False),
     "hardening": _key("hardening", "wire.hardening", 0.2, Wire.hardening),
-    "poisson": Trait("own Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
+    "poisson": _if("own Poisson's ratio", "wire.poissons_ratio", _other_poisson, {"wire": {"poissons_ratio": 0.4}}),
     "plating": _key("plating", "wire.plating", {"thickness": "0.2 um"}),
-    "even loops": Trait("equal loops", "knit.scatter", _is("knit.scatter", 0.0)),
+    "even loops": _if("equal loops", "knit.scatter", lambda case: not case.scene.knit.scatter),
     "scatter": _key("scattered loops", "knit.scatter", 0.05, 0.0, needs=("knit",)),
     "seed": _key("seed", "knit.seed", 3, 0, needs=("knit",)),
     "variants": _key("variants", "variants.count", 2, 1, needs=("knit",)),
     # the edge
-    "panel": Trait("an outline, net, or surface", "panel", _panel, {"panel": {"active_threshold": 50}}),
+    "panel": _if("an outline, net, or surface", "panel", _has_panel, {"panel": {"active_threshold": 50}}),
     "outline": Trait(
         "an outline other than a rectangle",
         "panel.outline",
@@ -230,15 +209,15 @@ TRAITS = {
     "focal length": _key("held on a paraboloid", "panel.focal_length", "1 m", needs=("panel",)),
     # contact
     "stiffness": _key("contact penalty", "contact.stiffness", "10 N/m"),
-    "body radius": Trait("own body radius", "model.body_radius", _other_body_radius, {"model": {"body_radius": "3 um"}}),
+    "body radius": _if("own body radius", "model.body_radius", _other_body_radius, {"model": {"body_radius": "3 um"}}),
     "treatment": _key("contact treatment", "contact.treatment", "ring", "free-body", needs=("hook",)),
     "body mass": _key("body mass", "contact.body_mass", 0.3, needs=("ramp",)),
     "crossing distance": _key("crossing distance of hooked wires", "hook.crossing_distance", "20 um", needs=("hook", "spatial")),
     "file repeats": _key("repeats of a file", "wires.repeats", [2, 1], (1, 1), needs=("wires", "periodic")),
     # the solver
     "single": _key("single precision", "solver.precision", "single", "double"),
-    "no multipliers": Trait(
-        "no multipliers", "solver.multipliers", _is("solver.multipliers", False), {"solver": {"multipliers": False}}
+    "no multipliers": _if(
+        "no multipliers", "solver.multipliers", lambda case: not case.scene.solver.multipliers, {"solver": {"multipliers": False}}
     ),
     "mass scaling": _key("scaled masses", "solver.mass_scaling", 100.0, 1.0, needs=("ramp",)),
     "target time step": _key("target time step", "solver.target_time_step", "1 us", needs=("ramp",)),
@@ -246,21 +225,19 @@ TRAITS = {
     "damping": _key("given damping", "solver.damping", "100 /s"),
     "max steps": _key("step limit", "solver.max_steps", 10_000),
     # the sweep
-    "no sweep": Trait(
-        "no sweep", "sweep", lambda case: [(("sweep",), Words("a scene without [sweep]"))] if case.scene.sweep is None else []
-    ),
-    "sweep": Trait("a sweep", "sweep", _given("sweep"), {"sweep": SWEEP}),
+    "no sweep": _if("no sweep", "sweep", lambda case: case.scene.sweep is None),
+    "sweep": _key("a sweep", "sweep", SWEEP),
     "sweep by tension": Trait(
         "a sweep by tension", "sweep.tension_weft", _given("sweep.tension_weft"), {"sweep": TENSION_SWEEP}, ("sweep",)
     ),
-    "reflection": Trait("a reflected wave", "reflection", _given("reflection"), {"reflection": {"frequencies": ["10 GHz"]}}),
+    "reflection": _key("a reflected wave", "reflection", {"frequencies": ["10 GHz"]}),
     # commands, and options besides the scene
     "map": _command("`warpknit map`", "map", "report", needs=("sweep", "relax")),
     "trade": _command("`warpknit trade`", "trade"),
     "report": _command("`warpknit report`", "report", needs=("map", "periodic")),
     "error": _command("`run --error`", "error", needs=("relax",)),
-    "ranks": Trait("`mpirun`", "mpirun", lambda case: [(("mpirun",), Words(f"{case.ranks} ranks"))] if case.ranks > 1 else []),
-    "cuda": Trait("a GPU", "--device", lambda case: [(("--device",), case.device)] if case.device not in (None, "cpu") else []),
+    "ranks": _if("`mpirun`", "mpirun", lambda case: case.ranks > 1),
+    "cuda": _if("a GPU", "--device", lambda case: case.device not in (None, "cpu")),
 }
 AT_COMMAND = frozenset({"map", "trade", "report", "error", "ranks", "cuda"})
 COLUMNS = (*GROUPS[1], *GROUPS[2], *GROUPS[3], *GROUPS[0], "map", "trade", "report", "error", "ranks", "cuda")
@@ -365,10 +342,7 @@ RULES = (
     Rule("spatial", ("error", "hook"), "write 'planar'", "errors of spatial hooks are not known"),
     *(Rule(trait, ("spatial", "ranks"), ONE_RANK, NOT_BUILT) for trait in ("ramp", "wires")),
     Rule("gripped", ("report",), "write 'periodic'", "a card describes endless cloth"),
-    *(
-        Rule(trait, ("map",), LEAVE_OUT, why)
-        for trait, why in (("pull", ALONE), ("rotation", ALONE), ("gradient", ALONE), ("cord", ALONE))
-    ),
+    *(Rule(trait, ("map",), LEAVE_OUT, ALONE) for trait in ("pull", "rotation", "gradient", "cord")),
     Rule("cuda", ("map",), "write --device cpu", "small meshes fit the caches of a CPU"),
     Rule("ranks", ("trade",), ONE_RANK, "its meshes are small"),
     Rule("ranks", ("map",), ONE_RANK, "its meshes are small"),
@@ -441,11 +415,11 @@ def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Sou
     key, path = dotted(location), cast("Scene", case.scene).path if source is None else source.path
     if rule.trait == "no sweep":
         return scene_error(path, key, f"missing for {others}", rule.instead)
-    if isinstance(value, Table):
+    if value is None or isinstance(value, Table):
         return scene_error(path, key, wrong, rule.instead)
     if source is not None:
         return source.refusal(location, value, wrong, rule.instead)
-    return scene_error(path, key, f"{value if isinstance(value, Words) else value_text(location, value)} {wrong}", rule.instead)
+    return scene_error(path, key, f"{value_text(location, value)} {wrong}", rule.instead)
 
 
 def with_needs(names: Iterable[str]) -> frozenset[str]:

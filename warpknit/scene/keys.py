@@ -33,7 +33,7 @@ ABOUT = "about"  # where a field keeps its sentence: a field without one is no k
 class Table:
     """Base of frozen dataclasses for the tables of a scene file: unknown keys are errors.
 
-    one_of: groups of alternative keys, of which a table has one; an override of one removes the others of its groups.
+    one_of: groups of alternative keys; a table has one key of a group, and an override of it removes the others.
     Unit, default and meaning of each key stand in the docstring too, for `help(scene.wire)`.
     """
 

@@ -132,7 +132,7 @@ def _key_at(location: Sequence[int | str]) -> Key:
 
 
 def table_at(location: Location) -> type[Table]:
-    """Class of the table at a location, or of the tables in a list there."""
+    """Class of the table, or of the tables in a list, at a location."""
     table: type[Table] = SceneFile
     for part in location:
         if isinstance(part, str):

@@ -11,13 +11,14 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from importlib.resources import files
 from string import Template
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
+from ..base.errors import InputError
 from ..base.text import exact
 from ..knit.lapping import KnitError
 from ..knit.named import GuideBar, NamedKnit, named_knit
@@ -36,6 +37,9 @@ COMMENTS_AT = 28  # column of the comments behind keys
 SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over the tension of the scene
 
 
+NO_PLATING = "none"
+
+
 class Refused(ValueError):
     """A value that cannot stand in a scene: what was given, what is wrong with it and what to write instead."""
 
@@ -45,37 +49,32 @@ class Refused(ValueError):
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """Request of a new scene, as typed; "": the default of the knit."""
+    """Request of a new scene, as typed; "": the default of the knit. Raises `InputError`, which names the option."""
 
     knit: str = "double-atlas"
     material: str = "molybdenum"
     diameter: str = "30 um"
     ends: str = "1"
-    plating: str = ""  # none
+    plating: str = NO_PLATING
     wales: str = ""
     courses: str = ""
     load: str = ""
     model: str = "auto"
 
-    @property
-    def named(self) -> NamedKnit:
-        """The knit of the name; raises `Refused`."""
-        return _knit(self.knit)
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            try:
+                if (given := getattr(self, entry.name)) != entry.default:
+                    _CHECKS[entry.name](given)
+            except Refused as error:
+                raise InputError(f"--{entry.name}: {error}") from error
 
     @property
-    def spacings(self) -> tuple[str, str]:
-        """Wales and courses, with the defaults of the knit."""
-        return self.wales or f"{self.named.wales} /inch", self.courses or f"{self.named.courses} /inch"
-
-    @property
-    def loading(self) -> str:
-        """The load, with the default of the knit."""
-        return self.load or f"{self.named.strain} %"
-
-
-def check_value(name: str, given: str) -> None:
-    """Check one value of a `SceneRequest`. Raises `Refused`."""
-    _CHECKS[name](given)
+    def filled_in(self) -> SceneRequest:
+        """The request with the defaults of its knit."""
+        knit = _knit(self.knit)
+        wales, courses = self.wales or f"{knit.wales} /inch", self.courses or f"{knit.courses} /inch"
+        return replace(self, wales=wales, courses=courses, load=self.load or f"{knit.strain} %")
 
 
 def check_file_name(name: str) -> None:
@@ -116,7 +115,9 @@ def _ends(given: str) -> int:
 
 
 def _plating(given: str) -> tuple[str, str]:
-    """Metal and thickness of a coating."""
+    """Metal and thickness of a coating; of an example where there is none."""
+    if given == NO_PLATING:
+        return "gold", "0.2 um"
     parts = re.split(r"\s*,\s*|\s+", given.strip(), maxsplit=1)
     if len(parts) < 2 or not has_unit(parts[1]):
         raise Refused(given, "lacks a metal or a thickness with its unit", PLATING)
@@ -184,10 +185,10 @@ _CHECKS: dict[str, Callable[[str], Any]] = {
 
 def scene_text(request: SceneRequest, file_name: str) -> str:
     """The scene file of a request, in TOML: the template new_scene.template with its values. Raises `Refused` for a bad value."""
-    knit, metal, loads = request.named, MATERIALS[request.material], _load(request.loading)
-    coating, thickness = _plating(request.plating or "gold, 0.2 um")
+    request = request.filled_in
+    knit, metal, loads = _knit(request.knit), MATERIALS[request.material], _load(request.load)
+    coating, thickness = _plating(request.plating)
     is_net = any(bar.threading != "|" for bar in knit.bars)
-    holds = {"net": is_net}
     values = {
         "title": knit.title[0].upper() + knit.title[1:],
         "about": knit.about,
@@ -195,7 +196,7 @@ def scene_text(request: SceneRequest, file_name: str) -> str:
         "material": _toml(request.material),
         "diameter": _toml(_diameter(request.diameter)),
         "ends": str(_ends(request.ends)),
-        "plating_off": "" if request.plating else "# ",
+        "plating_off": "# " if request.plating == NO_PLATING else "",
         "metal": _toml(coating),
         "coating": _toml(thickness),
         "modulus": _toml(exact(metal.youngs_modulus, "Pa")),
@@ -205,7 +206,7 @@ def scene_text(request: SceneRequest, file_name: str) -> str:
         "kind": _toml(request.model),
         "sweep": _sweep(loads),
     }
-    for kind, given in zip(("wale", "course"), request.spacings, strict=True):
+    for kind, given in (("wale", request.wales), ("course", request.courses)):
         key, value = _spacing(kind)(given)
         what = f"{kind}s per length" if key == f"{kind}s" else f"distance of the {kind}s"
         values |= {f"{kind}_key": key, f"{kind}s": _toml(value), f"{kind}_what": what}
@@ -214,7 +215,7 @@ def scene_text(request: SceneRequest, file_name: str) -> str:
         what, other = ("relative to the mesh as knitted", "tension") if kind == "strain" else ("force per width", "strain")
         values |= {f"{side}_key": key, side: value, f"{side}_what": f"{what}; or {other}_{side}"}
     template = files("warpknit.scene").joinpath("new_scene.template").read_text(encoding="utf-8")
-    template = re.sub(r"^\?(\w+) (.*\n)", lambda line: line[2] if holds[line[1]] else "", template, flags=re.MULTILINE)
+    template = re.sub(r"^\?net (.*\n)", r"\1" if is_net else "", template, flags=re.MULTILINE)
     text = Template(template).substitute(values)
     return re.sub(r"^((?:# )?\w+ = .*?)  # ", lambda line: f"{line[1]:<{COMMENTS_AT}}  # ", text, flags=re.MULTILINE)
 

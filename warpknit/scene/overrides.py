@@ -40,7 +40,7 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
 
 
 def _alternatives(location: Location) -> set[str]:
-    """The keys of which a key takes the place: their groups are its own, too."""
+    """Keys that an override of this key removes: all groups of theirs contain it, too."""
     *above, last = location
     if unknown_depth(location) is not None:
         return set()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Preset:
-    """Defaults of the keys that a scene leaves out, for one kind of model and one drive.
+    """Defaults of omitted keys, for one kind of model and one drive.
 
     Spatial nodes are closer together at bends (spatial/placed_wires.py), in a ramp at equal distances. Segments of a ramp keep
     the length of their chords, not of their arcs, and nothing corrects the error of its softening; true masses with little

@@ -22,18 +22,7 @@ from ..base.errors import SceneError
 from ..base.text import exact
 from .keys import Table, given_values, key, keys_of
 from .knit import Hook, Knit, KnitTable
-from .options import (
-    GIVEN,
-    VARIANT_LEVELS,
-    Contact,
-    ModelOptions,
-    Output,
-    Reflection,
-    Solver,
-    Stage,
-    Sweep,
-    Variants,
-)
+from .options import GIVEN, VARIANT_LEVELS, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep, Variants
 from .panel_options import PanelOptions, PanelTable
 from .presets import COMPARED_NODES, MEASURED, PRESETS, Measured, Preset
 from .units import si_text
