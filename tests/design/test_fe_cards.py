@@ -40,8 +40,8 @@ CODE_NAMES = {"Abaqus", "LS-DYNA", "Radioss"}  # those with curves
 
 @pytest.fixture
 def cards(tmp_path):
-    assert write_fe_cards(CARD, PATH, SCENE, "60 mN/m", tmp_path) == {code: file for code, (file, _) in CODES.items()}
-    return {code: (tmp_path / file).read_text(encoding="ascii") for code, (file, _) in CODES.items()}
+    assert write_fe_cards(CARD, PATH, SCENE, "60 mN/m", tmp_path) == {name: code.file for name, code in CODES.items()}
+    return {name: (tmp_path / code.file).read_text(encoding="ascii") for name, code in CODES.items()}
 
 
 def in_plane(modulus: tuple[float, float], nu12: float) -> np.ndarray:
@@ -92,7 +92,7 @@ def test_nastran_by_pynastran(cards, tmp_path, monkeypatch):
     monkeypatch.setattr(np, "in1d", np.isin, raising=False)  # NumPy 2 has no in1d, which pyNastran imports
     reader = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed")
     bulk = reader.BDF(debug=None)
-    bulk.read_bdf(str(tmp_path / CODES["nastran"][0]), punch=True)
+    bulk.read_bdf(str(tmp_path / CODES["nastran"].file), punch=True)
     for identity, measure in ((1, GREEN), (2, ENGINEERING)):
         expected = TO_MPA * tangent(CARD, measure)
         shell = bulk.properties[identity]
@@ -367,17 +367,17 @@ def test_curves_cross_no_jump_and_drop_no_state_that_matters(tmp_path, card, pat
 
 def test_curves_that_end_say_where_and_why():
     """PATH goes on to 110 mN/m, the card is at 75 mN/m. Nastran has no curves, so nothing is said of them."""
-    assert limit_of_curves(CARD, PATH, ["nastran", "abaqus"], at_jump=False) is None
-    beyond = limit_of_curves(CARD, PATH, ["abaqus", "radioss"], at_jump=True)
-    assert quantities(beyond) == ["110 mN/m"]
-    at_card = limit_of_curves(CARD, PATH[:-1], list(CODES), at_jump=False)
-    assert "75 mN/m" in quantities(at_card) and at_card.endswith("did not converge beyond the card")
-    assert limit_of_curves(CARD, PATH, ["nastran"], at_jump=True) is None
+    assert list(limit_of_curves(CARD, PATH, ["nastran", "abaqus"], at_jump=False)) == []
+    (beyond,) = limit_of_curves(CARD, PATH, ["abaqus", "radioss"], at_jump=True)
+    assert quantities(beyond.text) == ["110 mN/m"]
+    (at_card,) = limit_of_curves(CARD, PATH[:-1], list(CODES), at_jump=False)
+    assert "75 mN/m" in quantities(at_card.text) and at_card.text.endswith("did not converge beyond the card.")
+    assert list(limit_of_curves(CARD, PATH, ["nastran"], at_jump=True)) == []
 
 
 def test_codes_can_be_chosen_and_files_are_those_of_a_report(tmp_path):
     assert list(write_fe_cards(CARD, PATH, SCENE, "", tmp_path, codes=["ansys"])) == ["ansys"]
-    assert [path.name for path in tmp_path.iterdir()] == [CODES["ansys"][0]]
+    assert [path.name for path in tmp_path.iterdir()] == [CODES["ansys"].file]
     assert set(FILES) <= set(OUTPUT_NAMES)
     assert json.dumps(list(CODES)) == '["nastran", "abaqus", "calculix", "ansys", "lsdyna", "radioss"]'
 

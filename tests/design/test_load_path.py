@@ -11,7 +11,6 @@ from warpknit.base.errors import Diverged
 from warpknit.design.curves import tension_strain
 from warpknit.design.equal_tension import YIELDED, load_equally, service_points, with_state_at
 from warpknit.design.report import KeptStates, read_states, write_states
-from warpknit.design.service import EqualTension
 from warpknit.runner.history import mean_tension, row_of
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
@@ -89,7 +88,7 @@ def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
 def test_a_path_ends_behind_first_yield():
     """The double atlas of 15 um yields at 0.6 N/m: service tensions beyond have no point; a larger map adds nothing."""
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
-    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
+    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), 0.2)
     above = [row.stress_max_Pa > scene.wire.yield_stress for row in path.rows]
     assert above == [False] * (len(above) - 1) + [True]
     assert {point.why for point in service_points(scene, path, (), None, None)} == {YIELDED}
@@ -110,7 +109,7 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
 
     monkeypatch.setattr("warpknit.studies.load_path.LoadPath", Failing)
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
-    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.2, 0.2, scene.wire.yield_stress))
+    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), 0.2)
     tensions = [row.tension_weft_N_per_m for row in path.rows]
     assert tensions == sorted(tensions)
     if failing == 99:
@@ -125,11 +124,11 @@ def test_a_path_gets_the_state_at_a_further_tension(tmp_path):
     does on the disk, from where a state goes on bit for bit."""
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
     model = exact_model(scene, scene.solver.residual_tolerance)
-    path = load_equally(model, EqualTension(0.2, 0.2, scene.wire.yield_stress))
+    path = load_equally(model, 0.2)
     write_states(scene, tmp_path, KeptStates([], path))
     kept = read_states(scene, tmp_path).path
     assert (kept.rows, kept.at, kept.ended, list(kept.states)) == (path.rows, path.at, path.ended, list(path.states))
-    assert read_states(load_scene(SCENES / "contact_map.toml", ["output.frames=5"], "draft"), tmp_path) is None
+    assert read_states(load_scene(SCENES / "contact_map.toml", ["output.frames=5"], "draft"), tmp_path) == KeptStates()
     between, beyond = (with_state_at(model, path, tension) for tension in (0.13, 0.8))
     for longer, tension in ((between, 0.13), (beyond, 0.8)):
         row = longer.at[tension]

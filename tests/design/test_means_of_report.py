@@ -17,7 +17,6 @@ from warpknit.design.curves import tension_strain
 from warpknit.design.equal_tension import load_equally, service_points
 from warpknit.design.mean_card import meshes_of
 from warpknit.design.report import KeptStates, read_states, write_states
-from warpknit.design.service import EqualTension
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
 from warpknit.studies.load_path import LoadPath, MeshesPath, under_tension
@@ -94,7 +93,7 @@ def test_too_few_meshes_raise(scene, meshes, monkeypatch):
 
 
 def test_service_tensions_are_means_and_are_kept(scene, meshes, tmp_path):
-    path = load_equally(meshes, EqualTension(0.0, 0.0, scene.wire.yield_stress))
+    path = load_equally(meshes, 0.0)
     points = {point.tension: point for point in service_points(scene, path, (), None, None)}
     row = path.at[2.0]
     assert points[2.0].strains == (row.strain_weft, row.strain_warp)

@@ -23,7 +23,6 @@ from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equall
 from warpknit.design.fe import CODES
 from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.design.report import _card
-from warpknit.design.service import EqualTension
 from warpknit.export import map_figure
 from warpknit.results.row import Row
 from warpknit.runner.progress_display import StageLines
@@ -174,7 +173,7 @@ def test_the_loads_of_the_default_map_are_said_to_be_so():
 
 def test_curves_with_missing_states_are_told_on_the_terminal():
     point = Row(tension_weft_N_per_m=0.01)
-    curves, bare = [point, point.changed(tension_weft_N_per_m=None)], {"card": None, "branch_notes": [], "limit_of_curves": None}
+    curves, bare = [point, point.changed(tension_weft_N_per_m=None)], {"card": None, "branch_notes": [], "limit_of_curves": []}
     (warning,) = Findings.warnings.fget(SimpleNamespace(**bare, curves=curves))
     assert warning.code == "W58" and warning.text.startswith("1 of 2 states")
     assert Findings.warnings.fget(SimpleNamespace(**bare, curves=curves[:1])) == []
@@ -215,7 +214,7 @@ def test_the_fe_codes_that_were_asked_for_get_a_card(reports):
     """All of them for the optimum; of those only that of the second report is left, with its prestress. Radioss has curves alone,
     and the weft contracts while its tension rises to 60 mN/m, as the page says."""
     out, found, said = reports
-    files = {code: file for code, (file, _) in CODES.items()}
+    files = {name: code.file for name, code in CODES.items()}
     assert found[""][1]["fe_cards"] == files
     page, card, _ = found["0.06 N/m"]
     none, _, why = card["fe_cards"].pop("radioss").partition(": ")
@@ -250,10 +249,10 @@ def test_service_points_are_equilibria_and_not_interpolated(reports):
     values = found["0.06 N/m"][1]["values"]
     scene = load_scene(out / "scene.toml")
     scene = replace(scene, output=replace(scene.output, service_tension=0.06))
-    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), EqualTension(0.06, 0.06, scene.wire.yield_stress))
+    path = load_equally(exact_model(scene, scene.solver.residual_tolerance), 0.06)
     point = service_points(scene, path, (), None, None)[0]
     assert point.strains == pytest.approx((values["prestrain1"], values["prestrain2"]), abs=5e-4)
-    assert 0.01 * point.active_percent == pytest.approx(values["active"])
+    assert 0.01 * point.row.active_percent == pytest.approx(values["active"])
 
 
 def test_the_map_that_is_there_is_used_again(reports):

@@ -1,4 +1,4 @@
-"""Equilibria under equal tensions in weft and warp, from the mesh as knitted.
+"""Equilibria under equal tensions in weft and warp, from the mesh as knitted; service points; equal tensions of a map.
 
 One path serves the service tensions, the material card at a tension, the answers of a report, and what heat does (heat.py).
 """
@@ -11,17 +11,19 @@ from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import Any
 
+import numpy as np
+
 from ..base.errors import Diverged
-from ..base.text import engineering
+from ..base.text import engineering, exact, of_sides, percent
 from ..results.row import Row
 from ..runner.answers import SERVICE_TENSIONS, Service
 from ..runner.branches import Jump, tensions_text
 from ..runner.history import mean_tension
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
+from ..studies.contact_map import SIDES, STEADY, MapRow, axes_of, grid
 from ..studies.load_path import part_of, path_of, under_tension
 from .card import MaterialCard
-from .service import EqualTension, ServicePoint, is_other
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
@@ -32,8 +34,10 @@ BROKEN = "beyond the strength of the wire"
 LEFT = "another equilibrium than under equal tensions"
 NO_PATH = "no strains of equal tension in the map"
 MISSES = 2  # stages in a row that may fail
+REFINED = 16  # times finer than the map on each side, for the search of equal tensions
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
 JUMPS_SHOWN = 4
+SAME_STRESS, SAME_STRAIN = 0.05, 0.003  # largest differences of one equilibrium found twice: relative, and strain
 
 
 @dataclass(frozen=True)
@@ -60,18 +64,20 @@ class EqualTensionPath:
 
 
 def load_equally(
-    meshes: Any, largest: EqualTension, monitor: Callable[[float], None] = lambda _: None, tension: float | None = None
+    meshes: Any, largest: float, monitor: Callable[[float], None] = lambda _: None, tension: float | None = None
 ) -> EqualTensionPath:
-    """The path to first yield, else to the largest tension: service, `tension` [N/m] or map, doubled DOUBLINGS times.
+    """The path to first yield, else to the largest of all tensions [N/m], doubled DOUBLINGS times: service, `tension`, map.
 
     A load step that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
-    records before. `monitor` gets the share done. meshes: one in double precision, or a list, whose rows are means.
+    records before. `monitor` gets the share done.
+
+    meshes: one in double precision, or a list, whose rows are means. largest: in the map.
     """
     path = path_of(meshes)
     scene = path.scene
     wanted = service_tensions(scene, tension)
-    top = max(largest.largest, *wanted)
-    ends = [*_ends(wanted, largest.largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
+    top = max(largest, *wanted)
+    ends = [*_ends(wanted, largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
     rows: list[Row] = []
     states: dict[float, Any] = {}
     at: dict[float, Row] = {}
@@ -128,7 +134,7 @@ def with_state_at(
         below = [*takewhile(lambda row: mean_tension(row) < tension, path.rows)]
         joined = [*below, rows[-1], *path.rows[len(below) :]]
     else:
-        begin = next((number for number, row in enumerate(path.rows, 1) if row is path.at.get(low)), 0)
+        begin = next((number for number, row in enumerate(path.rows, 1) if row == path.at.get(low)), 0)
         joined = [*path.rows[:begin], *rows]
         if not is_found:
             return replace(path, rows=joined if max(map(mean_tension, joined), default=0.0) > top else path.rows, ended=ended)
@@ -174,6 +180,61 @@ def levels_between(scene: Scene, low: float, high: float) -> int | str:
     return doubling if low == 0.0 else max(1, math.ceil(doubling * math.log2(high / low)))
 
 
+@dataclass(frozen=True)
+class ServicePoint:
+    """The mesh at a tension in both directions: the one source for card, table and marker."""
+
+    tension: float  # [N/m]
+    row: Row | None = None  # the state, of several meshes with p10_NAME and p90_NAME of its figures; None where it is unknown
+    why: str = ""  # there is no state, or what limits it
+    resolved: bool = True  # whether the path under equal tensions has the same state
+
+    @property
+    def name(self) -> str:
+        """The tension, as text."""
+        return exact(self.tension, "N/m")
+
+    @property
+    def strains(self) -> tuple[float, float] | None:
+        """Strains in weft and warp; None without a state."""
+        return None if self.row is None else (self.row.strain_weft, self.row.strain_warp)
+
+    @property
+    def texts(self) -> tuple[str, str, str]:
+        """Strain in weft and warp, share of active contacts and largest wire stress; or why there is no state."""
+        if self.row is None:
+            return self.why, "-", "-"
+        weft, warp, active, stress = _parts(self.row)
+        return f"{weft} / {warp}", active, stress + (f", {self.why}" if self.why else "")
+
+    @property
+    def range_texts(self) -> tuple[str, ...] | None:
+        """The ranges of these figures over eight in ten meshes; None of one mesh."""
+        if self.row is None or "p10_stress_max_Pa" not in self.row:
+            return None
+        names = ("strain_weft", "strain_warp", "active_percent", "stress_max_Pa")
+        low, high = (Row(**{name: self.row[f"{end}_{name}"] for name in names}) for end in ("p10", "p90"))
+        weft, warp, *others = (f"{one} to {other}" for one, other in zip(_parts(low), _parts(high), strict=True))
+        return f"{weft} / {warp}", *others
+
+    @property
+    def answer(self) -> Service:
+        """The point as the answers of a run have it."""
+        row, tensions = self.row, dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), self.tension)
+        return Service(
+            tension_N_per_m=self.tension, active_percent=None if row is None else row.active_percent,
+            state=None if row is None else Row(strain_weft=row.strain_weft, strain_warp=row.strain_warp, **tensions),
+            stage=None if row is None else row.get("stage", ""), resolved=self.resolved, jump=None,
+            **({"why": self.why} if self.why else {}),
+        )  # fmt: skip
+
+
+def _parts(row: Row | MapRow) -> list[str]:
+    """Strain in weft and in warp, share of active contacts and largest wire stress, as texts."""
+    strains = [percent(strain) for strain in (row.strain_weft, row.strain_warp)]
+    return [*strains, percent(0.01 * row.active_percent), engineering(row.stress_max_Pa, "Pa")]
+
+
 def service_points(
     scene: Scene, path: EqualTensionPath, jumps: Sequence[Jump], requested: float | None, card: MaterialCard | None
 ) -> list[ServicePoint]:
@@ -181,14 +242,13 @@ def service_points(
     points = []
     for tension in service_tensions(scene, requested):
         row, own = path.at.get(tension), card if tension == requested else None
-        if (shown := row if own is None else own.row) is None:
+        shown = row if own is None else own.row.changed(stage="" if row is None else row.stage)
+        if shown is None:
             points.append(ServicePoint(tension, why=_unreached(path, jumps, tension)))
             continue
         left = LEFT if row is not None and is_other(shown, row) else ""
         why = ", ".join(part for part in (YIELDED if shown.stress_max_Pa > scene.wire.yield_stress else "", left) if part)
-        strains, stage = (shown.strain_weft, shown.strain_warp), "" if row is None else row.stage
-        figures = strains, shown.active_percent, shown.stress_max_Pa
-        points.append(ServicePoint(tension, *figures, why, stage, not left, shown if own is None else Row()))
+        points.append(ServicePoint(tension, shown, why, resolved=not left))
     return points
 
 
@@ -218,12 +278,66 @@ def jump_text(jumps: Sequence[Jump]) -> str | None:
     )
 
 
-def service_answer(point: ServicePoint) -> Service:
-    """A service point as the answers of a run have it."""
-    tensions = dict.fromkeys(("tension_weft_N_per_m", "tension_warp_N_per_m"), point.tension)
-    known = point.strains is not None
-    return Service(
-        tension_N_per_m=point.tension, active_percent=point.active_percent if known else None,
-        state=None if point.strains is None else Row(strain_weft=point.strains[0], strain_warp=point.strains[1], **tensions),
-        stage=point.stage if known else None, resolved=point.resolved, jump=None, **({"why": point.why} if point.why else {}),
-    )  # fmt: skip
+def largest_equal_tension(rows: Sequence[MapRow]) -> float:
+    """The largest equal tension in weft and warp [N/m] of the bilinear map; 0 where there is none."""
+    weft, warp = axes_of(rows)
+    first, second = (_refined(grid(rows, f"tension_{side}_N_per_m", weft, warp)) for side in SIDES)
+    apart = first - second
+    largest = 0.0
+    for axis in range(2):
+        before, after = (np.take(apart, range(k, apart.shape[axis] - 1 + k), axis) for k in (0, 1))
+        low, high = (np.take(first, range(k, first.shape[axis] - 1 + k), axis) for k in (0, 1))
+        crossing = before * after <= 0.0  # not where it is unknown
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(before == after, 0.0, before / (before - after))
+        tension = (1.0 - share) * low + share * high
+        largest = max(largest, float(np.max(tension[crossing], initial=0.0)))
+    return largest
+
+
+def _refined(values: np.ndarray) -> np.ndarray:
+    """Bilinear interpolation of a grid on REFINED times the points a side."""
+    for axis in range(2):
+        count = values.shape[axis]
+        if count < 2:
+            continue
+        place = np.linspace(0.0, count - 1.0, REFINED * (count - 1) + 1)
+        low = np.minimum(place.astype(int), count - 2)
+        share = (place - low).reshape((-1, 1) if axis == 0 else (1, -1))
+        values = (1.0 - share) * np.take(values, low, axis) + share * np.take(values, low + 1, axis)
+    return values
+
+
+def is_other(one: Row | MapRow, other: Row | MapRow) -> bool:
+    """Whether two states under one load are different equilibria."""
+    stress = one.stress_max_Pa / max(other.stress_max_Pa, 1e-300)
+    strain = max(abs(one.strain_weft - other.strain_weft), abs(one.strain_warp - other.strain_warp))
+    return bool(abs(stress - 1.0) > SAME_STRESS or strain > SAME_STRAIN)
+
+
+def two_equilibria(load: str, one: Row | MapRow, of_one: str, other: Row | MapRow, of_other: str) -> str:
+    """Sentence on two equilibria under one `load`, with their places on the page; or nothing."""
+    if not is_other(one, other):
+        return ""
+
+    def text(row: Row | MapRow, where: str) -> str:
+        weft, warp, active, stress = _parts(row)
+        return f"strain {of_sides((weft, warp))}, {active} active, {stress} {where}"
+
+    return f"The mesh has two equilibria at {load}: {text(one, of_one)}; {text(other, of_other)}."
+
+
+def map_cell(cells: Sequence[MapRow], tension: float | None) -> MapRow | None:
+    """Converged state of a map at one `tension` [N/m]; None for means of several meshes."""
+    found = (one for one in cells if one.by_tension and one.load == (tension, tension))
+    return next((one for one in found if one.stop_reason == STEADY and one.variants == 1), None)
+
+
+def branches_at(tension: float, row: Row | None, cells: Sequence[MapRow], card: MaterialCard | None = None) -> str:
+    """Sentence on two equilibria of the page at one `tension` [N/m]; empty where it shows one. row: under equal tensions."""
+    load, cell = exact(tension, "N/m"), map_cell(cells, tension)
+    shown = row if card is None else card.row
+    where = "under equal tensions" if card is None else "on the card" if row is None else "on the card and under equal tensions"
+    if card is not None and row is not None and is_other(card.row, row):
+        return two_equilibria(load, card.row, "on the card", row, "under equal tensions")
+    return "" if shown is None or cell is None else two_equilibria(load, shown, where, cell, "in the map")

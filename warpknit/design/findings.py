@@ -21,12 +21,11 @@ from ..studies.load_path import Mesh
 from .card import MaterialCard
 from .card_files import card_warnings
 from .curves import missing_points
-from .equal_tension import EqualTensionPath
+from .equal_tension import EqualTensionPath, ServicePoint, branches_at
 from .fe import limit_of_curves
 from .heat import HeatedMesh, later_temperatures
 from .mean_card import MeanCard
 from .opening_size import OpeningSize
-from .service import EqualTension, ServicePoint, branches_at
 
 DEFAULT_STRAINS = tuple(round(0.02 * k, 2) for k in range(11))
 DEFAULT_SWEEP = Sweep(strain_weft=DEFAULT_STRAINS, strain_warp=DEFAULT_STRAINS)
@@ -60,7 +59,6 @@ class Findings:
     optimum: Optimum | None
     jumps: Sequence[Jump]  # of the map
     requested: float | None  # [N/m] tension requested for the card
-    equal_tension: EqualTension  # largest in the map
     path: EqualTensionPath
     path_jumps: Sequence[RowJump]
     answers: Answers | None  # that it gives (runner/answers.py)
@@ -74,8 +72,7 @@ class Findings:
     loading: Sequence[Row]  # states from the mesh as knitted to the card and beyond, up to the first jump
     tensioned: Observables | None  # the mesh of the card
     knitted: Observables | None  # the mesh as knitted
-    knitted_openings: Sequence[OpeningSize]
-    tensioned_openings: Sequence[OpeningSize]
+    openings: Mapping[str, Sequence[OpeningSize]]  # by state, in words; without states that have none
     model_warnings: Sequence[ResultWarning]  # where the states are outside the validity of their model
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card
@@ -159,10 +156,12 @@ class Findings:
         return f"shown at the best tension, as the mesh does not reach {exact(self.requested, 'N/m')}"
 
     @property
-    def limit_of_curves(self) -> str | None:
-        """Warning on curves of the FE cards; None if complete, or without a card."""
+    def limit_of_curves(self) -> list[ResultWarning]:
+        """Warning on curves of the FE cards; none if complete, or without a card."""
+        if self.card is None:
+            return []
         at_jump = bool(self.path_jumps and self.loading and self.loading[-1] is self.path_jumps[0][0])
-        return None if self.card is None else limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump)
+        return list(limit_of_curves(self.card, self.loading, self.codes, at_jump=at_jump))
 
     @property
     def branch_notes(self) -> list[ResultWarning]:
@@ -175,9 +174,4 @@ class Findings:
     def warnings(self) -> list[ResultWarning]:
         """Limits to the use of card and curves, for a terminal."""
         of_card = [] if self.card is None else list(card_warnings(self.card, self.scene))
-        limits = (
-            []
-            if self.limit_of_curves is None
-            else [ResultWarning("W57", f"{self.limit_of_curves[0].upper()}{self.limit_of_curves[1:]}.")]
-        )
-        return [*of_card, *self.branch_notes, *limits, *missing_points(self.curves)]
+        return [*of_card, *self.branch_notes, *self.limit_of_curves, *missing_points(self.curves)]

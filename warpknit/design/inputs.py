@@ -12,8 +12,8 @@ import csv
 import itertools
 import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,19 +35,11 @@ from ..scene.scene import Override
 from ..solve.model import build_model
 from ..studies.load_path import states_at
 
+# of fit.json: name of the fit, or of the file of a biaxial test; factor on all loops, and proportions of knit.loop; factors on
+# the loops of each bar; rms error over the tensions of a test
+NO_LOOPS: dict[str, object] = {"fitted_to": None, "factor": None, "bar_factors": None, "rms_error": None, "loop": {}}
 FIT_TOLERANCE = 2e-3  # of the factor
 EDGE, SHORTER = 1e-9, 0.8  # distance of a factor from the end of its range; reduction of one that cannot be knitted
-
-
-@dataclass(frozen=True)
-class LoopFit:
-    """A fit of the loops by factors on their proportions."""
-
-    to: str  # "loop length", "run-in", or the name of the file of a biaxial test
-    factor: float | None  # of all loops
-    proportions: dict[str, float]  # of knit.loop, that were fitted
-    rms_error: float | None = None  # over the tensions of the test
-    bar_factors: tuple[float, ...] | None = None  # of the loops of each bar, where these were fitted
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ class Fitted:
 
     scene: Scene
     notes: tuple[str, ...] = ()
-    loops: LoopFit | None = None
+    loops: Mapping[str, object] = field(default_factory=dict)  # keys of fit.json (NO_LOOPS); empty without a fit
 
     def then(self, other: Fitted) -> Fitted:
         """`other`, fitted from this scene, with the notes and fits of both."""
@@ -94,7 +86,7 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
     meant, hooks = len(knit_scene(scene).clasps), len(knit_scene(fit).clasps)
     if hooks != meant:
         note += f"; wires then hook {hooks} times per repeat in plan view, with loops of one size {meant} times"
-    return Fitted(fit, (note,), LoopFit("run-in", None, {}, bar_factors=tuple(found)))
+    return Fitted(fit, (note,), {"fitted_to": "run-in", "bar_factors": tuple(found)})
 
 
 def _bar_factor(scene: Scene, bar: int, wanted: float) -> float:
@@ -139,7 +131,8 @@ def fitted_by(scene: Scene, factor: float, how: str, to: str, rms_error: float |
     if found != meant:
         wrong = f"the fitted loops hook {found} times per repeat, the loops of the scene {meant} times"
         raise InputError(f"{scene.path}: {how}: {wrong}; use a value closer to the scene")
-    loops = LoopFit(to, factor, {name: getattr(larger.knit.loop, name) for name in _names(scene)}, rms_error)
+    loop = {name: getattr(larger.knit.loop, name) for name in _names(scene)}
+    loops = {"fitted_to": to, "factor": factor, "rms_error": rms_error, "loop": loop}
     return Fitted(larger, (f"loop proportions times {factor:.3f}, fitted to {how}",), loops)
 
 
@@ -218,17 +211,9 @@ def write_fit(fitted: Fitted, out: Path) -> None:
     if not fitted.notes:
         (out / FIT).unlink(missing_ok=True)
         return
-    loops, knit = fitted.loops, fitted.scene.knit
-    content = {
-        "fitted_to": None if loops is None else loops.to,
-        "factor": None if loops is None else loops.factor,
-        "bar_factors": None if loops is None else loops.bar_factors,
-        "rms_error": None if loops is None else loops.rms_error,
-        "loop": {} if loops is None else loops.proportions,
-        "wale_spacing_m": knit.wale_spacing,
-        "course_spacing_m": knit.course_spacing,
-        "notes": list(fitted.notes),
-    }
+    knit = fitted.scene.knit
+    spacings = {"wale_spacing_m": knit.wale_spacing, "course_spacing_m": knit.course_spacing}
+    content = {**NO_LOOPS, **fitted.loops, **spacings, "notes": list(fitted.notes)}
     with write_aside(out / FIT) as file:
         json.dump(content, file, indent=2, allow_nan=False)
 
@@ -323,25 +308,15 @@ def fit_curve(scene: Scene, path: Path, progress: Display) -> Fitted:
 
 def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Strains (point, 2) and tensions (point, 2) [N/m]."""
-    instead = f"give a CSV file with the columns {', '.join(COLUMNS)}"
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, ValueError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or "no text in UTF-8"
-        raise InputError(f"{path}: {reason.lower()}; {instead}") from error
-    missing = [name for name in COLUMNS if not rows or name not in rows[0]]
-    if missing:
-        raise InputError(f"{path}: no {f'column {missing[0]}' if rows else 'rows'}; {instead}")
-    values = np.zeros((len(rows), len(COLUMNS)))
-    for number, row in enumerate(rows):
-        for column, name in enumerate(COLUMNS):
-            try:
-                values[number, column] = float(row[name])
-            except (TypeError, ValueError) as error:
-                raise InputError(f"{path}: {name}: {row[name]!r} in row {number + 1} is not a number; write one") from error
-    if not np.all(np.isfinite(values)) or np.any(values[:, :2] <= -0.5) or np.any(values[:, :2] > 2.0):
-        raise InputError(f"{path}: a strain or tension is out of range; give finite ones, and strains from -0.5 to 2")
-    if not np.any(values[:, 2:]):
-        raise InputError(f"{path}: all tensions are 0; give the tensions of a biaxial test [N/m]")
+            values = np.array([[float(row[name]) for name in COLUMNS] for row in csv.DictReader(file)])
+    except (OSError, LookupError, TypeError, ValueError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: {reason}; give a CSV file with numbers in the columns {', '.join(COLUMNS)}") from error
+    if not len(values):
+        raise InputError(f"{path}: no rows; give the strains and tensions of a biaxial test")
+    is_allowed = np.isfinite(values).all() and (values[:, :2] > -0.5).all() and (values[:, :2] <= 2.0).all()
+    if not (is_allowed and values[:, 2:].any()):
+        raise InputError(f"{path}: out of range; give finite numbers, strains from -0.5 to 2, and tensions [N/m] not all 0")
     return values[:, :2], values[:, 2:]

@@ -25,7 +25,7 @@ from ..compute.kept import strip_prefix
 from ..measure import Observables
 from ..measure.table import Record
 from ..results.finding import Finding
-from ..results.row import Row
+from ..results.row import Row, plain
 from ..runner.answers import answers_of
 from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
@@ -41,11 +41,14 @@ from .curves import tension_strain
 from .equal_tension import (
     LEFT,
     EqualTensionPath,
+    branches_at,
+    is_other,
     jump_text,
+    largest_equal_tension,
     load_equally,
-    service_answer,
+    map_cell,
     service_points,
-    service_tensions,
+    two_equilibria,
     unreached_text,
     with_state_at,
 )
@@ -55,7 +58,6 @@ from .heat import heat, later_temperatures, tension_held
 from .mean_card import find_mean, loads_of_card, meshes_of
 from .opening_size import openings
 from .report_files import write_files
-from .service import EqualTension, branches_at, equal_tension, is_other, map_cell, two_equilibria
 
 STATES = "report_states.npz"
 UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
@@ -65,32 +67,28 @@ UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
 class KeptStates:
     """Results of a report that do not depend on the requested tension."""
 
-    curves: list[Row]
-    path: EqualTensionPath  # of one mesh of even loops
+    curves: Sequence[Row] = ()
+    path: EqualTensionPath = EqualTensionPath()  # of one mesh of even loops
     means: EqualTensionPath = EqualTensionPath()  # over the meshes of [variants], without their states; empty without them
 
 
 def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
     """Write the file into `out`."""
-    about = {
-        "made_by": _made_by(scene),
-        "curves": [vars(point) for point in states.curves],
-        **{name: _path_table(getattr(states, name)) for name in ("path", "means")},
-    }
+    about = plain(replace(states, path=replace(states.path, states={}))) | {"made_by": [scene.hash, __version__]}
     arrays = {"about": np.array(json.dumps(about, default=lambda value: value.item()))}
     for number, state in enumerate(states.path.states.values()):
         arrays |= {f"{number}_{name}": value for name, value in state.kept.items()}
     write_arrays(out / STATES, arrays)
 
 
-def read_states(scene: Scene, out: Path) -> KeptStates | None:
-    """States by `write_states` for this scene and version; None without a readable file."""
+def read_states(scene: Scene, out: Path) -> KeptStates:
+    """States by `write_states` for this scene and version; without a readable file none."""
     try:
         with np.load(out / STATES, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         about = json.loads(str(arrays.pop("about")))
-        if about["made_by"] != _made_by(scene):
-            return None
+        if about["made_by"] != [scene.hash, __version__]:
+            return KeptStates()
         path, means = (_path_from(about[name]) for name in ("path", "means"))
         stages = [under_tension(scene, tension) for tension in path.at]
         states = {
@@ -99,28 +97,18 @@ def read_states(scene: Scene, out: Path) -> KeptStates | None:
         }
         return KeptStates([Row(**point) for point in about["curves"]], replace(path, states=states), means)
     except UNUSABLE:
-        return None
-
-
-def _path_table(path: EqualTensionPath) -> dict[str, object]:
-    """A path without its states."""
-    numbers = {id(row): number for number, row in enumerate(path.rows)}
-    at = [(tension, numbers[id(row)]) for tension, row in path.at.items()]
-    return {"rows": [vars(row) for row in path.rows], "at": at, "ended": path.ended}
+        return KeptStates()
 
 
 def _path_from(table: Mapping[str, Any]) -> EqualTensionPath:
-    """The path of such a table."""
-    rows = [Row(**row) for row in table["rows"]]
-    return EqualTensionPath(rows, {}, {tension: rows[number] for tension, number in table["at"]}, table["ended"])
-
-
-def _made_by(scene: Scene) -> list[str]:
-    return [scene.hash, __version__]
+    """The path in such a file, without its states."""
+    at = {float(tension): Row(**row) for tension, row in table["at"].items()}
+    return EqualTensionPath([Row(**row) for row in table["rows"]], {}, at, table["ended"])
 
 
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
 SEARCHES = ("equal tensions", "heat")  # of these, whose length is not known before
+ANOTHER = "ask for a card at a tension that the mesh carries, with --tension"
 WAY = 0.6  # of the time of a card: the way to the optimum
 
 
@@ -155,25 +143,24 @@ def write_report(
 
     model = build_model(scene)
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
-    largest = equal_tension(rows, scene.wire.yield_stress)
+    largest = largest_equal_tension(rows)
     double = exact_model(scene, scene.solver.residual_tolerance)
     several = scene.variants.count > 1
     monitor = begin("tension-strain curves")
     kept = read_states(scene, out)
-    curves = [] if kept is None else kept.curves
+    curves, path, means = kept.curves, kept.path, kept.means
     if not curves:
         meshes = meshes_of(scene, scene.solver.residual_tolerance) if several else model
         curves = tension_strain(meshes, weft, warp, monitor)
     jumps = find_jumps(model, rows)
     optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
     monitor = begin("equal tensions")
-    path, means = (EqualTensionPath(), EqualTensionPath()) if kept is None else (kept.path, kept.means)
     parts = 2 + several
-    if not path.rows and (largest.largest > 0.0 or tension is not None):
+    if not path.rows and (largest > 0.0 or tension is not None):
         path = load_equally(double, largest, part_of(monitor, 0, parts))
     if several and path.rows and (not means.rows or (tension is not None and tension not in means.at)):
         means = _mean_path(scene, largest, tension, part_of(monitor, 2, parts))
-    if kept is None or (path, means) != (kept.path, kept.means):
+    if (curves, path, means) != (kept.curves, kept.path, kept.means):
         write_states(scene, out, KeptStates(curves, path, means))
     if tension is not None:
         path = with_state_at(double, path, tension, part_of(monitor, 1, parts))
@@ -185,7 +172,8 @@ def write_report(
     card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(monitor, 0, 2))
     mean = None
     if card is not None and several:
-        mean = find_mean(scene, _load_of_card(scene, optimum, tension), tension, card, part_of(monitor, 1, 2))
+        load = under_tension(scene, tension) if tension is not None else _load_of_map(scene, optimum)
+        mean = find_mean(scene, load, tension, card, part_of(monitor, 1, 2))
         card, loading = (card, loading) if mean is None else (mean.card, mean.loading)
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
@@ -195,7 +183,8 @@ def write_report(
     held = tension_held(path, tension, None if best is None else mean_tension(best))
     heated, no_heat = heat(scene, path, held, begin("heat"))
     begin("openings and page")
-    knitted = states_at(model, [np.eye(2)])[0]
+    (knitted,) = (None if isinstance(state, Diverged) else state for state in states_at(model, [np.eye(2)]))
+    states = {"as knitted": knitted, "at the tension of the card": tensioned}
     found = Findings(
         scene=scene,
         notes=notes,
@@ -204,14 +193,11 @@ def write_report(
         optimum=optimum,
         jumps=jumps,
         requested=tension,
-        equal_tension=largest,
         path=shown,
         path_jumps=shown_jumps,
         answers=None
         if answers is None
-        else answers.changed(
-            service=[service_answer(point) for point in service], heat=[one for case in heated for one in case.answers]
-        ),
+        else answers.changed(service=[point.answer for point in service], heat=[one for case in heated for one in case.answers]),
         heated=heated,
         no_heat=no_heat,
         service=service,
@@ -221,9 +207,8 @@ def write_report(
         mean=mean,
         loading=loading,
         tensioned=tensioned,
-        knitted=None if isinstance(knitted, Diverged) else knitted,
-        knitted_openings=[] if isinstance(knitted, Diverged) else openings(knitted),
-        tensioned_openings=[] if tensioned is None else openings(tensioned),
+        knitted=knitted,
+        openings={name: sizes for name, r in states.items() if r is not None and (sizes := openings(r))},
         model_warnings=list(model.warnings(rows)),
         earlier_kept=card is None and (out / CARD).exists(),
         codes=codes,
@@ -234,7 +219,7 @@ def write_report(
     return replace(found, times={name: end - start for (name, start), end in zip(begins.items(), ends, strict=True)})
 
 
-def _mean_path(scene: Scene, largest: EqualTension, tension: float | None, monitor: Callable[[float], None]) -> EqualTensionPath:
+def _mean_path(scene: Scene, largest: float, tension: float | None, monitor: Callable[[float], None]) -> EqualTensionPath:
     """Means over the meshes of `[variants]` under equal tensions, without their states; empty where they do not converge."""
     meshes = meshes_of(scene, scene.solver.residual_tolerance)
     path = load_equally(meshes, largest, monitor, tension)
@@ -265,7 +250,7 @@ def _card(
     elif optimum is not None:
         text, cell = "the optimum of the map", next(one for one in cells if one.load == optimum.load)
     else:
-        return None, None, f"no card: the map has no optimum; {_another(scene, path)}, or widen [sweep]", ()
+        return None, None, f"no card: the map has no optimum; {ANOTHER}, or widen [sweep]", ()
     try:
         if tension is not None and row is not None:
             begin, rows, jumps = path.states[tension], list(path.rows), path_jumps
@@ -282,7 +267,7 @@ def _card(
         card, mesh = _card_from(scene, begin, load, ahead, lambda share: monitor(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         if tension is None:
-            return None, None, f"no card for {text}, which was not found again: {error}; {_another(scene, path)}", ()
+            return None, None, f"no card for {text}, which was not found again: {error}; {ANOTHER}", ()
         return None, None, f"no card for {text}: {error}", ()
     if jumps:
         rows = rows[: next(k for k, each in enumerate(rows, 1) if each is jumps[0][0])]
@@ -298,29 +283,18 @@ def _card(
     return replace(card, jumps=jumped, branch=branch), mesh, text, rows
 
 
-def _load_of_card(scene: Scene, optimum: Optimum | None, tension: float | None) -> Stage:
-    """Load of a card: a `tension` [N/m] in both directions, or the load of the optimum."""
-    if tension is not None:
-        return under_tension(scene, tension)
-    assert scene.sweep is not None
-    assert optimum is not None
-    assert optimum.load is not None
-    return scene.sweep.stage(scene.stages[0], optimum.load)
+def _load_of_map(scene: Scene, cell: MapRow | Optimum | None) -> Stage:
+    """The load of a cell of the map."""
+    assert scene.sweep is not None and cell is not None
+    return scene.sweep.stage(scene.stages[0], cell.load)
 
 
 def _path_of_map(way: LoadPath, cell: MapRow, monitor: Callable[[float], None]) -> Iterator[Record]:
     """Records on the load path to a cell of the map, in its levels. Raises `Diverged`."""
-    scene = way.model.scene
+    scene = way.scene
+    assert scene.sweep is not None
     levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.output.levels), strict=True))
-    return way.load(scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load], monitor)
-
-
-def _another(scene: Scene, path: EqualTensionPath) -> str:
-    """Advice in place of the optimum: the first service tension carried elastically."""
-    for tension in service_tensions(scene, None):
-        if (row := path.at.get(tension)) is not None and row.stress_max_Pa <= scene.wire.yield_stress:
-            return f'ask for a card at a tension, as --tension "{exact(tension, "N/m")}"'
-    return "ask for a card at a tension that the mesh carries, with --tension"
+    return way.load(_load_of_map(scene, cell), levels[cell.load], monitor)
 
 
 def _card_from(

@@ -19,7 +19,7 @@ from ..runner.history import mean_tension
 from ..runner.strength import assumed_text
 from ..studies.contact_map import axes_of, grid, optimum_note
 from .card import MaterialCard
-from .card_files import earlier_state, write_card
+from .card_files import earlier_state, mesh_values, write_card
 from .equal_tension import jump_text
 from .fe import FILES, missing_cards, write_fe_cards
 from .findings import Findings
@@ -34,7 +34,6 @@ from .sections import (
     mesh_section,
     openings_section,
     reflection_section,
-    wire_text,
 )
 
 
@@ -89,8 +88,8 @@ def _write_cards(
 
 
 def _page(found: Findings, figures: dict[str, Path]) -> Page:
-    wire = found.scene.wire
-    page = Page(f"{found.scene.name}: {wire.material} mesh, {wire_text(wire)}")
+    mesh = mesh_values(found.scene)
+    page = Page(f"{found.scene.name}: mesh of {mesh['wire']} wire")
     for warning in found.model_warnings:
         page.warning(warning)
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
@@ -102,23 +101,14 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
             page.warning(case.ended)
     if (jumped := jump_text(found.path_jumps)) is not None:
         page.warning(f"under equal tensions {jumped}")
-    coefficient = found.scene.contact.friction
-    friction = (
-        f"with a friction of {coefficient:g}{assumed_text(found.scene, 'contact.friction')}"
-        if coefficient
-        else "without friction"
-    )
+    friction = f"{found.scene.contact.friction:g}{assumed_text(found.scene, 'contact.friction')}"
     page.text(
-        f"Computed by warpknit for endless cloth, {friction}. Pairs of the map and curves are loaded from the mesh as"
-        " knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the wales"
-        " (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
+        f"Computed by warpknit for endless cloth, with a friction of {friction}. Pairs of the map and curves are loaded from the"
+        " mesh as knitted in proportion to their strains, answers and service tensions under equal tensions. Weft is across the"
+        " wales (axis 1, x), warp along them (axis 2, y). Tensions are forces per current width."
     )
-    preset = found.scene.preset_in_force
-    nodes = f"{found.scene.model.nodes_per_loop} nodes per loop" + (f" (preset {preset})" if preset else "")
-    known = found.scene.preset_caveat
-    page.text(
-        f"Model: {found.scene.model.kind} ({found.scene.kind_reason}); {nodes}." + (f" Accuracy of {known}." if known else "")
-    )
+    known = f" Accuracy of {found.scene.preset_caveat}." if found.scene.preset_caveat else ""
+    page.text(f"Model: {found.scene.model.kind} ({found.scene.kind_reason}). Preset: {mesh['preset']}.{known}")
     if found.card is None:
         page.warning(found.where)
     load = found.scene.stages[0]
@@ -127,7 +117,7 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
     map_section(page, found, figures["map"])
     curve_section(page, found, figures["curves"])
     card_section(page, found)
-    openings_section(page, found.knitted_openings, found.tensioned_openings, figures["openings"])
+    openings_section(page, found, figures["openings"])
     electric_section(page, found.scene, found.tensioned, figures["resistance"])
     reflection_section(page, found.reflection, sorted(figures["map"].parent.glob("reflection_map_*.png")))
     return page
@@ -151,15 +141,14 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         jumps=found.jumps,
         optimum_note=optimum_note(load, found.jumps, found_again=found.found_again),
         places=tuple(
-            (f"{p.name}: {p.strain}, {p.active} active", found.place_in_map(p), p.active_percent)
+            (f"{p.name}: {p.texts[0]}, {p.texts[1]} active", found.place_in_map(p), p.row.active_percent)
             for p in found.service
-            if p.strains is not None
+            if p.row is not None
         ),
     )
     loads = dict.fromkeys(point.load for point in found.curves)
     curves = {load: columns_of(vars(point) for point in found.curves if point.load == load) for load in loads}
-    states = (("as knitted", found.knitted_openings), ("at the tension of the card", found.tensioned_openings))
-    circles = [(name, max(o.circle for o in those)) for name, those in states if those]
+    circles = [(name, max(o.circle for o in those)) for name, those in found.openings.items()]
     draw: dict[str, Callable[[Path], Path]] = {
         "map": lambda path: map_figure(
             path, weft, warp, grid(found.rows, "active_percent", weft, warp),

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import base64
 import html
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from scipy.constants import inch, speed_of_light
 
 from .. import measure
-from ..base.text import alike, celsius, engineering, exact, percent, short_percent
+from ..base.text import alike, celsius, engineering, percent
 from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
 from ..reflection.table import NEAR_BEST
@@ -19,10 +18,8 @@ from ..results.finding import Finding, ResultWarning
 from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
 from ..runner.variants import Spread
-from ..scene import Scene, Wire
+from ..scene import Scene
 from ..studies.contact_map import (
-    MapRow,
-    Optimum,
     drift_name,
     drift_text,
     jump_warning,
@@ -31,12 +28,11 @@ from ..studies.contact_map import (
     unconverged_warning,
 )
 from .card import AGREEMENT
-from .card_files import card_values, card_warnings, definition, strength_values
+from .card_files import card_values, card_warnings, definition, mesh_values, strength_values
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length
-from .opening_size import BANDS, FINE_ENOUGH, OpeningSize
-from .service import ServicePoint
+from .opening_size import BANDS, FINE_ENOUGH
 
 STYLE = """
 body { font: 11pt/1.45 Georgia, 'Times New Roman', serif; max-width: 50em; margin: 2em auto; padding: 0 1em; color: #202020; }
@@ -109,7 +105,6 @@ def _row(cells: Sequence[str], headings: int) -> str:
 
 
 BAND = " Bands: eight in ten of the meshes."
-SWEEP_STEP = 0.02  # strain of a map that a page proposes
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
@@ -118,17 +113,12 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     scene, answers, path = found.scene, found.answers, found.path
     page.heading("In short")
     if answers is None:
-        page.warning(found.equal_tension.text())
+        reason = f"the mesh as knitted did not converge ({path.ended})" if path.ended else "the map has none; change [sweep]"
+        page.warning(f"no strains with equal tension in both directions: {reason}")
         return
     lines = answer_findings(answers, scene.wire.yield_stress, failed=path.failed)
     page.table([(line.name, line.text) for line in lines])
-    of = (
-        f"These answers are {found.of_meshes}. A class counts as closed where it is closed in half of the meshes. "
-        if found.has_means
-        else ""
-    )
-    if found.of_meshes and not found.has_means:
-        of = f"These answers are {found.of_meshes}; the map below is a mean. "
+    of = f"These answers are {found.of_meshes}. " if found.of_meshes else ""
     page.text(
         f"{of}The load path has equal tensions in weft and warp. It goes in {len(path.rows) - 1} load levels from the mesh as"
         f" knitted {path.end_text}. Another load path, as in a run or the map, may give other results. A class of contacts, A,"
@@ -146,32 +136,20 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
     if "heat" in figures:
         page.figure(
             figures["heat"],
-            f"{found.the_mesh} while its temperature changes as in each [[path]]:"
-            " under a held tension, and held in a frame that"
-            + (
-                f" expands by {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion)."
-                if scene.model.frame_expansion
-                else " does not expand (model.frame_expansion)."
-            ),
+            f"{found.the_mesh} while its temperature changes as in each [[path]]: under a held tension, and in a frame with an"
+            f" expansion of {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion).",
         )
     elif found.no_heat:
         page.text(f"{found.no_heat[0].upper()}{found.no_heat[1:]}, so this page does not show the effect of heat.")
 
 
-def wire_text(wire: Wire) -> str:
-    """Diameter of the wire, and the wires of a yarn."""
-    diameter = f"{1e6 * wire.diameter:g} um"
-    return f"{diameter} wire" if wire.ends == 1 else f"yarn of {wire.ends} x {diameter} wire"
-
-
 def mesh_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
     """Wire, knit and mass of the mesh, with its pictures."""
     scene, cloth, knitted, card = found.scene, found.model.cloth, found.knitted, found.card
-    wire, knit = scene.wire, scene.knit
+    knit = scene.knit
     page.heading("The mesh")
-    plating = "" if wire.plating is None else f", {1e6 * wire.plating.thickness:g} um of {wire.plating.material}"
     rows = [
-        ("wire", f"{wire.material}, {wire_text(wire)}{plating}"),
+        ("wire", mesh_values(scene)["wire"]),
         ("wales and courses", f"{0.01 / knit.wale_spacing:.3g} and {0.01 / knit.course_spacing:.3g} per cm"),
     ]
     if cloth is not None:
@@ -225,7 +203,8 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
             *((drift_name(drift), drift_text(drift)) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
-        page.warning(outside_text(outside, by_tension=scene.sweep is not None and scene.sweep.by_tension))
+        places = ", ".join(point.name for point in outside)
+        page.warning(f"These service tensions are outside the map and have no marker: {places}. Use a wider [sweep].")
     page.text(
         "The optimum is the pair of loads of the map, equal or not, with the most active contacts while the wire stays"
         " below its elastic limit. The best tension above is under equal tensions: the middle of the widest range with the most"
@@ -233,7 +212,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     )
     for warning in optimum_warnings(optimum, jumps):
         page.warning(warning)
-    lines = [((point.name, point.strain, point.active, point.stress), point.range_texts) for point in found.service]
+    lines = [((point.name, *point.texts), point.range_texts) for point in found.service]
     page.table(
         [row for line, ranges in lines for row in ((line, ("eight in ten meshes", *ranges)) if ranges else (line,))],
         ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
@@ -241,46 +220,12 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     if found.of_meshes:
         page.text(
             f"The map is the mean over meshes with scattered loops; the service tensions are {found.of_meshes}."
-            f" Openings, contact resistances and pictures belong to one mesh with equal loops.{scatter_text(found.rows, optimum)}"
+            f" Openings, contact resistances and pictures belong to one mesh with equal loops."
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
     for of_map in (*limits, *found.branch_notes):
         page.warning(of_map)
-
-
-def scatter_text(rows: Sequence[MapRow], optimum: Optimum | None) -> str:
-    """Sentence on the scatter of single meshes at the optimum, after a space; or nothing."""
-    row = next((row for row in rows if optimum is not None and row.load == optimum.load and row.variants > 1), None)
-    if row is None:
-        return ""
-    what = "strain" if row.by_tension else "tension"
-    largest = max(row[f"std_{what}_{side}{'' if row.by_tension else '_N_per_m'}"] for side in ("weft", "warp"))
-    scale = max(abs(row.strain_weft), abs(row.strain_warp)) if row.by_tension else max(map(abs, row.tension))
-    scatter, stress = largest / scale, row.std_stress_max_Pa / row.stress_max_Pa
-    return (
-        f" At the optimum {row.variants} meshes have standard deviations of {short_percent(scatter)} in {what} and"
-        f" {short_percent(stress)} in the largest stress. The standard errors of their means are"
-        f" {short_percent(scatter / row.variants**0.5)} and {short_percent(stress / row.variants**0.5)}."
-    )
-
-
-def outside_text(points: Sequence[ServicePoint], *, by_tension: bool) -> str:
-    """Service points outside the map, and the sweep that would hold them."""
-    if by_tension:
-        largest = exact(max(point.tension for point in points), "N/m")
-        wider = f'tension_weft and tension_warp up to "{largest}"'
-    else:
-        loads = zip(("weft", "warp"), zip(*(point.strains for point in points if point.strains), strict=True), strict=True)
-        ends = ((side, _whole_steps(min(0.0, *strains)), _whole_steps(max(0.0, *strains))) for side, strains in loads)
-        wider = " and ".join(f"strain_{side} from {low:.2g} to {high:.2g}" for side, low, high in ends)
-    shown = ", ".join(f"{point.name} ({point.strain}{f', {point.why}' if point.why else ''})" for point in points)
-    return f"These service tensions are outside the map and have no marker: {shown}. Use a [sweep] with {wider}."
-
-
-def _whole_steps(strain: float) -> float:
-    """A strain, rounded away from zero to a multiple of SWEEP_STEP."""
-    return math.copysign(math.ceil(abs(strain) / SWEEP_STEP - 1e-9) * SWEEP_STEP, strain)
 
 
 def curve_section(page: Page, found: Findings, figure: Path) -> None:
@@ -359,44 +304,43 @@ def card_section(page: Page, found: Findings) -> None:
     for warning in card_warnings(card, scene):
         page.warning(warning)
     if card.difference <= AGREEMENT:
-        differ = percent(card.difference) if card.difference >= 1e-3 else "less than 0.1 %"
         page.text(
-            f"The stiffness changes by {differ} of its largest entry: the larger change with twice the strain step, and with C21"
-            " in place of C12."
+            f"The stiffness changes by {percent(card.difference)} of its largest entry: the larger change with twice the strain"
+            " step, and with C21 in place of C12."
         )
-    if found.limit_of_curves is not None:
-        page.warning(found.limit_of_curves)
+    for warning in found.limit_of_curves:
+        page.warning(warning)
 
 
-def openings_section(page: Page, knitted: Sequence[OpeningSize], tensioned: Sequence[OpeningSize], figure: Path) -> None:
+def openings_section(page: Page, found: Findings, figure: Path) -> None:
     """Size of the openings over the wavelength."""
     page.heading("Openings and wavelength", new_page=True)
-    states = [(name, those) for name, those in (("as knitted", knitted), ("at the tension of the card", tensioned)) if those]
     page.table(
         [
             (name, str(len(those)), f"{1e6 * those[0].area:.3g} mm2", f"{1e3 * max(o.circle for o in those):.3g} mm",
              f"{1e3 * those[0].width:.3g} x {1e3 * those[0].height:.3g} mm")
-            for name, those in states
+            for name, those in found.openings.items()
         ],
         ("", "openings and slits per repeat", "largest area", "largest inscribed circle", "largest opening, weft x warp"),
     )  # fmt: skip
-    if not states:
+    if not found.openings:
         return
-    circle = max(o.circle for o in states[-1][1])
+    state, those = [*found.openings.items()][-1]
+    circle = max(o.circle for o in those)
     page.table(
         [
             (f"{name}, {1e-9 * frequency:g} GHz", f"{1e3 * length:.3g} mm", f"1/{length / circle:.3g}")
             for name, frequency in BANDS
             for length in [speed_of_light / frequency]
         ],
-        ("band", "wavelength", f"circle {states[-1][0]} over wavelength"),
+        ("band", "wavelength", f"circle {state} over wavelength"),
     )
     page.figure(figure, "Diameter of the largest inscribed circle over the wavelength.")
     limits = ", ".join(
         f"1/{part:g} of the wavelength up to {speed_of_light / (part * circle) * 1e-9:.3g} GHz" for part in FINE_ENOUGH
     )
     page.text(
-        f"The diameter of the circle {states[-1][0]} is at most {limits}. The transmission of a mesh also depends on its"
+        f"The diameter of the circle {state} is at most {limits}. The transmission of a mesh also depends on its"
         " contacts, which this ratio does not include."
     )
 

@@ -16,7 +16,7 @@ from ..base.errors import Diverged
 from ..base.text import alike, between, both, counted, duration, engineering, of_sides, percent, sides_text
 from ..measure import energy_scale, table
 from ..measure.jumps import STORED_FLOOR, jumps
-from ..measure.table import Measure, Record
+from ..measure.table import Record
 from ..mechanics.protocols import Model
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Row, Values, read_rows, valued, write_rows
@@ -33,6 +33,7 @@ SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active con
 TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
 STRAINS = tuple(f"strain_{side}" for side in SIDES)
 SPREAD = (*STRAINS, *(f"tension_{side}_N_per_m" for side in SIDES), "active_percent", "stress_max_Pa")
+NAMES = {part: [line.name for line in table.MEASURES if line.map == part] for part in ("map", "details")}  # of measures
 Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
 
 
@@ -62,18 +63,13 @@ class MapRow(Row):
         return first, second
 
 
-def measures_of(part: str) -> list[Measure]:
-    """Measures of the part "map" or "details"."""
-    return [line for line in table.MEASURES if line.map == part]
-
-
 def columns_of(part: str, by_tension: bool = False) -> list[str]:
     """Columns of map.csv ("map") or map_details.csv ("details")."""
-    names, targets = [line.name for line in measures_of(part)], TARGETS if by_tension else ()
+    targets = TARGETS if by_tension else ()
     if part == "map":
-        return ["strain_weft", "strain_warp", *names, "stop_reason", *targets]
-    own = (*(f"std_{name}" for name in SPREAD), *names, "dissipated_J", "variants", "steps", "message", *targets)
-    return ["strain_weft", "strain_warp", *own]
+        return [*STRAINS, *NAMES["map"], "stop_reason", *targets]
+    spread = (f"std_{name}" for name in SPREAD)
+    return [*STRAINS, *spread, *NAMES["details"], "dissipated_J", "variants", "steps", "message", *targets]
 
 
 def map_row(load: Pair, end: Record | Diverged, *, steps: int, by_tension: bool = False) -> MapRow:
@@ -82,7 +78,7 @@ def map_row(load: Pair, end: Record | Diverged, *, steps: int, by_tension: bool 
     strains: Sequence[float | None] = (None, None) if by_tension else load
     if by_tension and observables is not None:
         strains = (np.diag(observables.stretch) - 1.0).tolist()
-    names = [line.name for part in ("map", "details") for line in measures_of(part)]
+    names = [*NAMES["map"], *NAMES["details"]]
     return MapRow(
         **dict(zip(STRAINS, strains, strict=True)),
         stop_reason="diverged" if observables is None else STEADY,
@@ -131,7 +127,7 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     def deviation(values: list[float]) -> float:
         return float(np.std(values, ddof=1))
 
-    measures = {line.name: over(line.name, np.mean) for line in measures_of("map") + measures_of("details")}
+    measures = {name: over(name, np.mean) for name in (*NAMES["map"], *NAMES["details"])}
     targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
     strains = {name: over(name, np.mean) if targets else rows[0].load[k] for k, name in enumerate(STRAINS)}
     return MapRow(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
@@ -103,36 +103,21 @@ def run_map(
     Raises `SceneError`, `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. Strains at
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
-    _check(scene, device)
+    refuse(scene, "map", device=None if device is None else find_device(device))
+    if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
+        raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
     if resume and (finished := finished_summary(out, "map.json", scene, command)) is not None:
         return CommandResult(0, MapSummary.of(finished))
     resolved = resolved_toml(scene)
     keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     variants = VariantModels(scene) if scene.variants.count > 1 else None
     first = build_model(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
-    _refuse_beyond_memory(first)
-    open_directory(out, scene, keep=keep)
-    return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
-
-
-def _check(scene: Scene, device: str | None) -> None:
-    refuse(scene, "map", device=None if device is None else find_device(device))
-    if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
-        raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
-
-
-def _refuse_beyond_memory(mesh: Any) -> None:
-    """Refuse a mesh that exceeds the memory."""
-    needed, available = required_memory(mesh.scene, mesh.node_count), available_memory()
+    needed, available = required_memory(first.scene, first.node_count), available_memory()
     if needed > available:
         room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
-        raise MemoryNeeded(f"sweep: a mesh of {mesh.node_count:,} nodes needs {room}; use a smaller mesh")
-
-
-def _side_by_side(loads: int, mesh: Any) -> int:
-    """Number of loads of a mesh solved at once, within the memory."""
-    fit = int(available_memory() // required_memory(mesh.scene, mesh.node_count))
-    return max(1, min(fit, loads, MOST_NODES // mesh.node_count))
+        raise MemoryNeeded(f"sweep: a mesh of {first.node_count:,} nodes needs {room}; use a smaller mesh")
+    open_directory(out, scene, keep=keep)
+    return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
 
 
 class _Mapper:
@@ -248,7 +233,8 @@ class _Mapper:
         own_loops = self.scene.model.of_kind.own_loops
         alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
         groups = [list(own) for _, own in groupby(sorted(missing, key=alike), alike)]
-        most, finished = _side_by_side(len(missing), self.first), 0
+        fit = int(available_memory() // required_memory(self.first.scene, self.nodes))
+        most, finished = max(1, min(fit, MOST_NODES // self.nodes)), 0
         for own in (group[begin : begin + most] for group in groups for begin in range(0, len(group), most)):
             self._solve_together(own, [levels[pair] for _mesh, pair in own], finished / len(missing), len(own) / len(missing))
             finished += len(own)
@@ -299,16 +285,12 @@ class _Mapper:
         return {row.load: row for row in read_map(*self._paths(mesh))}
 
     def _save(self) -> None:
-        order = {pair: place for place, pair in enumerate(self.pairs)}
-
-        def sorted_rows(rows: Iterable[MapRow]) -> list[MapRow]:
-            return sorted(rows, key=lambda row: order[row.load])
-
+        tables = [(self.rows, (self.out / "map.csv", self.out / "map_details.csv"))]
         if self.variants is not None:
-            for mesh, rows in enumerate(self.maps):
-                if rows:
-                    write_map(sorted_rows(rows.values()), *self._paths(mesh))
-        write_map(sorted_rows(self.rows), self.out / "map.csv", self.out / "map_details.csv")
+            tables += [(list(rows.values()), self._paths(mesh)) for mesh, rows in enumerate(self.maps) if rows]
+        order = {pair: place for place, pair in enumerate(self.pairs)}
+        for table, paths in tables:
+            write_map(sorted(table, key=lambda row: order[row.load]), *paths)
         self._saved = time.perf_counter()
 
     def _summary(self, reason: str) -> MapSummary:
@@ -353,35 +335,24 @@ class _Mapper:
     def _draw(self, summary: MapSummary) -> None:
         from ..export.map_figure import Marks, map_figure
 
+        scene, wire, rows, count = self.scene, self.scene.wire, self.rows, len(self.maps)
         weft, warp = self.sweep.axes
-        rows = self.rows
-
-        def column(name: str, factor: float = 1.0) -> Any:
-            return factor * grid(rows, name, weft, warp)
-
         load = None if summary.optimum is None else summary.optimum.load
         marks = Marks(
-            stress=column("stress_max_Pa"),
-            yield_stress=self.scene.wire.yield_stress,
-            is_assumed="wire.yield_stress" in self.scene.assumed,
+            stress=grid(rows, "stress_max_Pa", weft, warp),
+            yield_stress=wire.yield_stress,
+            is_assumed="wire.yield_stress" in scene.assumed,
             optimum=load,
             jumps=summary.jumps,
             optimum_note=optimum_note(load, summary.jumps),
         )
-        wire, count, warnings = (
-            self.scene.wire,
-            len(self.maps),
-            [str(one) for one in self.model_warnings + self._missing_warning],
-        )
-        scatter = (
-            f", mean of up to {count} meshes, loops scattered by {percent(self.scene.variants.scatter, 0)}" if count > 1 else ""
-        )
+        scatter = f", mean of up to {count} meshes, loops scattered by {percent(scene.variants.scatter, 0)}" if count > 1 else ""
         ends = f"{wire.ends} x " if wire.ends > 1 else ""
-        mesh = f"{self.scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {self.scene.model.boundary}{scatter}"
+        mesh = f"{scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {scene.model.boundary}{scatter}"
         found = BY_TENSION if self.sweep.by_tension else BY_STRAIN
-        for name, values, label, unit in FIGURES + found + (SPREAD_FIGURES if count > 1 else ()):
+        for name, column, label, unit in FIGURES + found + (SPREAD_FIGURES if count > 1 else ()):
+            values = (PERCENT if unit == "%" else 1.0) * grid(rows, column, weft, warp)
             map_figure(
-                self.out / "figures" / f"{name}.png", weft, warp, column(values, PERCENT if unit == "%" else 1.0),
-                title=mesh, label=label, unit=unit, marks=marks, warnings=warnings,
-                by_tension=self.sweep.by_tension,
+                self.out / "figures" / f"{name}.png", weft, warp, values, title=mesh, label=label, unit=unit, marks=marks,
+                warnings=list(map(str, self.model_warnings + self._missing_warning)), by_tension=self.sweep.by_tension,
             )  # fmt: skip

@@ -6,7 +6,9 @@ Each file states its units, the prestress, the stress and strain of its constant
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -29,12 +31,12 @@ from .fe_card import (
     TRUE,
     FeCard,
     NoConstants,
+    Orthotropic,
     YarnCurve,
     density,
     expansion,
     fabric_note,
     heading,
-    initial_temperature,
     megapascal,
     number,
     orthotropic,
@@ -42,6 +44,7 @@ from .fe_card import (
     yarn_curves,
 )
 
+Card: TypeAlias = tuple[list[str], list[str]]  # notes, paragraphs of the heading; lines behind it
 MAT2 = {1: GREEN, 2: ENGINEERING}  # measure of each material and property
 MAT8 = {11: GREEN, 12: ENGINEERING}
 STATEMENT = {
@@ -50,7 +53,7 @@ STATEMENT = {
 }
 
 
-def _nastran(fe: FeCard) -> str:
+def _nastran(fe: FeCard) -> Card:
     """Nastran: MAT2 and MAT8 with a PSHELL without bending, in fields of 16 columns.
 
     A card without a MAT8 says so. Solvers differ: a differential stiffness has either the stretches of an element or only its
@@ -77,7 +80,7 @@ def _nastran(fe: FeCard) -> str:
     notes.append(
         "Apply the prestress by a preload (edge forces or SPCD): there is no entry for it. Include this file in the bulk data."
     )
-    return "\n".join([*heading(fe, "Nastran", "$", notes), *lines, ""])
+    return notes, lines
 
 
 def _entry(name: str, number: int, *values: float | np.floating | None) -> list[str]:
@@ -92,37 +95,23 @@ def _shell(number: int) -> list[str]:
     return [f"{'PSHELL':8}{number:8d}{number:8d}{1e3 * THICKNESS:8.4f}"]
 
 
-def _abaqus(fe: FeCard) -> str:
+def _abaqus(fe: FeCard) -> Card:
     """Abaqus: *ELASTIC, TYPE=LAMINA for membranes, and *FABRIC with curves for Abaqus/Explicit. Raises `NoConstants`."""
-    o, (s1, s2) = orthotropic(fe.card, LOGARITHMIC), fe.prestress
+    o = orthotropic(fe.card, LOGARITHMIC)
     notes = [
         f"{LINEAR}, for M3D elements with NLGEOM: {LOGARITHMIC.text}.",
         f"G13 and G23 of {LINEAR} are not used by a membrane. Coupling of shear and extension is not carried.",
         fabric_note(fe, "for Abaqus/Explicit, nominal stress over nominal strain", "*INITIAL CONDITIONS, TYPE=REF COORDINATE"),
         "To be used with, for elements and an orientation of the model:",
     ]
-    use = [
-        f"** *MEMBRANE SECTION, ELSET=..., MATERIAL={LINEAR}, ORIENTATION=..., POISSON=0.5",
-        f"** {1e3 * THICKNESS:g}",
-        "** *INITIAL CONDITIONS, TYPE=STRESS",
-        f"** ..., {number(s1)}, {number(s2)}, 0.",
-        *initial_temperature(fe),
-    ]
-    lines = [
-        f"*MATERIAL, NAME={LINEAR}",
-        "*DENSITY",
-        number(density(fe.card.areal_mass)),
-        "*ELASTIC, TYPE=LAMINA",
-        ", ".join(map(number, [*o.modulus, o.poissons_ratio[0], *3 * [o.shear_modulus]])),
-        "*EXPANSION, TYPE=ORTHO",
-        ", ".join(map(number, [*o.expansion, 0.0])),
-    ]
-    if fe.curves:
+    elastic = ["*ELASTIC, TYPE=LAMINA", _listed(*o.modulus, o.poissons_ratio[0], *3 * [o.shear_modulus])]
+    lines = _input_lines(fe, o, elastic, section=", POISSON=0.5", zeros=", 0.")
+    if not isinstance(fe.curves, str):
         lines += [f"*MATERIAL, NAME={FABRIC}", "*DENSITY", number(density(fe.areal_mass_knitted)), "*FABRIC"]
         for component, curve in zip("12", fe.curves, strict=True):
             lines += [f"*UNIAXIAL, COMPONENT={component}", "*LOADING DATA, DIRECTION=TENSION, TYPE=ELASTIC, EXTRAPOLATION=LINEAR"]
             strain, stress = curve.stretch - 1.0, megapascal(1.0) * curve.nominal
-            lines += [f"{number(y)}, {number(x)}" for x, y in zip(strain, stress, strict=True)]
+            lines += [_listed(y, x) for x, y in zip(strain, stress, strict=True)]
         shear = megapascal(fe.card.stiffness[2, 2] * fe.area_ratio)  # conjugate to the shear angle, in the volume as knitted
         lines += [
             "*UNIAXIAL, COMPONENT=SHEAR",
@@ -130,43 +119,56 @@ def _abaqus(fe: FeCard) -> str:
             "0., 0.",
             f"{number(shear)}, 1.",
         ]
-    return "\n".join([*heading(fe, "Abaqus", "**", notes), *use, *lines, ""])
+    return notes, lines
 
 
-def _calculix(fe: FeCard) -> str:
+def _calculix(fe: FeCard) -> Card:
     """CalculiX: *ELASTIC, TYPE=ENGINEERING CONSTANTS for its M3D elements, which are solids in plane stress.
 
     Raises `NoConstants`.
     """
-    o, (s1, s2) = orthotropic(fe.card, GREEN), fe.prestress
+    o = orthotropic(fe.card, GREEN)
     (e1, e2), shear = o.modulus, o.shear_modulus
-    constants = [e1, e2, e1, o.poissons_ratio[0], 0.0, 0.0, shear, shear]
     notes = [
         f"{LINEAR}, for M3D elements with NLGEOM: {GREEN.text}.",
         f"E3, nu13, nu23, G13 and G23 of {LINEAR} keep the thickness out of it. Coupling of shear and extension is not carried.",
         "To be used with, for elements and an orientation of the model (stress: a line for each element and integration point):",
     ]
-    use = [
-        f"** *MEMBRANE SECTION, ELSET=..., MATERIAL={LINEAR}, ORIENTATION=...",
+    constants = _listed(e1, e2, e1, o.poissons_ratio[0], 0.0, 0.0, shear, shear)
+    elastic = ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", f"{constants},", number(shear)]
+    return notes, _input_lines(fe, o, elastic, zeros=", 0., 0., 0., 0.", expansion=f", ZERO={number(fe.card.temperature)}")
+
+
+def _input_lines(
+    fe: FeCard, o: Orthotropic, elastic: Sequence[str], *, zeros: str, section: str = "", expansion: str = ""
+) -> list[str]:
+    """The linear material of Abaqus and CalculiX, after comments on its use.
+
+    Both count thermal strain from the initial temperature.
+    """
+    s1, s2 = fe.prestress
+    return [
+        f"** *MEMBRANE SECTION, ELSET=..., MATERIAL={LINEAR}, ORIENTATION=...{section}",
         f"** {1e3 * THICKNESS:g}",
         "** *INITIAL CONDITIONS, TYPE=STRESS",
-        f"** ..., {number(s1)}, {number(s2)}, 0., 0., 0., 0.",
-        *initial_temperature(fe),
-    ]
-    lines = [
+        f"** ..., {number(s1)}, {number(s2)}{zeros}",
+        "** *INITIAL CONDITIONS, TYPE=TEMPERATURE",
+        f"** ..., {number(fe.card.temperature)}",
         f"*MATERIAL, NAME={LINEAR}",
         "*DENSITY",
         number(density(fe.card.areal_mass)),
-        "*ELASTIC, TYPE=ENGINEERING CONSTANTS",
-        ", ".join(map(number, constants)) + ",",
-        number(shear),
-        f"*EXPANSION, TYPE=ORTHO, ZERO={number(fe.card.temperature)}",
-        ", ".join(map(number, [*o.expansion, 0.0])),
+        *elastic,
+        f"*EXPANSION, TYPE=ORTHO{expansion}",
+        _listed(*o.expansion, 0.0),
     ]
-    return "\n".join([*heading(fe, "CalculiX", "**", notes), *use, *lines, ""])
 
 
-def _ansys(fe: FeCard) -> str:
+def _listed(*values: float) -> str:
+    """Values of a line, between commas."""
+    return ", ".join(map(number, values))
+
+
+def _ansys(fe: FeCard) -> Card:
     """ANSYS Mechanical APDL: MP constants with SHELL181 as a membrane.
 
     Raises `NoConstants`. SHELL181 takes true stress and logarithmic strain, and updates its thickness. PRXZ = 1 - PRXY and PRYZ =
@@ -176,20 +178,11 @@ def _ansys(fe: FeCard) -> str:
     (ex, ey), (nu12, nu21), shear = o.modulus, o.poissons_ratio, o.shear_modulus
     constants = {
         "DENS": density(fe.card.areal_mass),
-        "EX": ex,
-        "EY": ey,
-        "EZ": 0.5 / ((1.0 - nu12) / ex + (1.0 - nu21) / ey),
-        "PRXY": nu12,
-        "PRXZ": 1.0 - nu12,
-        "PRYZ": 1.0 - nu21,
-        "GXY": shear,
-        "GXZ": shear,
-        "GYZ": shear,
-        "REFT": fe.card.temperature,
-        "ALPX": o.expansion[0],
-        "ALPY": o.expansion[1],
-        "ALPZ": 0.0,
-    }
+        "EX": ex, "EY": ey, "EZ": 0.5 / ((1.0 - nu12) / ex + (1.0 - nu21) / ey),
+        "PRXY": nu12, "PRXZ": 1.0 - nu12, "PRYZ": 1.0 - nu21,
+        "GXY": shear, "GXZ": shear, "GYZ": shear,
+        "REFT": fe.card.temperature, "ALPX": o.expansion[0], "ALPY": o.expansion[1], "ALPZ": 0.0,
+    }  # fmt: skip
     notes = [
         f"Material 1, for SHELL181 as a membrane with NLGEOM,ON: {LOGARITHMIC.text}.",
         "EZ, PRXZ and PRYZ only rule the thickness; GXZ and GYZ are not used. Coupling of shear and extension is not carried.",
@@ -198,13 +191,13 @@ def _ansys(fe: FeCard) -> str:
     use = ["! INISTATE,SET,DTYP,STRE", f"! INISTATE,DEFINE,,,,,{number(s1)},{number(s2)},0,0,0,0"]
     lines = [f"MP,{name},1,{number(value)}" for name, value in constants.items()]
     lines += ["ET,1,SHELL181", "KEYOPT,1,1,1", "SECTYPE,1,SHELL", f"SECDATA,{1e3 * THICKNESS:g},1"]
-    return "\n".join([*heading(fe, "ANSYS Mechanical APDL", "!", notes), *use, *lines, ""])
+    return notes, [*use, *lines]
 
 
 COLUMN = 10
 
 
-def _lsdyna(fe: FeCard) -> str:
+def _lsdyna(fe: FeCard) -> Card:
     """LS-DYNA: *MAT_FABRIC (034), linear (FORM 0) and with curves (FORM 14), in fields of 10 columns. Raises `NoConstants`."""
     card, o = fe.card, orthotropic(fe.card, TRUE)
     built = np.exp(-np.linalg.solve(tangent(card, TRUE)[:2, :2], [card.tension_weft, card.tension_warp]))
@@ -223,14 +216,13 @@ def _lsdyna(fe: FeCard) -> str:
     lines = ["*KEYWORD", "*SECTION_SHELL", _columns(1, 5), _columns(*4 * [1e3 * THICKNESS])]
     nu12, nu21 = o.poissons_ratio
     lines += _fabric(1, LINEAR, density(card.areal_mass), o.modulus, (nu21, nu12), o.shear_modulus, form=0)
-    if fe.curves:
+    if not isinstance(fe.curves, str):
         slopes = megapascal(fe.curves[0].slope), megapascal(fe.curves[1].slope)
-        area = (1.0 + card.strain_weft) * (1.0 + card.strain_warp)
-        shear = megapascal(card.stiffness[2, 2] / area)  # of the same measure, over the mesh as knitted
+        shear = megapascal(card.stiffness[2, 2] / fe.area_ratio)  # of the same measure, over the mesh as knitted
         lines += [*_fabric(2, FABRIC, density(fe.areal_mass_knitted), slopes, (0.0, 0.0), shear, form=14), _columns(1, 2)]
         for identity, curve in enumerate(fe.curves, start=1):
             lines += _lsdyna_curve(identity, curve)
-    return "\n".join([*heading(fe, "LS-DYNA", "$", notes), *lines, "*END", ""])
+    return notes, [*lines, "*END"]
 
 
 def _fabric(
@@ -278,10 +270,10 @@ CRIMP = 1e-6  # straightening strain of a yarn; blank is 0.1, which would shift 
 COMPRESSION = 0.01  # stiffness of a yarn in compression over that in tension
 
 
-def _radioss(fe: FeCard) -> str:
+def _radioss(fe: FeCard) -> Card:
     """Radioss: /MAT/LAW58 (FABR_A) with curves of weft and warp, in fields of 10 and 20 columns. Raises `NoConstants`."""
-    if fe.curves is None:
-        raise NoConstants(fe.no_curves)
+    if isinstance(fe.curves, str):
+        raise NoConstants(fe.curves)
     shear = megapascal(fe.card.stiffness[2, 2])
     notes = [
         fabric_note(fe, "nominal stress over nominal strain", "/XREF or /REFSTA"),
@@ -312,7 +304,7 @@ def _radioss(fe: FeCard) -> str:
     ]
     for identity, curve in enumerate(fe.curves, start=1):
         lines += _radioss_curve(identity, curve)
-    return "\n".join([*heading(fe, "Radioss", "#", notes), *lines, ""])
+    return notes, lines
 
 
 def _radioss_curve(identity: int, curve: YarnCurve) -> list[str]:
@@ -325,18 +317,27 @@ def _reals(*values: float) -> str:
     return "".join(f"{value:20.12E}" for value in values)
 
 
-CODES: dict[str, tuple[str, Callable[[FeCard], str]]] = {
-    "nastran": ("material_card_nastran.bdf", _nastran),
-    "abaqus": ("material_card_abaqus.inp", _abaqus),
-    "calculix": ("material_card_calculix.inp", _calculix),
-    "ansys": ("material_card_ansys.inp", _ansys),
-    "lsdyna": ("material_card_lsdyna.k", _lsdyna),
-    "radioss": ("material_card_radioss.inc", _radioss),
+@dataclass(frozen=True)
+class Code:
+    """An FE code: its name, the file of its card, the mark of its comments, and the card."""
+
+    name: str
+    file: str
+    mark: str
+    card: Callable[[FeCard], Card]
+
+
+CODES = {
+    "nastran": Code("Nastran", "material_card_nastran.bdf", "$", _nastran),
+    "abaqus": Code("Abaqus", "material_card_abaqus.inp", "**", _abaqus),
+    "calculix": Code("CalculiX", "material_card_calculix.inp", "**", _calculix),
+    "ansys": Code("ANSYS Mechanical APDL", "material_card_ansys.inp", "!", _ansys),
+    "lsdyna": Code("LS-DYNA", "material_card_lsdyna.k", "$", _lsdyna),
+    "radioss": Code("Radioss", "material_card_radioss.inc", "#", _radioss),
 }
 NONE = "none: "  # before the reason, in place of a file
-FILES = tuple(file for file, _ in CODES.values())
-WITH_CURVES = {"abaqus": "Abaqus", "lsdyna": "LS-DYNA", "radioss": "Radioss"}  # codes with FABRIC, and their names
-ONLY_CURVES = "radioss"  # has no card without curves
+FILES = tuple(code.file for code in CODES.values())
+WITH_CURVES = {"abaqus", "lsdyna", "radioss"}  # codes with FABRIC; Radioss has no card without its curves
 
 
 def missing_cards(fe_cards: Mapping[str, str]) -> Iterator[str]:
@@ -346,34 +347,30 @@ def missing_cards(fe_cards: Mapping[str, str]) -> Iterator[str]:
             yield f"no card for {code}: {result.removeprefix(NONE)}"
 
 
-def why_no_curves(card: MaterialCard, path: Sequence[Row]) -> str:
-    """Reason for files without curves; else empty. path: as for `write_fe_cards`."""
+def curves_of(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, YarnCurve] | str:
+    """Tension-strain curves of files; or the reason why there are none. path: as for `write_fe_cards`."""
     try:
-        yarn_curves(card, path)
+        return yarn_curves(card, path)
     except NoConstants as error:
         return str(error)
-    return ""
 
 
-def limit_of_curves(card: MaterialCard, path: Sequence[Row], codes: Sequence[str], *, at_jump: bool) -> str | None:
-    """Warning that cards have no curves, or where their curves end; None beyond the card.
+def limit_of_curves(card: MaterialCard, path: Sequence[Row], codes: Sequence[str], *, at_jump: bool) -> Iterator[ResultWarning]:
+    """Warning that cards have no curves, or where their curves end; none beyond the card.
 
     path: as for `write_fe_cards`. at_jump: whether it ends at a jump.
     """
-    why = why_no_curves(card, path)
-    names = [name for code, name in WITH_CURVES.items() if code in codes and not (why and code == ONLY_CURVES)]
-    if not names:
-        return f"no card for {ONLY_CURVES}: {why}" if why and ONLY_CURVES in codes else None
-    files = f"the files for {' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)}"
-    if why:
-        return f"{files} have no tension-strain curves (FABRIC): {why}"
-    at_card = 0.5 * (card.tension_weft + card.tension_warp)
+    if not WITH_CURVES & set(codes):
+        return
+    curves, at_card = curves_of(card, path), 0.5 * (card.tension_weft + card.tension_warp)
+    if isinstance(curves, str):
+        yield ResultWarning("W57", f"The FE cards have no tension-strain curves (FABRIC): {curves}.")
+        return
     end = max(at_card, mean_tension(path[-1]))
-    if end > (1.0 + APART) * at_card and not at_jump:
-        return None
-    reason = "snap-through to another equilibrium beyond" if at_jump else "the relaxation did not converge beyond the card"
-    tension = f"{engineering(end, 'N/m')}, mean of weft and warp"
-    return f"the tension-strain curves (FABRIC) of {files} end at {tension}: {reason}"
+    if end <= (1.0 + APART) * at_card or at_jump:
+        reason = "snap-through to another equilibrium beyond" if at_jump else "the relaxation did not converge beyond the card"
+        tension = f"{engineering(end, 'N/m')}, mean of weft and warp"
+        yield ResultWarning("W57", f"The tension-strain curves (FABRIC) of the FE cards end at {tension}: {reason}.")
 
 
 def write_fe_cards(
@@ -391,19 +388,17 @@ def write_fe_cards(
     path: states on the way to the card, and beyond, up to the first jump. where: state of the card, in words.
     warnings: of the model.
     """
-    no_curves = why_no_curves(card, path)
-    curves = None if no_curves else yarn_curves(card, path)
     all_warnings = [*warnings, *card_warnings(card, scene)]
-    fe = FeCard(scene.name, where, card, curves, no_curves, all_warnings, mesh_values(scene))
+    fe = FeCard(scene.name, where, card, curves_of(card, path), all_warnings, mesh_values(scene))
     written = {}
-    for code in codes:
-        name, text = CODES[code]
+    for name in codes:
+        code = CODES[name]
         try:
-            content = text(fe)
+            notes, lines = code.card(fe)
         except NoConstants as error:
-            written[code] = f"{NONE}{error}"
+            written[name] = f"{NONE}{error}"
             continue
-        with write_aside(out / name) as file:
-            file.write(content)
-        written[code] = name
+        with write_aside(out / code.file) as file:
+            file.write("\n".join([*heading(fe, code.name, code.mark, notes), *lines, ""]))
+        written[name] = code.file
     return written

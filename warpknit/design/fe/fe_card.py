@@ -183,8 +183,7 @@ class FeCard:
     mesh: str  # name
     state: str  # of the card, in words
     card: MaterialCard
-    curves: tuple[YarnCurve, YarnCurve] | None  # weft, warp
-    no_curves: str  # why there are none
+    curves: tuple[YarnCurve, YarnCurve] | str  # weft, warp; or why there are none
     warnings: Sequence[ResultWarning]
     made_of: Mapping[str, str]  # wire, knit and preset, in words
 
@@ -230,18 +229,13 @@ def heading(fe: FeCard, code: str, mark: str, notes: Sequence[str]) -> list[str]
 
 def fabric_note(fe: FeCard, measure: str, reference: str) -> str:
     """Paragraph on the material with curves. reference: the input that places the nodes as knitted."""
-    if fe.curves is None:
-        return f"{FABRIC}: none, {fe.no_curves}."
+    if isinstance(fe.curves, str):
+        return f"{FABRIC}: none, {fe.curves}."
     return (
         f"{FABRIC}: {measure} from the mesh as knitted, on the load path of the card, up to the first snap-through. It has no"
         f" initial stress: give the nodes as knitted by {reference}. Weft and warp are independent in it, and it has no"
         " expansion: its tangent differs from the card."
     )
-
-
-def initial_temperature(fe: FeCard) -> list[str]:
-    """Comment lines of Abaqus and CalculiX, which count thermal strain from the initial temperature."""
-    return ["** *INITIAL CONDITIONS, TYPE=TEMPERATURE", f"** ..., {number(fe.card.temperature)}"]
 
 
 def _ascii(text: str) -> str:
