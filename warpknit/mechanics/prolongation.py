@@ -11,28 +11,32 @@ towards the edge. One repeat has no edges: its change is added.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..compute.launch import bind
 from ..kernels.prolong import Meshes, prolong_bodies, prolong_nodes
+from ..kernels.wire_forces import BLOCK_SIZE
+from ..mesh.panel import Panel
 from .protocols import Model
-from .repeat_mesh import node_threads
 from .response import Response
 
 RIM = 3  # repeats at an edge that are copied one to one
 FADED = 1.5  # loops of wire from a clamp over which the change is tapered
+OF_PANEL = ("block_first", "block_count", "block_table", "block_wire", "wire_first", "wire_count")
 
 
 class RepeatProlongation:
-    """Adds fields of a small mesh, or their changes, to a large one."""
+    """Adds fields of a small mesh, or their changes, to a large one; each model says to which arrays."""
 
-    def __init__(self, large: Model, small: Model, *sources: object, fades: bool = True) -> None:
-        """sources: arrays of the large mesh by name, at least `RepeatArrays`; fades: a change of one repeat, along the wires."""
-        self.large, self.small = large, small.global_model
-        self._sources = sources
-        panel, table, device = large.panel, large.table, large.device
+    KEPT: tuple[str, ...] = ("_last",)
+
+    def __init__(self, large: Model, small: Model, fields: dict[str, np.ndarray], *, fades: bool = True) -> None:
+        """fields: of the small mesh, see `Mechanics.state_variables`; fades: a change of one repeat, along the wires."""
+        self.large, self.small, self._last = large, small.global_model, fields
+        panel, table, self._device = large.panel, large.table, large.device
         assert large.cloth is not None
         repeat = self._repeat = np.array(large.cloth.size)
         self.is_periodic = self.small.panel.boundary == "periodic"
@@ -48,6 +52,10 @@ class RepeatProlongation:
         self._meshes = m
         block_place = np.rint(panel.block_origin / repeat)
         self._of_nodes = {
+            **{name: self._index(getattr(panel, name)) for name in OF_PANEL},
+            "place_x": self._real(table.x),
+            "place_y": self._real(table.y),
+            "block_size": BLOCK_SIZE,
             "block_column": self._index(block_place[:, 0]),
             "block_row": self._index(block_place[:, 1]),
             "block_thread": self._index(panel.wire_thread[panel.block_wire]),
@@ -55,10 +63,12 @@ class RepeatProlongation:
             "thread_nodes": self._index(table.nodes),
             "small_node": self._index(self._node_table),
         }
-        self._threads, self._device = node_threads(panel), device
 
     def _index(self, values: np.ndarray) -> wp.array:
-        return wp.array(np.ascontiguousarray(values, dtype=np.int32), dtype=wp.int32, device=self.large.device)
+        return wp.array(np.ascontiguousarray(values, dtype=np.int32), dtype=wp.int32, device=self._device)
+
+    def _real(self, values: np.ndarray) -> wp.array:
+        return wp.array(np.ascontiguousarray(values), dtype=wp.float64, device=self._device)
 
     def _build_tables(self) -> None:
         """Index tables of nodes and bodies of the small mesh: [thread, column, row n + k] and [clasp, column, row]."""
@@ -86,60 +96,55 @@ class RepeatProlongation:
         panel, mesh = self.large.panel, self.large.global_model.panel
         first = mesh.wire_first[mesh.pair_wire]
         from_end = np.minimum(mesh.pair_seed - first, first + mesh.wire_count[mesh.pair_wire] - 1 - mesh.pair_seed)
-        place = np.rint(panel.body_origin / self._repeat)
+        place, rest = np.rint(panel.body_origin / self._repeat), panel.body_rest + panel.body_origin
         return {
             "body_clasp": self._index(panel.body_clasp),
+            "body_origin_x": self._real(rest[:, 0]),
+            "body_origin_y": self._real(rest[:, 1]),
             "body_column": self._index(place[:, 0]),
             "body_row": self._index(place[:, 1]),
             "body_from_end": self._index(from_end.reshape(-1, 2).min(axis=1)[self.large.bodies]),
             "small_body": self._index(self._body_table),
         }
 
-    def taken(self, now: dict[str, np.ndarray], last: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
-        """Transferred fields of the small mesh: whole, or their change; None without a change."""
+    def carry(self, response: Response) -> bool:
+        """Bring the large mesh to the state of the small one; update its stiffnesses and masses.
+
+        `response`: of the cloth at the load. False where the large mesh cannot take it, which `put_back` undoes.
+        """
+        raise NotImplementedError
+
+    def put_back(self) -> None:
+        """Undo the last `carry`; nothing to undo in a plane, where bodies take any displacement."""
+
+    def taken(self, now: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
+        """Transferred fields of the small mesh, which has those of `now`: whole, or their change; None without a change."""
+        last, self._last = self._last, now
         if not any(np.any(now[name] != last[name]) for name in now):
             return None
         return now if self.replaces else {name: now[name] - last[name] for name in now}
 
-    def add_to_nodes(
-        self,
-        value: wp.array,
-        name: str,
-        change: dict[str, wp.array],
-        response: Response,
-        wire_scale: wp.array,
-        scale: float = 1.0,
-    ) -> None:
+    def changes(self, fields: dict[str, np.ndarray], real: type) -> dict[str, wp.array]:
+        """Changes of fields of the small mesh on the device of the large one."""
+        return {name: wp.array(value, dtype=real, device=self._device) for name, value in fields.items()}
+
+    def add_to_nodes(self, change: dict[str, wp.array], response: Response, name: str, value: wp.array, **scales: Any) -> None:
         """Add `scale` times `wire_scale` [wire] times the change of a field to its value [node].
 
         change: of all fields of the nodes of the small mesh, by name; `x` and `y` are planar displacements.
         """
         bind(
-            prolong_nodes, self._threads, *self._sources, response, m=self._meshes, **self._of_nodes, change_x=change["x"],
-            change_y=change["y"], change=change[name], cell=response.of(name), scale=wp.float64(scale),
-            wire_scale=wire_scale, value=value,
+            prolong_nodes, node_threads(self.large.panel), response, m=self._meshes, **self._of_nodes, change_x=change["x"],
+            change_y=change["y"], change=change[name], cell=response.of(name), value=value, **scales,
         ).run(self._device)  # fmt: skip
 
-    def add_to_bodies(
-        self,
-        value: wp.array,
-        name: str,
-        change: dict[str, wp.array],
-        response: Response,
-        scale: float = 1.0,
-        *,
-        per_body: int = 1,
-        is_positive: bool = False,
-    ) -> None:
-        """The same for a field of bodies, `body_x` or `body_y`, or of their pairs: two `per_body`."""
-        bodies = self.large.panel.body_count
-        if not bodies:
-            return
-        bind(
-            prolong_bodies, per_body * bodies, *self._sources, m=self._meshes, **self._of_bodies, change_x=change["body_x"],
-            change_y=change["body_y"], change=change[name], per_body=per_body, cell=response.of(name),
-            scale=wp.float64(scale), is_positive=int(is_positive), value=value,
-        ).run(self._device)  # fmt: skip
+    def add_to_bodies(self, change: dict[str, wp.array], response: Response, name: str, value: wp.array, **how: Any) -> None:
+        """The same for a field of bodies, or of their pairs (two `per_body`), kept positive if `is_positive`."""
+        if self.large.panel.body_count:
+            bind(
+                prolong_bodies, len(value), m=self._meshes, **self._of_bodies, change_x=change["body_x"],
+                change_y=change["body_y"], change=change[name], cell=response.of(name), value=value, **how,
+            ).run(self._device)  # fmt: skip
 
     def source_of_blocks(self) -> np.ndarray:
         """Source node, on the small mesh, of the middle node of each block [block]; -1 without one.
@@ -164,3 +169,8 @@ class RepeatProlongation:
         k = place[:, 1] * n + local % n
         there &= k < self._node_table.shape[2]
         return np.where(there, self._node_table[thread, np.where(there, place[:, 0], 0), np.where(there, k, 0)], -1)
+
+
+def node_threads(panel: Panel) -> int:
+    """Threads of a launch over all nodes of the blocks."""
+    return len(panel.block_first) * BLOCK_SIZE

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..compute.kept import strip_prefix
 from .protocols import Mechanics
 
 STRAIN = 2e-3  # strain increment of the finite differences
@@ -64,44 +65,30 @@ def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperatu
     matrix = tangent.reshape(4, 4)
     eigenvalues, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     eigenvalues = np.maximum(eigenvalues, max(LEAST_STIFFNESS * eigenvalues.max(), -UNCERTAINTY * eigenvalues.min()))
-    return Response(
-        ((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2),
-        _node_of_entry(cell, device),
-        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in change.items()},
-        _no_change(cell, device),
-    )
+    return _response(((vectors * eigenvalues) @ vectors.T).reshape(2, 2, 2, 2), change, cell, device)
 
 
 def zero_response(repeat: Mechanics, device: str) -> Response:
     """Zero response of one repeat, for a mesh on the device."""
-    cell = repeat.model
-    change = {
-        name: wp.zeros((4, len(value)), dtype=wp.float64, device=device) for name, value in repeat.state_variables().items()
-    }
-    return Response(np.zeros((2, 2, 2, 2)), _node_of_entry(cell, device), change, _no_change(cell, device))
+    change = {name: np.zeros((4, len(value))) for name, value in repeat.state_variables().items()}
+    return _response(np.zeros((2, 2, 2, 2)), change, repeat.model, device)
 
 
 def load_response(kept: dict[str, np.ndarray], cell: Any, device: str) -> Response:
     """Response of the model `cell` from its `state_dict`, for a mesh on the device."""
-    values = {name.removeprefix(KEPT): value for name, value in kept.items() if name.startswith(KEPT)}
-    tangent = values.pop("tangent")
-    return Response(
-        tangent,
-        _node_of_entry(cell, device),
-        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in values.items()},
-        _no_change(cell, device),
-    )
+    change = strip_prefix(KEPT, kept)
+    return _response(change.pop("tangent"), change, cell, device)
 
 
-def _no_change(cell: Any, device: str) -> wp.array:
-    return wp.zeros((4, cell.panel.node_count), dtype=wp.float64, device=device)
-
-
-def _node_of_entry(cell: Any, device: str) -> wp.array:
-    """[entry of the rest table] node of one repeat."""
+def _response(tangent: np.ndarray, change: dict[str, np.ndarray], cell: Any, device: str) -> Response:
     table = cell.table
     ends = np.append(table.start[1:] - table.lead, len(table.x))
     entry = np.arange(len(table.x))
     thread = np.searchsorted(ends, entry, side="right")
     node = cell.panel.wire_first[thread] + np.mod(entry - table.start[thread], table.nodes[thread])
-    return wp.array(node.astype(np.int32), dtype=wp.int32, device=device)
+    return Response(
+        tangent,
+        wp.array(node.astype(np.int32), dtype=wp.int32, device=device),
+        {name: wp.array(value, dtype=wp.float64, device=device) for name, value in change.items()},
+        wp.zeros((4, cell.panel.node_count), dtype=wp.float64, device=device),
+    )

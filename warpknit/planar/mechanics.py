@@ -28,7 +28,7 @@ from .observables import PlanarObservables, read
 from .state import State
 from .step import NeighbourSearch, anchor_launch
 from .time_step import stable_step
-from .transfer import MembraneGrid, Prolongation, state_variables
+from .transfer import PlanarGrid, Prolongation, state_variables
 from .world_step import WorldStepper
 
 LOAD_STEPS = 100  # over which a load is applied that no prediction leads to
@@ -311,8 +311,8 @@ class PlanarMechanics:
     def prolongation(self, smaller: PlanarMechanics) -> Prolongation:
         return Prolongation(self.model, self.state, smaller.model, smaller.state)
 
-    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
-        return MembraneGrid(self.model, self.state, self.group.stepper.accelerations[self.world], low, cell, cells)
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> PlanarGrid:
+        return PlanarGrid(self.model, self.state, self.group.stepper.accelerations[self.world], low, cell, cells)
 
     def state_variables(self) -> dict[str, np.ndarray]:
         return state_variables(self.model, self.state)

@@ -283,11 +283,6 @@ def assemble_model(
     )
 
 
-def block_threads(model: Model) -> int:
-    """Threads of a launch with one thread a node slot."""
-    return len(model.panel.block_first) * BLOCK_SIZE
-
-
 def body_blocks(model: Model) -> int:
     return max(1, -(-model.owned_bodies // BODY_BLOCK))
 

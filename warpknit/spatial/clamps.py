@@ -15,8 +15,9 @@ from scipy.interpolate import RBFInterpolator, RectBivariateSpline, interpn
 
 from ..compute.host import Entries, take
 from ..compute.launch import Launch, bind
-from ..kernels.membrane_transfer import Grid, spread_surface
+from ..kernels.membrane_transfer import spread_surface
 from ..kernels.rod_clamps import move_clamps
+from ..mechanics.grid import grid_of
 from ..mesh.rim import LoadPoint, Rim, build_rim
 from .model import SpatialModel
 from .rod_step import RodStepper
@@ -35,8 +36,7 @@ class Surface:
 
     def __init__(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray, rest_position: wp.array, device: str) -> None:
         """rest_position: [node] [m] of the nodes."""
-        self.grid, self._rest_position, self._device = Grid(), rest_position, device
-        self.grid.low, self.grid.cell, self.grid.cells = wp.vec2d(*low), wp.vec2d(*cell), wp.vec2i(*map(int, cells))
+        self.grid, self._rest_position, self._device = grid_of(low, cell, cells), rest_position, device
         self.axes = [begin + size * np.arange(count + 1) for begin, size, count in zip(low, cell, cells, strict=True)]
 
     def at_nodes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -16,7 +16,6 @@ from ..kernels.rod_blocks import ROD_BLOCK
 from ..measure.strain import strain_text
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT
 from ..mechanics.protocols import Drift, strength_exceeded
-from ..mechanics.repeat_mesh import RepeatArrays, upload_repeats
 from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
@@ -28,7 +27,7 @@ from .rod_arrays import root_mean_square, set_natural_shape
 from .rod_relaxation import CHECK_STEPS
 from .sites import Sites
 from .strip import RodStrip
-from .transfer import Fields, MembraneGrid, Prolongation
+from .transfer import Fields, Prolongation, SpatialGrid
 
 # steps over which the load of a level is applied, from the first strain on up to the second; in proportion below and beyond
 LOAD_STEPS, LOAD_STRAINS = 200, (0.001, 0.03)
@@ -364,17 +363,11 @@ class SpatialMechanics:
         assert self.multipliers is not None
         return Fields(self.model, self.relaxation, self.contact, self.multipliers)
 
-    @cached_property
-    def repeats(self) -> RepeatArrays:
-        """The mesh as copies of one repeat."""
-        assert self.model.table is not None
-        return upload_repeats(self.model.panel, self.model.table, self.model.device)
-
     def prolongation(self, smaller: SpatialMechanics) -> Prolongation:
-        return Prolongation(self.fields, smaller.fields, self.repeats, self.edge)
+        return Prolongation(self.fields, smaller.fields, self.edge)
 
-    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> MembraneGrid:
-        return MembraneGrid(self.fields, low, cell, cells)
+    def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> SpatialGrid:
+        return SpatialGrid(self.fields, low, cell, cells)
 
     def state_variables(self) -> dict[str, np.ndarray]:
         return self.fields.read_everywhere()

@@ -25,12 +25,9 @@ from ..compute.host import fetch, store, take
 from ..compute.launch import bind
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.membrane_transfer import gather_forces, respond_to_strain
-from ..kernels.resample import resample_along_wires
-from ..kernels.rod_turns import find_turns, turn_sections
-from ..mechanics.grid import CountedForces
+from ..mechanics.grid import CountedForces, MembraneGrid
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
-from ..mechanics.repeat_mesh import RepeatArrays
 from ..mechanics.response import Response
 from .clamps import Edge, Surface
 from .contact_multipliers import ContactMultipliers
@@ -232,66 +229,51 @@ def share_of_repeat(model: SpatialModel) -> np.ndarray:
     return np.asarray(np.minimum(away / min(model.scene.knit.repeat), 1.0))
 
 
-class Prolongation:
-    """Brings a large mesh to the state of a small one (warpknit/mechanics/prolongation.py)."""
+class Prolongation(RepeatProlongation):
+    """Brings a large mesh to the state of a small one."""
 
     KEPT = ("_last", "_before")
 
-    def __init__(self, large: Fields, small: Fields, arrays: RepeatArrays, edge: Edge | None) -> None:
-        """arrays, edge: of the large mesh."""
-        self.large, self.small, self._edge = large, small, edge
-        self._repeats = RepeatProlongation(large.model, small.model, arrays, fades=False)
-        self._last = small.read_everywhere()
+    def __init__(self, large: Fields, small: Fields, edge: Edge | None) -> None:
+        """edge: of the large mesh."""
+        super().__init__(large.model, small.model, small.read_everywhere(), fades=False)
+        self._fields, self._small_fields, self._edge = large, small, edge
         self._before: dict[str, np.ndarray] = {}  # state of the large mesh before the last `carry`
-        self._nodes = large.model.panel.node_count
         self._share: np.ndarray | float = 1.0
-        if self._repeats.is_periodic and large.model.panel.boundary == "gripped":
+        if self.is_periodic and large.model.panel.boundary == "gripped":
             self._share = large.nodes.of_panel(share_of_repeat(large.model))
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
 
-    @property
-    def replaces(self) -> bool:
-        """Whether the state of the small mesh replaces the state here; else its change is added."""
-        return self._repeats.replaces
-
     def carry(self, response: Response) -> bool:
-        """Bring the large mesh to the small one's state, and raise its stiffnesses.
-
-        `response`: of the cloth at the load. False where wires would overlap too deeply.
-        """
-        last, self._last = self._last, self.small.read_everywhere()
-        taken, stiffness = self._repeats.taken(self._last, last), self.small.read_stiffness()
-        change: dict[str, wp.array] = {
-            name: wp.array(value, dtype=wp.float64, device=self.large.model.device)
-            for name, value in (stiffness | (self._last if taken is None else taken)).items()
-        }
+        large, small = self._fields, self._small_fields
+        taken, stiffness = self.taken(small.read_everywhere()), small.read_stiffness()
+        change = self.changes(stiffness | (self._last if taken is None else taken), wp.float64)
         raised = {name: self._prolonged(name, change, response) for name in stiffness}
-        self.large.stiffen(raised, self.small.multipliers.mean_force)
+        large.stiffen(raised, small.multipliers.mean_force)
         stations = {} if self._edge is None else {"stations": self._edge.station_displacement.copy()}
-        self._before = self.large.snapshot() | stations
+        self._before = large.snapshot() | stations
         if taken is None:
             return True
-        own = self.large.read() if self._repeats.replaces else dict.fromkeys(taken, 0.0)
-        self.large.add({name: self._share * (self._prolonged(name, change, response) - own[name]) for name in taken})
-        fits = self.large.overlap() <= MAX_OVERLAP  # else wires may push each other through
+        own = large.read() if self.replaces else dict.fromkeys(taken, 0.0)
+        large.add({name: self._share * (self._prolonged(name, change, response) - own[name]) for name in taken})
+        fits = large.overlap() <= MAX_OVERLAP  # else wires may push each other through
         if fits and self.replaces:
             self._before = {}
         return fits
 
     def put_back(self) -> None:
-        """Return the large mesh to its state before the last `carry`."""
         if self._edge is not None:
             self._edge.station_displacement = self._before["stations"]
-        self.large.put_back(self._before)
+        self._fields.put_back(self._before)
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""
-        value = wp.zeros(self._nodes, dtype=wp.float64, device=self.large.model.device)
-        self._repeats.add_to_nodes(value, name, change, response, self._one)
+        value = wp.zeros(self.large.panel.node_count, dtype=wp.float64, device=self.large.device)
+        self.add_to_nodes(change, response, name, value, wire_scale=self._one, scale=wp.float64(1.0))
         return take(value)
 
 
-class MembraneGrid:
+class SpatialGrid(MembraneGrid):
     """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh."""
 
     def __init__(self, fields: Fields, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> None:
@@ -307,7 +289,6 @@ class MembraneGrid:
         self._share = share_of_repeat(self.model)
 
     def gather(self) -> np.ndarray:
-        """Out-of-balance forces (grid node, 2) [N], in the state last evaluated."""
         stepper = self.fields.stepper
         self._force.counts.zero_()
         self._across_force.counts.zero_()
@@ -319,11 +300,9 @@ class MembraneGrid:
         return self._force.read(stepper.strip.ranks)
 
     def gather_across(self) -> np.ndarray:
-        """The same out of the plane [grid node] [N], from the last `gather`."""
         return self._across_force.read(self.fields.stepper.strip.ranks)[:, 0]
 
     def spread(self, displacement: np.ndarray, response: Response) -> None:
-        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
         x, y = self._surface.at_nodes(displacement[:, 0]), self._surface.at_nodes(displacement[:, 1])
         shear = 0.5 * (x[2] + y[1])  # sections rotate with the mesh as below
         changes = self._answer({"gradient_xx": x[1], "gradient_xy": shear, "gradient_yx": shear, "gradient_yy": y[2]}, response)
@@ -334,7 +313,6 @@ class MembraneGrid:
         self.fields.move(changes)
 
     def spread_across(self, displacement: np.ndarray) -> None:
-        """Move the mesh out of plane with the grid [grid node] [m], and stop it; clamps stay."""
         stepper, rods = self.fields.stepper, self.model.rods
         lift, *slope = self._surface.at_nodes(displacement)
         along_x, along_y = self._on_mesh(*slope)
