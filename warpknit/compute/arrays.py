@@ -23,8 +23,15 @@ def names_of(arrays: type, *counts: str) -> tuple[str, ...]:
     return tuple(one.name for one in fields(arrays) if one.metadata.get("count") in counts)
 
 
-def new_arrays(arrays: type[T], device: str, counts: dict[str, int], values: dict[str, Any], precision: Precision = DOUBLE) -> T:
-    """Arrays of zeros, or of `values` by name: on the CPU in their memory if the types agree."""
+def new_arrays(
+    arrays: type[T],
+    device: str,
+    counts: dict[str, int],
+    values: dict[str, Any],
+    precision: Precision = DOUBLE,
+    worlds: tuple[int, ...] = (),
+) -> T:
+    """Arrays of zeros, or of `values` by name: on the CPU in their memory if the types agree. worlds: first axis of the zeros."""
     made: dict[str, Any] = dict(values)
     for one in fields(arrays):  # type: ignore[arg-type]
         value, kind = values.get(one.name), one.metadata.get("kind")
@@ -32,6 +39,6 @@ def new_arrays(arrays: type[T], device: str, counts: dict[str, int], values: dic
         if isinstance(value, np.ndarray) and kind is not None:
             made[one.name] = shared(value, kind, device)
         elif value is None and kind is not None:
-            count, columns = counts[one.metadata["count"]], one.metadata["columns"]
-            made[one.name] = zeros((count, columns) if columns else count, kind, device)
+            columns = one.metadata["columns"]
+            made[one.name] = zeros((*worlds, counts[one.metadata["count"]], *([columns] if columns else [])), kind, device)
     return arrays(**made)

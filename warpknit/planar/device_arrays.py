@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from ..compute.arrays import array, names_of, new_arrays
 from ..compute.precision import Precision
 from ..kernels.contact import CURVE_COEFFICIENTS
 from ..mesh.hook_mesh import Treatment
@@ -20,100 +21,78 @@ from .numerics import Numerics
 class RestArrays:
     """Rest data of one repeat on the device; [entry], see table.py."""
 
-    place_x: wp.array  # [m] float64, for the neighbour search
-    place_y: wp.array
-    table_x: wp.array  # [counts], wrapped around
-    table_y: wp.array
-    rest_x: wp.array  # [m]
-    rest_y: wp.array
-    rest_length: wp.array  # [m]
-    inverse_length: wp.array  # [1/m]
-    rest_bow: wp.array  # [-] share by which the arc is longer
-    rest_angle: wp.array  # [rad]
-    hinge_stiffness: wp.array  # [N m] EI over the length that belongs to the node
-    inverse_mass: wp.array  # [1/kg]
-    node_mass: wp.array  # [kg]
-    curve: wp.array  # [entry, CURVE_COEFFICIENTS] [-]
+    place_x: wp.array = array(wp.float64)  # [m] for the neighbour search
+    place_y: wp.array = array(wp.float64)
+    table_x: wp.array = array("coordinate")  # [counts], wrapped around
+    table_y: wp.array = array("coordinate")
+    rest_x: wp.array = array("real")  # [m]
+    rest_y: wp.array = array("real")
+    rest_length: wp.array = array("real")  # [m]
+    inverse_length: wp.array = array("real")  # [1/m]
+    rest_bow: wp.array = array("real")  # [-] share by which the arc is longer
+    rest_angle: wp.array = array("real")  # [rad]
+    hinge_stiffness: wp.array = array("real")  # [N m] EI over the length that belongs to the node
+    inverse_mass: wp.array = array("real")  # [1/kg]
+    node_mass: wp.array = array("real")  # [kg]
+    curve: wp.array = array("real")  # [entry, CURVE_COEFFICIENTS] [-]
 
 
 @dataclass(frozen=True)
 class MeshArrays:
     """Index arrays of the mesh on the device; see panel.py for their meaning."""
 
-    block_first: wp.array
-    block_count: wp.array
-    block_table: wp.array
-    block_wire: wp.array
-    block_origin_x: wp.array
-    block_origin_y: wp.array
-    block_pair_start: wp.array  # [block + 1] where the pairs that may touch the block stand in `block_pair`
-    block_pair: wp.array
-    block_held_start: wp.array  # [block + 1] into held_node
-    wire_first: wp.array
-    wire_count: wp.array
-    wire_closed: wp.array
-    wire_clamp: wp.array  # [wire, 2 CLAMP_NUMBERS]
-    pair_wire: wp.array
-    pair_seed: wp.array
-    pair_table: wp.array
-    pair_low: wp.array
-    pair_high: wp.array
-    pair_side: wp.array
-    pair_rest_x: wp.array  # [counts] body in the frame of the table
-    pair_rest_y: wp.array
-    body_origin_x: wp.array  # [m] body at rest
-    body_origin_y: wp.array
-    held_node: wp.array  # of clamps that do not slide
-    held_lever_x: wp.array
-    held_lever_y: wp.array
-    held_clamp: wp.array
-    contact_node: wp.array  # [body] node that a single contact point sits on; empty in other treatments
-    slide_node: wp.array  # [sliding clamp] first of its two nodes
-    slide_block: wp.array
-    slide_lever_x: wp.array  # [sliding clamp, 2] [m]
-    slide_lever_y: wp.array
+    block_first: wp.array = array(wp.int32)
+    block_count: wp.array = array(wp.int32)
+    block_table: wp.array = array(wp.int32)
+    block_wire: wp.array = array(wp.int32)
+    block_origin_x: wp.array = array(wp.float64)
+    block_origin_y: wp.array = array(wp.float64)
+    block_pair_start: wp.array = array(wp.int32)  # [block + 1] where pairs that may touch the block stand in `block_pair`
+    block_pair: wp.array = array(wp.int32)
+    block_held_start: wp.array = array(wp.int32)  # [block + 1] into held_node
+    wire_first: wp.array = array(wp.int32)
+    wire_count: wp.array = array(wp.int32)
+    wire_closed: wp.array = array(wp.int32)
+    wire_clamp: wp.array = array("real")  # [wire, 2 CLAMP_NUMBERS]
+    pair_wire: wp.array = array(wp.int32)
+    pair_seed: wp.array = array(wp.int32)
+    pair_table: wp.array = array(wp.int32)
+    pair_low: wp.array = array(wp.int32)
+    pair_high: wp.array = array(wp.int32)
+    pair_side: wp.array = array(wp.int32)
+    pair_rest_x: wp.array = array("coordinate")  # [counts] body in the frame of the table
+    pair_rest_y: wp.array = array("coordinate")
+    body_origin_x: wp.array = array(wp.float64)  # [m] body at rest
+    body_origin_y: wp.array = array(wp.float64)
+    held_node: wp.array = array(wp.int32)  # of clamps that do not slide
+    held_lever_x: wp.array = array(wp.float64)
+    held_lever_y: wp.array = array(wp.float64)
+    held_clamp: wp.array = array(wp.int32)
+    contact_node: wp.array = array(wp.int32)  # [body] node that a single contact point sits on; empty in other treatments
+    slide_node: wp.array = array(wp.int32)  # [sliding clamp] first of its two nodes
+    slide_block: wp.array = array(wp.int32)
+    slide_lever_x: wp.array = array(wp.float64)  # [sliding clamp, 2] [m]
+    slide_lever_y: wp.array = array(wp.float64)
 
 
 def upload_rest(table: Table, precision: Precision, numerics: Numerics, bending_stiffness: float, device: str) -> RestArrays:
     """The rest data of a table with the masses of the run; `bending_stiffness` [N m2]."""
-
-    def real(a: np.ndarray) -> wp.array:
-        return wp.array(a, dtype=precision.real, device=device)
-
-    def counts(a: np.ndarray) -> wp.array:
-        return wp.array(precision.counts(a), dtype=precision.coordinate, device=device)
-
     assert table.curve.shape[1] == CURVE_COEFFICIENTS
-    return RestArrays(
-        place_x=wp.array(table.x, dtype=wp.float64, device=device),
-        place_y=wp.array(table.y, dtype=wp.float64, device=device),
-        table_x=counts(table.x),
-        table_y=counts(table.y),
-        rest_x=real(table.rest_x),
-        rest_y=real(table.rest_y),
-        rest_length=real(table.rest_length),
-        inverse_length=real(1.0 / table.rest_length),
-        rest_bow=real(table.rest_bow),
-        rest_angle=real(table.rest_angle),
-        hinge_stiffness=real(bending_stiffness / table.hinge_length),
-        inverse_mass=real(1.0 / numerics.node_mass),
-        node_mass=real(np.broadcast_to(numerics.node_mass, table.rest_length.shape)),
-        curve=wp.array(table.curve, dtype=precision.real, device=device),
-    )
+    values = {name: getattr(table, name) for name in names_of(RestArrays, "node") if hasattr(table, name)} | {
+        "place_x": table.x,
+        "place_y": table.y,
+        "table_x": precision.counts(table.x),
+        "table_y": precision.counts(table.y),
+        "inverse_length": 1.0 / table.rest_length,
+        "hinge_stiffness": bending_stiffness / table.hinge_length,
+        "inverse_mass": np.broadcast_to(1.0 / numerics.node_mass, table.rest_length.shape),
+        "node_mass": np.broadcast_to(numerics.node_mass, table.rest_length.shape),
+    }
+    return new_arrays(RestArrays, device, {}, values, precision)
 
 
 def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device: str, treatment: Treatment) -> MeshArrays:
     """Index arrays of a panel, or of the strip of a rank."""
-
-    def index(a: np.ndarray) -> wp.array:
-        return wp.array(np.ascontiguousarray(a, dtype=np.int32), dtype=wp.int32, device=device)
-
-    def double(a: np.ndarray) -> wp.array:
-        return wp.array(np.ascontiguousarray(a, dtype=np.float64), dtype=wp.float64, device=device)
-
-    def counts(a: np.ndarray) -> wp.array:
-        return wp.array(precision.counts(a), dtype=precision.coordinate, device=device)
-
     pair_rest = np.repeat(panel.body_rest, 2, axis=0) - panel.pair_shift
     body_origin = panel.body_rest + panel.body_origin
     # in the order of the global mesh, so that contact forces are summed in the same order
@@ -125,40 +104,28 @@ def upload_mesh(panel: Panel, strip: Strip | None, precision: Precision, device:
     slide_node, slide_lever = panel.held_node[slides][::2], panel.held_lever[slides].reshape(-1, 2, 2)
     slide_block = np.searchsorted(panel.block_first, slide_node)
     assert np.array_equal(panel.block_first[slide_block], slide_node) and np.all(panel.block_count[slide_block] == 2)
-    return MeshArrays(
-        block_first=index(panel.block_first),
-        block_count=index(panel.block_count),
-        block_table=index(panel.block_table),
-        block_wire=index(panel.block_wire),
-        block_origin_x=double(panel.block_origin[:, 0]),
-        block_origin_y=double(panel.block_origin[:, 1]),
-        block_pair_start=index(pair_start),
-        block_pair=index(pair),
-        block_held_start=index(held_start),
-        wire_first=index(panel.wire_first),
-        wire_count=index(panel.wire_count),
-        wire_closed=index(panel.wire_closed),
-        wire_clamp=wp.array(panel.wire_clamp.reshape(len(panel.wire_first), -1), dtype=precision.real, device=device),
-        pair_wire=index(panel.pair_wire),
-        pair_seed=index(panel.pair_seed),
-        pair_table=index(panel.pair_table),
-        pair_low=index(panel.pair_low),
-        pair_high=index(panel.pair_high),
-        pair_side=index(panel.pair_side),
-        pair_rest_x=counts(pair_rest[:, 0]),
-        pair_rest_y=counts(pair_rest[:, 1]),
-        body_origin_x=double(body_origin[:, 0]),
-        body_origin_y=double(body_origin[:, 1]),
-        held_node=index(held_node),
-        held_lever_x=double(held_lever[:, 0]),
-        held_lever_y=double(held_lever[:, 1]),
-        held_clamp=index(panel.held_clamp[~slides]),
-        contact_node=index(panel.pair_seed[::2] if treatment.contact_node is not None else np.zeros(0)),
-        slide_node=index(slide_node),
-        slide_block=index(slide_block),
-        slide_lever_x=double(slide_lever[..., 0]),
-        slide_lever_y=double(slide_lever[..., 1]),
-    )
+    values = {name: getattr(panel, name) for name in names_of(MeshArrays, "node") if hasattr(panel, name)} | {
+        **_columns("block_origin", panel.block_origin),
+        "block_pair_start": pair_start,
+        "block_pair": pair,
+        "block_held_start": held_start,
+        "wire_clamp": panel.wire_clamp.reshape(len(panel.wire_first), -1),
+        **_columns("pair_rest", precision.counts(pair_rest)),
+        **_columns("body_origin", body_origin),
+        "held_node": held_node,
+        **_columns("held_lever", held_lever),
+        "held_clamp": panel.held_clamp[~slides],
+        "contact_node": panel.pair_seed[::2] if treatment.contact_node is not None else np.zeros(0),
+        "slide_node": slide_node,
+        "slide_block": slide_block,
+        **_columns("slide_lever", slide_lever),
+    }
+    return new_arrays(MeshArrays, device, {}, {name: np.ascontiguousarray(value) for name, value in values.items()}, precision)
+
+
+def _columns(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Values (..., 2) by the names of their columns."""
+    return {f"{name}_x": values[..., 0], f"{name}_y": values[..., 1]}
 
 
 def _pairs_of_blocks(panel: Panel, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
