@@ -17,9 +17,9 @@ from ..kernels.contact_friction import stick_contacts
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
-from ..mechanics.protocols import TOO_THICK, Check, Drift, strength_exceeded
+from ..mechanics.protocols import Check, Drift, Mechanics, strength_exceeded
 from ..mechanics.worlds import Worlds
-from ..mesh.rim import LoadPoint, Rim
+from ..mesh.rim import LoadPoint
 from .diagnostics import Diagnostics, Residual, SlowestMode, Sums
 from .host_state import read_strip
 from .model import Model
@@ -125,18 +125,14 @@ class PlanarWorlds(Worlds):
         return np.asarray(self.checked_stress[rows])
 
 
-class PlanarMechanics:
+class PlanarMechanics(Mechanics):
     """Steps one world of a planar model."""
 
     KEPT = ("notes", "_last")
 
     check_steps = CHECK_STEPS
-    can_overlap = may_overlap = False
-    release_parts = 1
     path_increment = 0.005
     path_ratios = (5.0, 0.4)  # a slack mesh starts well from what has converged well
-    rim: Rim | None = None  # the drive moves the edge with the membrane (solve/multilevel.py)
-    stations = np.zeros((0, 2))
 
     def __init__(self, group: PlanarWorlds, model: Model, world: int) -> None:
         self.group, self.model, self.world, self.rows = group, model, world, np.array([world])
@@ -168,19 +164,11 @@ class PlanarMechanics:
     # --- loads
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
-        state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
-        state.steering.begin_ramp([*load.gradient.ravel().tolist(), factor], steps, evenly=evenly)
-        state.steering.ramp_share = 0.0 if steps else 1.0
+        self._begin_ramp(load, steps, evenly=evenly)
         if self._has_temperature_field:
-            state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
+            self.state.wire_thermal_strain.assign(wire_thermal_strain(self.model, load.temperature, load.temperature_gradient))
         self.search()
         self.group.begin_load(self.world, load)
-
-    def release(self, begin: float, end: float) -> None:
-        """Nothing: `wire.set_fraction` sets the natural curvature from the start."""
-
-    def rub(self, rubs: bool) -> None:
-        """Nothing: as knitted no body pushes."""
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         return 0 if predicted and load.tension is None else LOAD_STEPS
@@ -236,16 +224,6 @@ class PlanarMechanics:
     def step(self, count: int) -> None:
         self.group.step(self.rows, self.group.steering.step[self.rows] + count)
 
-    def deepest_overlap(self) -> str:
-        return ""
-
-    def overlap(self) -> float:
-        return 0.0
-
-    @property
-    def has_load(self) -> bool:
-        return not self.group.strains.at_limit(self.rows).any()
-
     def fastest(self) -> tuple[int, int]:
         panel, strip = self.model.panel, self.model.strip
         speed = np.hypot(self.state.node_vx.numpy().astype(float), self.state.node_vy.numpy().astype(float))
@@ -261,15 +239,6 @@ class PlanarMechanics:
     def begin_level(self) -> None:
         self.group.multipliers.rules.begin_level(self.rows)
 
-    def begin_test(self, *, is_certain: bool) -> None:
-        """Nothing: of the plane no unstable equilibrium is known."""
-
-    has_left = False
-
-    def stress(self) -> np.ndarray:
-        """(2, 2) [N/m] nominal stress of the mesh."""
-        return np.asarray(self.group.stress(self.rows)[0])
-
     @property
     def _sums(self) -> Sums:
         return self.group.diagnostics.sums(self.rows)
@@ -281,11 +250,11 @@ class PlanarMechanics:
             name = self.model.precision.name
             causes += f", round-off in {name} precision exceeds the forces: set solver.precision = 'double'"
         if self._active_as_knitted:
-            causes += f", {self._active_as_knitted} pairs are active as knitted: {TOO_THICK}"
+            cause = "the yarn is too thick for the loops, or the bars lap through each other"
+            causes += f", {self._active_as_knitted} pairs are active as knitted: {cause}"
         return causes
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """Whether the load is zero and the knitted mesh is free of stress."""
         if not load.is_as_knitted(self.model.scene.wire.reference_temperature):
             return False
         self.stepper.evaluate_contact()
@@ -326,10 +295,6 @@ class PlanarMechanics:
     def renew_damping(self) -> None:
         self.group.slowest_mode.measure(self.rows)
         self.group.slowest_mode.renew_damping(self.rows)
-
-    @property
-    def checked_stress(self) -> np.ndarray:
-        return self.group.checked_stress[self.world]
 
     @property
     def owners(self) -> list[Owner]:

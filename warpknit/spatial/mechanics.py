@@ -15,7 +15,7 @@ from ..compute.kept import Owner
 from ..kernels.rod_blocks import ROD_BLOCK
 from ..measure.strain import strain_text
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT
-from ..mechanics.protocols import Drift, strength_exceeded
+from ..mechanics.protocols import Drift, Mechanics, strength_exceeded
 from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
@@ -36,14 +36,13 @@ RELEASE = 0.02  # of the curvature as knitted, by which `wire.set_fraction` is a
 DRIFT = Drift(checks=2, max_decay_ratio=0.95)
 
 
-class SpatialMechanics:
+class SpatialMechanics(Mechanics):
     """Steps one world of a spatial model."""
 
     KEPT = ("notes", "edge", "_untested", "_last")
 
     check_steps = CHECK_STEPS
     can_overlap = True
-    may_overlap = False
     drift = DRIFT
     path_increment = FOLLOWED_INCREMENT
     path_ratios = (1.0, 1.0)  # tight knits snap on the way
@@ -105,9 +104,8 @@ class SpatialMechanics:
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
         self._untested += self._strain_to(load)
-        state, factor = self.state, self.model.scene.wire.length_factor(load.temperature)
-        state.steering.begin_ramp([*load.gradient.ravel().tolist(), factor], steps, evenly=evenly)
-        state.steering.set(ramp_lag=0.0, ramp_share=0.0 if steps else 1.0)
+        factor = self._begin_ramp(load, steps, evenly=evenly)
+        self.state.steering.ramp_lag = 0.0
         if self.model.ramp is not None:
             return
         self._apply_release()
@@ -234,15 +232,9 @@ class SpatialMechanics:
 
     # --- steps
 
-    def search(self) -> None:
-        self.group.search(self.rows)
-
     def step(self, count: int) -> None:
         with self.stepper.only(self.rows):
             self.stepper.step(count)
-
-    def overlap(self) -> float:
-        return float(self.group.overlap(self.rows)[0])
 
     def deepest_overlap(self) -> str:
         observed, strip, state = self.observe(), self.strip, self.state
@@ -256,10 +248,6 @@ class SpatialMechanics:
         wire = int(rods.wire_of[node])
         here = int(strip.wire[wire]), node - int(rods.wire_first[wire])
         return max(strip.ranks.everyone((float(speed.max()), here)))[1]
-
-    @property
-    def has_load(self) -> bool:
-        return not self.group.strains.at_limit(self.rows).any()
 
     # --- convergence of a relaxation
 
@@ -304,10 +292,6 @@ class SpatialMechanics:
         assert self.edge is not None
         return self._held.fetch(self.state.force).reshape(-1, 2, 3).sum(axis=1)
 
-    def stress(self) -> np.ndarray:
-        """(2, 2) [N/m] nominal stress of the mesh."""
-        return self.group.stress(self.rows)[0]
-
     def clamp_stress(self) -> np.ndarray:
         """(2, 2) [N m] of the forces of the clamps, in the state last evaluated."""
         force = self._held.fetch(self.state.force)[:, :2]
@@ -319,7 +303,6 @@ class SpatialMechanics:
         return self.strip.ranks.from_first(lambda: strength_exceeded(measure.largest_stress(observed), strength))
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
-        """Whether the mesh is as knitted, without loads, stress and overlaps; overlaps are added to `notes`."""
         wire = self.model.scene.wire
         if self.state.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
             return False
@@ -371,10 +354,6 @@ class SpatialMechanics:
 
     def state_variables(self) -> dict[str, np.ndarray]:
         return self.fields.read_everywhere()
-
-    @property
-    def checked_stress(self) -> np.ndarray:
-        return self.group.stress_now(self.rows)[0]
 
     def stop(self) -> None:
         self.relaxation.stop_motion(self.rows)
