@@ -39,6 +39,6 @@ def new_arrays(
         if isinstance(value, np.ndarray) and kind is not None:
             made[one.name] = shared(value, kind, device)
         elif value is None and kind is not None:
-            columns = one.metadata["columns"]
-            made[one.name] = zeros((*worlds, counts[one.metadata["count"]], *([columns] if columns else [])), kind, device)
+            count, columns = np.atleast_1d(counts[one.metadata["count"]]).tolist(), one.metadata["columns"]
+            made[one.name] = zeros((*worlds, *count, *([columns] if columns else [])), kind, device)
     return arrays(**made)

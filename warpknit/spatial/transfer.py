@@ -25,6 +25,8 @@ from ..compute.host import fetch, store, take
 from ..compute.launch import bind
 from ..kernels.banded_mass import HELD_NODE
 from ..kernels.membrane_transfer import gather_forces, respond_to_strain
+from ..kernels.resample import resample_along_wires
+from ..kernels.rod_turns import find_turns, turn_sections
 from ..mechanics.grid import CountedForces, MembraneGrid
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
