@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from warpknit.reflection.currents import MeshCurrents
 from warpknit.reflection.thin_wires import ThinWires
-from warpknit.reflection.waves import DOWN, UP, Z0, mode_decay, polarisations
+from warpknit.reflection.waves import DOWN, LIGHT, UP, Z0, Angles, Scattering, mode_decay, polarisations
 
 NO_SHIFT = (0, 0)
+
+
+def solve(
+    mesh: MeshCurrents, frequency: float, angles: Angles, wire: complex, contacts: Sequence[np.ndarray]
+) -> list[Scattering]:
+    """Waves from the mesh at one frequency [Hz]; wire and contacts as in `MeshCurrents.scattering`."""
+    k = 2.0 * np.pi * frequency / LIGHT
+    return mesh.scattering(k, angles, mesh.stored(k, angles), wire, contacts)
+
+
+def sheet_impedance(waves: Scattering) -> np.ndarray:
+    """(2, 2) [Ohm] over the directions of TE and TM: of a thin sheet that reflects the same at normal incidence."""
+    tangential = waves.reflection * np.array([[1.0], [-1.0]])  # the field of a reflected TM wave turns over
+    return np.asarray(-0.5 * Z0 * (np.eye(2) + np.linalg.inv(tangential)))
 
 
 def ring(count: int, first: int, shift: tuple[int, int]) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from reference.cases import slow
-from reference.wire_grids import parallel_wires, stacked_grid
+from reference.wire_grids import parallel_wires, sheet_impedance, solve, stacked_grid
 from warpknit import measure
 from warpknit.measure.network import holm_resistance, sheet_resistance, surface
 from warpknit.reflection.checks import branch_length
@@ -48,7 +48,7 @@ def crossed(gap=0.0, start=(0.0, 0.0), force=(1e-4,), share=((0.0, 0.0),)):
 
 def loss(repeat, contacts, frequency=30e9, wire=BARE):
     mesh = MeshCurrents(repeat.wires)
-    return mesh.solve(frequency, Angles(np.radians(60.0)), wire_impedance(wire, frequency), [contacts])[0].loss
+    return solve(mesh, frequency, Angles(np.radians(60.0)), wire_impedance(wire, frequency), [contacts])[0].loss
 
 
 # --- nodes and contacts
@@ -61,7 +61,7 @@ def test_a_crossing_is_that_of_a_grid():
     resistance = holm_resistance(surface(BARE), 1e-4)
     contacts = repeat.contacts(BARE, 30e9, COMPUTED)
     assert contacts.real == pytest.approx(1.0 / resistance)
-    expected = MeshCurrents(grid).solve(30e9, Angles(np.radians(60.0)), wire_impedance(BARE, 30e9), [contacts])[0].loss
+    expected = solve(MeshCurrents(grid), 30e9, Angles(np.radians(60.0)), wire_impedance(BARE, 30e9), [contacts])[0].loss
     assert loss(repeat, contacts) == pytest.approx(expected, rel=1e-9)
 
 
@@ -118,7 +118,8 @@ def test_the_radius_of_a_yarn_is_a_geometric_mean():
     assert yarn_radius(replace(BARE, ends=3)) == pytest.approx(np.cbrt(4.0) * a)
     radii = (a, yarn_radius(replace(BARE, ends=3)), a * (1.0 + 2.0 / np.sqrt(3.0)))
     one, yarn, circle = (
-        MeshCurrents(parallel_wires(SPACING, radius, 16)).solve(30e9, Angles(), 0.0, [np.zeros(0)])[0].loss[1] for radius in radii
+        solve(MeshCurrents(parallel_wires(SPACING, radius, 16)), 30e9, Angles(), 0.0, [np.zeros(0)])[0].loss[1]
+        for radius in radii
     )
     assert circle < yarn < one
     assert wire_impedance(replace(BARE, ends=3), 30e9) == pytest.approx(wire_impedance(BARE, 30e9) / 3.0)
@@ -143,7 +144,8 @@ def test_low_frequency_is_the_network_of_resistors(tricot):
     layout, records = tricot
     wires = repeat_of(layout, frame_of(records[-1]), WIRE, 75e-6)
     contacts = [wires.contacts(WIRE, 1e6, COMPUTED)]
-    sheet = MeshCurrents(wires.wires).solve(1e6, Angles(), wire_impedance(WIRE, 1e6), contacts)[0].sheet_impedance
+    waves = solve(MeshCurrents(wires.wires), 1e6, Angles(), wire_impedance(WIRE, 1e6), contacts)[0]
+    sheet = sheet_impedance(waves)
     warp, weft = (1.0 / np.diag(np.linalg.inv(sheet))).real
     assert (weft, warp) == pytest.approx(sheet_resistance(records[-1].observables), rel=1e-2)
 
@@ -155,8 +157,9 @@ def test_branches_of_the_default_length_have_converged(tricot, frequency):
     frame, longest = frame_of(records[-1]), branch_length(SCENE)
     coarse, fine = (repeat_of(layout, frame, WIRE, length) for length in (longest, 0.5 * longest))
     found, expected = (
-        MeshCurrents(repeat.wires).solve(
-            frequency, Angles(), wire_impedance(WIRE, frequency), [repeat.contacts(WIRE, frequency, COMPUTED)]
+        solve(
+            MeshCurrents(repeat.wires), frequency, Angles(), wire_impedance(WIRE, frequency),
+            [repeat.contacts(WIRE, frequency, COMPUTED)],
         )[0].loss
         for repeat in (coarse, fine)
     )  # fmt: skip
@@ -168,7 +171,7 @@ def test_a_tricot_keeps_energy_and_reciprocity(tricot):
     layout, records = tricot
     repeat = repeat_of(layout, frame_of(records[-1]), WIRE, 120e-6)
     contacts = [repeat.contacts(WIRE, 30e9, CLOSED)]
-    there, back = (MeshCurrents(repeat.wires).solve(30e9, Angles(0.5, 0.3 + turn), 0.0, contacts)[0] for turn in (0.0, np.pi))
+    there, back = (solve(MeshCurrents(repeat.wires), 30e9, Angles(0.5, 0.3 + turn), 0.0, contacts)[0] for turn in (0.0, np.pi))
     assert np.abs(there.absorbed).max() < 1e-9
     assert np.abs(there.reflection) == pytest.approx(np.abs(back.reflection).T, abs=1e-8)
 
@@ -186,6 +189,6 @@ def test_interpolated_frequencies(tricot):
 
     found = scattering_at(mesh, frequencies, angles, lambda frequency: wire_impedance(WIRE, frequency), contacts)
     for frequency, waves in list(zip(frequencies, found, strict=True))[2::5]:
-        expected = mesh.solve(frequency, angles, wire_impedance(WIRE, frequency), contacts(frequency))
+        expected = solve(mesh, frequency, angles, wire_impedance(WIRE, frequency), contacts(frequency))
         for one, other in zip(waves, expected, strict=True):
             assert np.abs(one.reflection - other.reflection).max() < 1e-4

@@ -9,7 +9,16 @@ ln(d/(2 pi a)); the values here are those of thin wires.
 import numpy as np
 import pytest
 
-from reference.wire_grids import bonded_grid, parallel_reflection, parallel_wires, repeated, stacked_grid, wavy_wire
+from reference.wire_grids import (
+    bonded_grid,
+    parallel_reflection,
+    parallel_wires,
+    repeated,
+    sheet_impedance,
+    solve,
+    stacked_grid,
+    wavy_wire,
+)
 from warpknit.reflection.currents import MeshCurrents
 from warpknit.reflection.green import PieceKernel
 from warpknit.reflection.waves import LIGHT, Angles, first_lobe, mode_decay
@@ -24,7 +33,7 @@ def degrees(theta, phi=0.0):
 
 
 def waves(wires, frequency=FREQUENCY, angles=NORMAL, contact=NO_CONTACT, wire=0.0):
-    return MeshCurrents(wires).solve(frequency, angles, wire, [contact])[0]
+    return solve(MeshCurrents(wires), frequency, angles, wire, [contact])[0]
 
 
 def through(ohm):
@@ -75,7 +84,7 @@ def test_a_cut_wire_with_a_resistor_in_the_gap(ohm, value):
 
 def test_sheet_resistance_of_a_grid():
     """At low frequency r = -Z0/(Z0 + 2 z d): a sheet of z d, z being the resistance of the wire per length."""
-    sheet = waves(bonded_grid(SPACING, RADIUS, 8), 1e6, wire=37.0).sheet_impedance
+    sheet = sheet_impedance(waves(bonded_grid(SPACING, RADIUS, 8), 1e6, wire=37.0))
     assert np.diag(sheet).real == pytest.approx(37.0 * SPACING, rel=1e-4)
 
 

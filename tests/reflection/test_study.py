@@ -10,10 +10,9 @@ from click.testing import CliRunner
 
 from reference.in_words import key_of, options, quantities
 from warpknit.commands.cli import main
-from warpknit.reflection.study import LossRow
-from warpknit.reflection.table import COLUMNS, LoadedMesh, least_tension, loss_row
+from warpknit.reflection.table import COLUMNS, OF_STATE, LossRow, least_tension, loss_row
 from warpknit.reflection.waves import Angles, Scattering
-from warpknit.results.row import read_rows
+from warpknit.results.row import Row, read_rows
 
 SCENE = """
 [wire]
@@ -161,8 +160,9 @@ def test_no_results(tmp_path):
 
 def row(tension, *losses, stress=0.0):
     reflection = np.diag([10.0 ** (-loss / 20.0) for loss in losses])
-    state = LoadedMesh(0, (0.0, 0.0), tension if isinstance(tension, tuple) else (tension, tension), stress=stress)
-    return loss_row(state, 1e10, Angles(), "computed", Scattering(reflection, np.zeros((2, 2)), np.zeros(2)))
+    weft, warp = tension if isinstance(tension, tuple) else (tension, tension)
+    state = Row(**dict(zip(OF_STATE, (0.0, 0.0, weft, warp, stress), strict=True)))
+    return loss_row(0, state, 1e10, Angles(), "computed", Scattering(reflection, np.zeros((2, 2)), np.zeros(2)))
 
 
 LIMIT = 6e8  # [Pa]

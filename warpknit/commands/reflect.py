@@ -9,7 +9,8 @@ from typing import Any
 
 from ..base.errors import INTERRUPTED, InputError, RunDirectoryError
 from ..reflection.checks import options_of
-from ..reflection.study import Reflected, reflect
+from ..reflection.study import reflect
+from ..reflection.table import Reflected
 from ..results.run import load_run
 from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult

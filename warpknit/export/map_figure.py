@@ -7,7 +7,7 @@ R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle
 from pathlib import Path
@@ -24,6 +24,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.path import Path as Line
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -40,9 +41,7 @@ PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
 LEAST_LINE = 0.75  # cells: shorter pieces of lines between jumps are left out
 LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
-NAME_ROOM = 3.0  # [pt] about the name of a line
-PLACES_APART = 2.0  # [pt] along a line, where its name may stand
-PLACES = 200  # of colours and lines between the loads, along a side
+LINES: dict[str, Any] = {"colors": "white", "linewidths": 0.9}
 LOAD_SIZE = 10.0  # [pt2] of the dot at a load
 ON_COLOURS: dict[str, Any] = {"linewidth": 3.0, "foreground": "white"}
 STEP = 1e-5  # of the map, on either side of the edge of a cell
@@ -100,7 +99,7 @@ def map_figure(
     if percent or known.mask.any() or marks.jumps or min(values.shape) < 2:
         tiles = axes.pcolormesh(_edges(x), _edges(y), known, **look)
     else:  # colours between the loads, as the lines
-        tiles = axes.pcolormesh(*_between(x, y, known), shading="nearest", **look)
+        tiles = axes.pcolormesh(x, y, known, shading="gouraud", **look)
     dots: dict[str, Any] = {"color": "white", "edgecolors": "#404040", "linewidths": 0.5, "clip_on": False}
     loads = [axes.scatter(*np.meshgrid(x, y), s=LOAD_SIZE, zorder=4.5, label="loads of the map", **dots)]
     bar = figure.colorbar(tiles, ax=axes, pad=0.02, extend="max" if known.count() and float(known.max()) > top else "neither")
@@ -110,9 +109,9 @@ def map_figure(
     elif float(known.min()) == float(known.max()):
         one = f"{float(known.min()):.3g} {unit}{'' if known.mask.any() else ' at every load'}"
         axes.text(0.5, 0.5, one, transform=axes.transAxes, ha="center", va="center", path_effects=[withStroke(**ON_COLOURS)])
-    names = {}
+    lines = None
     if known.count() and min(values.shape) > 1:
-        names = _draw_levels(axes, bar, x, y, known if percent else _smooth(known, x, y, marks, of_load[0]), top, percent)
+        lines = _draw_levels(axes, bar, x, y, known if percent else _smooth(known, x, y, marks, of_load[0]), top, percent)
     handles = loads + _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
     if known.mask.any():
         axes.set_facecolor("#E8E8E8")
@@ -131,9 +130,10 @@ def map_figure(
     axes.set_ylabel(f"warp {quantity} [{of_load[1]}]")
     axes.set_title(title, fontsize="medium", pad=TITLE_PAD)
     if warnings:
-        lines = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
-        figure.suptitle(lines, fontsize="small", color=LIMIT_COLOUR)
-    _name_lines(axes, names)
+        texts = "\n".join(fill(warning, WARNING_WIDTH) for warning in warnings)
+        figure.suptitle(texts, fontsize="small", color=LIMIT_COLOUR)
+    if lines is not None:
+        _name_lines(axes, *lines)
     return save_figure(figure, path)
 
 
@@ -150,29 +150,24 @@ def _range_of(known: np.ma.MaskedArray[Any, Any], unit: str, marks: Marks) -> tu
 
 def _draw_levels(
     axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], top: float, percent: bool
-) -> dict[float, str]:
-    """Draw lines of equal value, also on the colour bar; return the names of levels."""
+) -> tuple[ContourSet, dict[float, str]] | None:
+    """Draw lines of equal value, also on the colour bar; return them with the names of their levels."""
     low, high = float(known.min()), min(top, float(known.max()))
     # what is small beside the largest wanders about zero, and a line at zero with it
     levels = PERCENT_LEVELS if percent else [v for v in MaxNLocator(7).tick_values(low, high) if abs(v) > LEAST_LEVEL * high]
-    same: dict[Any, list[float]] = {}  # levels of one line: shares whose lines run round the same cells
+    same: dict[Any, float] = {}  # shares whose lines run round the same cells: the highest
     for level in levels:
         if low < level < high or (percent and level == high):
-            same.setdefault((known.filled(-np.inf) >= level).tobytes() if percent else level, []).append(level)
-    if not same:
-        return {}
-    if not percent:
-        same = {level: [level] for level in _levels_apart(axes, x, y, known, [some[0] for some in same.values()])}
-    names = {some[-1]: f"{some[-1]:g}{' %' if percent else ''}" for some in same.values()}  # of several levels the highest
+            same[(known.filled(-np.inf) >= level).tobytes() if percent else level] = level
+    shown = list(same.values()) if percent else _levels_apart(axes, x, y, known, list(same.values()))
+    if not shown:
+        return None
     # a share that reaches a line is on its upper side
-    shown = (x, y, known) if known.mask.any() else _between(x, y, known)
-    if percent:
-        shown = _steps(x, y, known + REACHES * high)
-    drawn = axes.contour(*shown, levels=list(names), colors="white", linewidths=0.9)
+    drawn = axes.contour(*(_steps(x, y, known + REACHES * high) if percent else (x, y, known)), levels=shown, **LINES)
     bar.add_lines(drawn)
     if not percent:
         _drop_stubs(drawn, x, y)
-    return names
+    return drawn, {level: f"{level:g}{' %' if percent else ''}" for level in shown}
 
 
 def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
@@ -182,14 +177,11 @@ def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
     for path in drawn.get_paths():
         path.should_simplify = False
         parts = [np.asarray(part) for part in path.to_polygons(closed_only=False)]
-        kept.append([part for part in parts if np.array_equal(part[0], part[-1]) or _length(part / cell) >= LEAST_LINE])
+        lengths = [np.linalg.norm(np.diff(part / cell, axis=0), axis=1).sum() for part in parts]
+        is_closed = [np.array_equal(part[0], part[-1]) for part in parts]
+        kept.append([part for part, length, ring in zip(parts, lengths, is_closed, strict=True) if ring or length >= LEAST_LINE])
     drawn.set_paths([Line.make_compound_path(*map(Line, parts)) for parts in kept])
     return any(kept)
-
-
-def _length(line: NDArray[Any]) -> float:
-    """Length of a line (n, 2)."""
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, levels: Sequence[float]) -> list[float]:
@@ -197,65 +189,37 @@ def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, leve
     figure = axes.get_figure(root=True)
     assert figure is not None
     size = 72.0 * np.array(axes.get_position().size) * figure.get_size_inches() / [np.ptp(x), np.ptp(y)]  # [pt] of a unit
-    drawn = axes.contour(x, y, known, levels=levels)
     kept: list[float] = []
-    before: NDArray[Any] | None = None
-    for level, path in zip(levels, drawn.get_paths(), strict=True):
-        parts = [_along(size * part, PLACES_APART) for part in path.to_polygons(closed_only=False)]
-        places = np.concatenate([np.zeros((0, 2)), *parts])
-        if before is None or (len(places) and np.median(cKDTree(before).query(places)[0]) >= LINES_APART):
+    before = np.zeros((0, 2))
+    for level in levels:
+        drawn = axes.contour(x, y, known, levels=[level])
+        places = size * np.concatenate([path.vertices for path in drawn.get_paths()])
+        drawn.remove()
+        if not len(before) or (len(places) and np.median(cKDTree(before).query(places)[0]) >= LINES_APART):
             kept.append(level)
-            before = places if len(places) else before
-    drawn.remove()
+            before = places
     return kept
 
 
-def _name_lines(axes: Axes, names: Mapping[float, str]) -> None:
-    """Write the names of levels on their lines: in the map, over no mark and no other name, where the fewest other lines run.
-
-    A line without such a place, or hardly longer than its name, has none.
-    """
+def _name_lines(axes: Axes, drawn: ContourSet, names: dict[float, str]) -> None:
+    """Write the names of levels on their lines, but over no mark, no other name and no edge of the map."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()  # all that takes room is in place
     figure.set_layout_engine("none")  # and stays there
-    point = figure.dpi / 72.0
+    half = 0.5 * figure.dpi / 72.0
     taken = [
-        (place, np.full(2, line.get_markersize() * point))
+        Bbox([place - half * line.get_markersize(), place + half * line.get_markersize()])
         for line in axes.get_lines()
         for place in axes.transData.transform(line.get_xydata())
     ]
-    lines = [
-        (names.get(level, ""), _along(np.asarray(part), PLACES_APART * point))
-        for levels in axes.collections
-        if isinstance(levels, ContourSet)
-        for level, path in zip(levels.levels, levels.get_paths(), strict=True)
-        for part in path.to_polygons(axes.transData, closed_only=False)
-    ]
-    lines.sort(key=lambda line: -len(line[1]))  # the longest first
-    for k, (name, places) in enumerate(lines):
-        style: dict[str, Any] = {"color": "white", "fontsize": "small", "ha": "center", "va": "center", "visible": bool(name)}
-        label = axes.text(0.0, 0.0, name, path_effects=[withStroke(linewidth=2.0, foreground="#404040")], **style)
-        size = np.array(label.get_window_extent().size) + NAME_ROOM * point
-        free = np.all((places > axes.bbox.min + 0.5 * size) & (places < axes.bbox.max - 0.5 * size), axis=1)
-        for place, other in taken:
-            free &= np.any(np.abs(places - place) > 0.5 * (size + other), axis=1)
-        if not name or not free.any() or len(places) * PLACES_APART * point < 2.0 * size[0]:
+    for label in drawn.clabel(fmt=names, inline=False, colors="white", fontsize="small"):
+        label.set(rotation=0.0, zorder=6.0, path_effects=[withStroke(linewidth=2.0, foreground="#404040")])
+        box = label.get_window_extent()
+        if any(map(box.overlaps, taken)) or not all(axes.bbox.contains(*corner) for corner in box.corners()):
             label.remove()
-            continue
-        others = np.concatenate([np.zeros((0, 2)), *(other for j, (_, other) in enumerate(lines) if j != k)])
-        near = cKDTree(2.0 * others / size).query_ball_point(2.0 * places[free] / size, 1.0, p=np.inf, return_length=True)
-        from_middle = np.abs(np.flatnonzero(free) / len(places) - 0.5)
-        place = places[free][np.argmin(near + from_middle)]
-        label.set_position(tuple(axes.transData.inverted().transform(place)))
-        taken.append((place, size))
-
-
-def _along(line: NDArray[Any], apart: float) -> NDArray[Any]:
-    """(place, 2) evenly along a line (n, 2)."""
-    arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    places = np.linspace(0.0, arc[-1], max(2, round(arc[-1] / apart)))
-    return np.stack([np.interp(places, arc, line[:, k]) for k in (0, 1)], axis=1)
+        else:
+            taken.append(box)
 
 
 def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
@@ -338,19 +302,6 @@ def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor:
     for cell in {tuple(cell) for pair in marks.jumps for cell in pair}:
         shown[np.argmin(np.abs(y - factor * cell[1])), np.argmin(np.abs(x - factor * cell[0]))] = np.ma.masked
     return shown
-
-
-def _between(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
-    """Places between the loads, and bilinear values there."""
-    across, up = (_places_between(loads) for loads in (x, y))
-    rows = np.array([np.interp(across, x, row) for row in np.ma.getdata(values)])
-    return across, up, np.array([np.interp(up, y, column) for column in rows.T]).T
-
-
-def _places_between(loads: NDArray[Any]) -> NDArray[Any]:
-    """About PLACES along a side, with the loads among them."""
-    steps = max(1, PLACES // (len(loads) - 1))
-    return np.interp(np.arange(steps * (len(loads) - 1) + 1) / steps, np.arange(len(loads)), loads)
 
 
 def _edges(middle: NDArray[Any]) -> NDArray[Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..base.errors import InputError, MemoryNeeded
@@ -34,10 +32,9 @@ def options_of(scene: Scene) -> Reflection:
         wrong = f"{exact(options.branch_length, 'm')} is below the wire diameter"
         raise InputError(f"{scene.path}: reflection.branch_length: {wrong}; write {at_least(least, 'm')} or more")
     refuse_lobes(scene, np.diag(np.asarray(scene.knit.size) * (1.0 + _largest_strains(scene))))
-    size, available = Size.of(scene), available_memory()
-    if size.needed > available:
-        room = f"{memory(size.needed)}, {memory(available)} are available"
-        wrong = f"about {size.branches:,} branches of wire need {room}"
+    (branches, needed), available = size_of(scene), available_memory()
+    if needed > available:
+        wrong = f"about {branches:,} branches of wire need {memory(needed)}, {memory(available)} are available"
         raise MemoryNeeded(f"{scene.path}: reflection: {wrong}; write fewer knit.repeats, or a larger reflection.branch_length")
     return options
 
@@ -75,17 +72,9 @@ def _loop_length(scene: Scene) -> float:
     return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses).wire_length
 
 
-@dataclass(frozen=True)
-class Size:
-    """Size of the equation of one state."""
-
-    branches: int
-    needed: int  # [bytes]
-
-    @classmethod
-    def of(cls, scene: Scene) -> Size:
-        """Of the states of a scene, estimated."""
-        assert scene.reflection is not None
-        loops = mesh_nodes(scene) / scene.model.nodes_per_loop
-        branches = round(loops * _loop_length(scene) / branch_length(scene))
-        return cls(branches, BYTES * (2 * branches) ** 2 * (2 if scene.reflection.theta else 1))
+def size_of(scene: Scene) -> tuple[int, int]:
+    """Estimated branches of wire in the equation of one state, and its memory [bytes]."""
+    assert scene.reflection is not None
+    loops = mesh_nodes(scene) / scene.model.nodes_per_loop
+    branches = round(loops * _loop_length(scene) / branch_length(scene))
+    return branches, BYTES * (2 * branches) ** 2 * (2 if scene.reflection.theta else 1)

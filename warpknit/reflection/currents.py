@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -107,11 +106,6 @@ class MeshCurrents:
             found.append(_waves(leaving, np.concatenate([driven - drawn @ flow, flow])))
         return found
 
-    def solve(self, frequency: float, angles: Angles, wire: complex, contacts: Sequence[np.ndarray]) -> list[Scattering]:
-        """Waves from the mesh at one frequency [Hz]; wire and contacts as in `scattering`."""
-        k = 2.0 * np.pi * frequency / LIGHT
-        return self.scattering(k, angles, self.stored(k, angles), wire, contacts)
-
     def _leaving(self, k: float, transverse: np.ndarray, phi: float, current: sparse.csr_array) -> list[_Leaving]:
         """The waves that leave: up and down, specular and in lobes."""
         found = []
@@ -138,13 +132,6 @@ class MeshCurrents:
 
     def _spread(self, transverse: np.ndarray) -> _Spread:
         """Spread of currents over pieces, with a transverse wave vector (2,) [1/m]."""
-        return self._spread_with(transverse) if transverse.any() else self._spread_at_normal
-
-    @cached_property
-    def _spread_at_normal(self) -> _Spread:
-        return self._spread_with(np.zeros(2))
-
-    def _spread_with(self, transverse: np.ndarray) -> _Spread:
         wires, b, c, pieces = self.wires, self.branch_count, self.contact_count, len(self.kernel.length)
         ends = np.concatenate([wires.branch_node, wires.contact_node])
         shift = np.concatenate([wires.branch_shift, wires.contact_shift])
@@ -209,7 +196,7 @@ def scattering_at(
     The matrices of `StoredEnergy` take nearly all of the time of a frequency, and are smooth below the first grating lobe:
     resonances are in their inverse alone. So they are interpolated between Chebyshev-Lobatto points, which are doubled until the
     last interpolation predicts the waves at the new points within TOLERANCE. The result has the new points as well, so its
-    error is smaller.
+    error is smaller. Where that takes as many points as there are frequencies, the matrices of each are found.
 
     wire: [Ohm/m] impedance of the wire at a frequency. contacts: admittances [contact] [S] of each state at a frequency.
     """
@@ -219,53 +206,23 @@ def scattering_at(
         return mesh.scattering(k, angles, stored, wire(frequency), contacts(frequency))
 
     wave_numbers = [2.0 * np.pi * frequency / LIGHT for frequency in frequencies]
-    matrices = stored_over(mesh, wave_numbers, angles, waves)
-    return [waves(k, matrices(k)) for k in wave_numbers]
-
-
-def stored_over(
-    mesh: MeshCurrents, wave_numbers: Sequence[float], angles: Angles, waves: Callable[[float, StoredEnergy], list[Scattering]]
-) -> Callable[[float], StoredEnergy]:
-    """The matrices as a function of the wave number [1/m]: interpolated if that takes fewer points than there are numbers."""
-
-    def exact(k: float) -> StoredEnergy:
-        return mesh.stored(k, angles)
-
-    if 2 * INTERVALS + 1 >= len(wave_numbers):
-        return exact
-    points = _points(min(wave_numbers), max(wave_numbers), INTERVALS)
-    band = _Band(points, np.array([exact(k) for k in points]))
-    while 2 * len(band.points) - 1 < len(wave_numbers):
-        band, error = band.refined(exact, waves)
-        if error < TOLERANCE:
-            return band
-    return exact
-
-
-@dataclass(frozen=True, eq=False)
-class _Band:
-    """Matrices at Chebyshev-Lobatto points [1/m], and between them."""
-
-    points: Sequence[float]
-    known: np.ndarray  # (point, 2, current, current) inductance and potential
-
-    def __call__(self, k: float) -> StoredEnergy:
-        """Barycentric interpolation."""
-        away = k - np.array(self.points)
-        if (at := np.flatnonzero(np.abs(away) < SAME * self.points[-1])).size:
-            return StoredEnergy(*self.known[at[0]])
-        weight = (-1.0) ** np.arange(len(self.points)) / away
-        weight[[0, -1]] *= 0.5
-        return StoredEnergy(*np.tensordot(weight / weight.sum(), self.known, 1))
-
-    def refined(
-        self, exact: Callable[[float], StoredEnergy], waves: Callable[[float, StoredEnergy], list[Scattering]]
-    ) -> tuple[_Band, float]:
-        """Twice the intervals, and the largest error between the points of this one."""
-        points = _points(self.points[0], self.points[-1], 2 * len(self.points) - 2)
-        new = [exact(k) for k in points[1::2]]
-        error = max(_difference(waves(k, self(k)), waves(k, one)) for k, one in zip(points[1::2], new, strict=True))
-        return _Band(points, np.insert(self.known, range(1, len(self.points)), new, axis=0)), error
+    low, high, intervals, error = min(wave_numbers), max(wave_numbers), INTERVALS, np.inf
+    points, known = _points(low, high, intervals), np.zeros(0)
+    while 2 * intervals + 1 < len(wave_numbers) and error >= TOLERANCE:
+        if not known.size:
+            known = np.array([mesh.stored(k, angles) for k in points])
+        intervals *= 2
+        finer = _points(low, high, intervals)
+        new = [mesh.stored(k, angles) for k in finer[1::2]]
+        error = max(
+            float(np.abs(one.reflection - other.reflection).max())
+            for k, exact in zip(finer[1::2], new, strict=True)
+            for one, other in zip(waves(k, _between(points, known, k)), waves(k, exact), strict=True)
+        )
+        points, known = finer, np.insert(known, range(1, len(points)), new, axis=0)
+    if error < TOLERANCE:
+        return [waves(k, _between(points, known, k)) for k in wave_numbers]
+    return [waves(k, mesh.stored(k, angles)) for k in wave_numbers]
 
 
 def _points(low: float, high: float, intervals: int) -> list[float]:
@@ -273,7 +230,11 @@ def _points(low: float, high: float, intervals: int) -> list[float]:
     return (0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * np.arange(intervals + 1) / intervals)).tolist()
 
 
-def _difference(some: Sequence[Scattering], others: Sequence[Scattering]) -> float:
-    """Largest difference of amplitudes."""
-    pairs = zip(some, others, strict=True)
-    return max(float(np.abs(one.reflection - other.reflection).max()) for one, other in pairs)
+def _between(points: Sequence[float], known: np.ndarray, k: float) -> StoredEnergy:
+    """Matrices at a wave number [1/m]: barycentric interpolation of known ones (point, 2, current, current)."""
+    away = k - np.array(points)
+    if (at := np.flatnonzero(np.abs(away) < SAME * points[-1])).size:
+        return StoredEnergy(*known[at[0]])
+    weight = (-1.0) ** np.arange(len(points)) / away
+    weight[[0, -1]] *= 0.5
+    return StoredEnergy(*np.tensordot(weight / weight.sum(), known, 1))

@@ -60,15 +60,15 @@ def repeat_of(layout: WireLayout, frame: Frame, wire: Wire, longest: float) -> R
     touching = len(places)
     if layout.in_space:
         places += find_gaps(curves, cell, thickness + radius, WINDOW * thickness, places)
-    branches = _divided(curves, places, longest, 2.0 * radius)
-    shift = _nearest_image(curves, places, cell) + branches.turn[:, 1] - branches.turn[:, 0]
-    ends = np.concatenate([branches.end, shift], axis=1)
+    node, branch, branch_shift, middle, end, turn = _divided(curves, places, longest, 2.0 * radius)
+    shift = _nearest_image(curves, places, cell) + turn[:, 1] - turn[:, 0]
+    ends = np.concatenate([end, shift], axis=1)
     joins_itself = (ends[:, 0] == ends[:, 1]) & ~ends[:, 2:].any(axis=1)
     rows, found = np.unique(ends[~joins_itself], axis=0, return_inverse=True)
     row = np.full(len(ends), -1)
     row[~joins_itself] = found.ravel()
     return Repeat(
-        wires=ThinWires(cell, radius, branches.node, branches.branch, branches.shift, rows[:, :2], rows[:, 2:], branches.middle),
+        wires=ThinWires(cell, radius, node, branch, branch_shift, rows[:, :2], rows[:, 2:], middle),
         force=np.concatenate([frame.contact_force, np.zeros(len(places) - touching)]),
         gap=np.array([max(place.distance - thickness, 0.0) for place in places]),
         row=row,
@@ -96,42 +96,32 @@ def _nearest_image(curves: Sequence[Polyline], places: Sequence[Meeting], cell: 
     return np.asarray(np.rint((drawn[:, 0] - drawn[:, 1])[:, :2] @ np.linalg.inv(cell)).astype(np.int64))
 
 
-@dataclass(frozen=True, eq=False)
-class _Branches:
-    """Wires that are divided at places."""
+def _divided(curves: Sequence[Polyline], places: Sequence[Meeting], longest: float, least: float) -> tuple[np.ndarray, ...]:
+    """Divide wires at places; those within `least` [m] of a wire share a node.
 
-    node: np.ndarray  # (node, 3) [m]
-    branch: np.ndarray  # (branch, 2) nodes
-    shift: np.ndarray  # (branch, 2) periods from the first node to the second
-    middle: np.ndarray  # (branch, 3) [m] where its halves meet
-    end: np.ndarray  # (place, 2) nodes at a place
-    turn: np.ndarray  # (place, 2, 2) periods from each of these, as drawn, to the place
-
-
-def _divided(curves: Sequence[Polyline], places: Sequence[Meeting], longest: float, least: float) -> _Branches:
-    """Divide wires at places; those within `least` [m] of a wire share a node."""
-    node, branch, shift, middle, count = [], [], [], [], 0
+    Returns nodes (node, 3) [m], branches (branch, 2) by their nodes, periods (branch, 2) from first node to second, places
+    (branch, 3) [m] where their halves meet, nodes (place, 2) at a place, and periods (place, 2, 2) from these to the place.
+    """
+    parts_of: list[tuple[np.ndarray, ...]] = []  # nodes, branches, periods, middles of each wire
+    count = 0
     wire, share = (np.array([getattr(one, name) for one in places]).reshape(-1, 2) for name in ("wire", "share"))
     end, turn = np.zeros((len(places), 2), dtype=np.int64), np.zeros((len(places), 2, 2), dtype=np.int64)
     for number, curve in enumerate(curves):
         where = np.argwhere(wire == number)
         stops = _stops(share[tuple(where.T)] * curve.length, curve.length, least)
-        begins = [stop.arc for stop in stops] or [0.0]
+        begins = [arc for arc, _ in stops] or [0.0]
         parts = [_parts(*span, longest) for span in zip(begins, [*begins[1:], begins[0] + curve.length], strict=True)]
         first = count + np.cumsum([0, *(len(part) for part in parts)])
-        for stop, drawn in zip(stops, first, strict=False):
-            for member, turns in zip(stop.members, stop.turns, strict=True):
+        for (_, members), drawn in zip(stops, first, strict=False):
+            for member, turns in members:
                 end[tuple(where[member])], turn[tuple(where[member])] = drawn, turns * curve.lattice
         size = int(first[-1]) - count
         step = np.arange(size)
         corner = _polygon(curve, np.concatenate(parts))
-        node.append(corner[::2])
-        middle.append(corner[1::2])
-        branch.append(count + np.stack([step, (step + 1) % size], axis=1))
-        shift.append(np.where((step == size - 1)[:, None], curve.lattice, 0))
+        shift = np.where((step == size - 1)[:, None], curve.lattice, 0)
+        parts_of.append((corner[::2], count + np.stack([step, (step + 1) % size], axis=1), shift, corner[1::2]))
         count += size
-    nodes, branches, shifts, middles = map(np.concatenate, (node, branch, shift, middle))
-    return _Branches(nodes, branches, shifts, middles, end, turn)
+    return *map(np.concatenate, zip(*parts_of, strict=True)), end, turn
 
 
 def _polygon(curve: Polyline, begin: np.ndarray) -> np.ndarray:
@@ -146,17 +136,11 @@ def _polygon(curve: Polyline, begin: np.ndarray) -> np.ndarray:
     return (14.0 * curve.at(arc) - curve.at(arc + size) - curve.at(arc - size)) / 12.0
 
 
-@dataclass(frozen=True)
-class _Stop:
-    """A node of a wire where it has one place or several."""
+def _stops(arcs: np.ndarray, length: float, least: float) -> list[tuple[float, list[tuple[int, int]]]]:
+    """Places of one wire in order; those within `least` [m] of the first one are one stop at their mean.
 
-    arc: float  # [m] in 0 .. length
-    members: tuple[int, ...]
-    turns: tuple[int, ...]  # periods from the node to each place
-
-
-def _stops(arcs: np.ndarray, length: float, least: float) -> list[_Stop]:
-    """Places of one wire in order; those within `least` [m] of the first one are one stop at their mean."""
+    Of each stop the arc [m] in 0 .. length, and its places with the periods from the stop to them.
+    """
     groups: list[list[tuple[int, int]]] = []
     for place in np.argsort(arcs).tolist():
         if groups and arcs[place] - arcs[groups[-1][0][0]] < least:
@@ -167,10 +151,9 @@ def _stops(arcs: np.ndarray, length: float, least: float) -> list[_Stop]:
         groups[-1] += [(place, 1) for place, _ in groups.pop(0)]
     stops = []
     for group in groups:
-        arc = float(np.mean([arcs[place] + turn * length for place, turn in group]))
-        over = int(arc // length)
-        stops.append(_Stop(arc % length, tuple(place for place, _ in group), tuple(over - turn for _, turn in group)))
-    return sorted(stops, key=lambda stop: stop.arc)
+        over, arc = divmod(float(np.mean([arcs[place] + turn * length for place, turn in group])), length)
+        stops.append((arc, [(place, int(over) - turn) for place, turn in group]))
+    return sorted(stops)
 
 
 def _parts(begin: float, end: float, longest: float) -> np.ndarray:

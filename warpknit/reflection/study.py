@@ -6,14 +6,9 @@ DIR gets reflection.csv, reflection.npz (amplitudes) and figures/reflection_*.pn
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
-import signal
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -33,71 +28,30 @@ from ..runner.run_directory import SUMMARIES
 from ..scene import Scene
 from ..scene.options import Reflection
 from ..studies.contact_map import MapRow, read_map
-from .checks import Size, branch_length, options_of, refuse_lobes
+from .checks import branch_length, options_of, refuse_lobes, size_of
 from .currents import MeshCurrents, scattering_at
 from .impedance import wire_impedance
 from .repeat import CLOSED, COMPUTED, OPEN, repeat_of
-from .table import (
-    COLUMNS,
-    LoadedMesh,
-    LossRow,
-    given_rows,
-    least_tension,
-    least_tensions,
-    loss_row,
-    reflection_findings,
-    shown_frequencies,
-    shown_record,
-    summary_of,
-)
+from .table import COLUMNS, LossRow, Reflected, loss_row
 from .waves import Angles, Scattering
-
-STARTED = 8  # states from which on other processes are worth their start
-THREADS = "OPENBLAS_NUM_THREADS"
-PROGRAMS = ("warpknit", "__main__", "pytest")  # main modules that another process may import without harm
-
-
-@dataclass(frozen=True)
-class Reflected:
-    """The result of `reflect`."""
-
-    rows: tuple[LossRow, ...]
-    limit: float  # [Pa] elastic limit of the wire
-    is_map: bool
-
-    @property
-    def findings(self) -> list[Finding]:
-        """The lines of the table of a command."""
-        return list(reflection_findings(self.rows, self.limit, self.is_map))
-
-    @property
-    def record(self) -> int:
-        """Record of the summary: the last one; of a map, at the least tension and highest frequency."""
-        return shown_record(self.rows, self.rows[-1].frequency_Hz, self.limit, self.is_map)
-
-    def added_to(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """A summary with the section `reflection`, and least tensions among the answers."""
-        least = {"reflection": least_tensions(self.rows, self.limit)}
-        losses = summary_of([row for row in self.rows if row.record == self.record])
-        return summary | {"reflection": losses, "answers": (summary.get("answers") or {}) | least}
-
 
 # --- the recorded states
 
 
-def states_of(directory: Path) -> list[LoadedMesh]:
-    """Recorded states of a finished run or map whose files exist.
+def states_of(directory: Path) -> dict[int, Row]:
+    """Recorded states of a finished run or map whose files exist, by their number.
 
     Raises RunDirectoryError for states without their contacts, of an earlier version.
     """
-    if (directory / "history.csv").exists():
-        rows: Iterable[tuple[int, Row]] = enumerate(read_rows(directory / "history.csv", Row))
-    else:
-        rows = _cells(directory)
-    found = [_state(number, row) for number, row in rows if row.get("tension_weft_N_per_m") is not None]
-    there = [state for state in found if state_file(directory, state.record).exists()]
+    path = directory / "history.csv"
+    rows: Iterable[tuple[int, Row]] = enumerate(read_rows(path, Row)) if path.exists() else _cells(directory)
+    there = {
+        number: row
+        for number, row in rows
+        if row.get("tension_weft_N_per_m") is not None and state_file(directory, number).exists()
+    }
     if there:
-        with np.load(path := state_file(directory, there[0].record)) as file:
+        with np.load(path := state_file(directory, next(iter(there)))) as file:
             if "contact_force" not in file.files:
                 raise RunDirectoryError(f"{path}: contains no contacts; run the scene again with --force")
     return there
@@ -111,11 +65,6 @@ def _cells(directory: Path) -> Iterator[tuple[int, MapRow]]:
     tables = {mesh: (path, path.with_name(path.name.replace("map", "details"))) for mesh, path in meshes.items()}
     for mesh, paths in sorted(tables.items()) or [(0, whole)]:
         yield from ((mesh * len(place) + place[row.load], row) for row in read_map(*paths))
-
-
-def _state(number: int, row: Row) -> LoadedMesh:
-    load = row.load if isinstance(row, MapRow) else None
-    return LoadedMesh(number, (row.strain_weft, row.strain_warp), row.tension, load, row.stress_max_Pa)
 
 
 # --- the study
@@ -133,18 +82,29 @@ def reflect(directory: Path, scene: Scene, progress: Display | None = None) -> R
         raise RunDirectoryError(f"{directory}: {why}; run the scene again with [reflection], and --force")
     display.stage(f"reflection of {len(states)} states", number=1, of=1)
     found: dict[int, list[list[Scattering]]] = {}
-    for record, waves in _solved(directory, scene, states):
+    for record, waves in _solved(directory, scene, list(states)):
         found[record] = waves
         display.update(done=len(found) / len(states), load_factor=1.0)
     names, angles = contact_states(options), Angles(options.theta, options.phi)
     rows = [
-        loss_row(state, frequency, angles, name, one)
-        for state in states
-        for frequency, waves in zip(options.frequencies, found[state.record], strict=True)
+        loss_row(record, state, frequency, angles, name, one)
+        for record, state in states.items()
+        for frequency, waves in zip(options.frequencies, found[record], strict=True)
         for name, one in zip(names, waves, strict=True)
     ]
-    result = Reflected(tuple(rows), scene.wire.yield_stress, is_map=states[0].load is not None)
-    _write(directory, scene, states, found, result)
+    result = Reflected(tuple(rows), scene.wire.yield_stress, is_map=not (directory / "history.csv").exists())
+    write_rows(directory / "reflection.csv", result.rows, COLUMNS)
+    amplitudes = {
+        name: np.array([[[getattr(one, name) for one in waves] for waves in found[record]] for record in states])
+        for name in ("reflection", "transmission")
+    }
+    about = {"record": np.array(list(states)), "frequency": np.array(options.frequencies), "contacts": np.array(names)}
+    write_arrays(directory / "reflection.npz", about | amplitudes)
+    for name in SUMMARIES:
+        if (path := directory / name).exists():
+            write_json(path, result.added_to(json.loads(path.read_text(encoding="utf-8"))))
+    if scene.output.figures:
+        _draw(directory, scene, states, result)
     return result
 
 
@@ -153,57 +113,23 @@ def contact_states(options: Reflection) -> tuple[str, ...]:
     return (COMPUTED, OPEN, CLOSED) if options.contacts == COMPUTED else (options.contacts,)
 
 
-def _solved(directory: Path, scene: Scene, states: Sequence[LoadedMesh]) -> Iterator[tuple[int, list[list[Scattering]]]]:
+def _solved(directory: Path, scene: Scene, records: Sequence[int]) -> Iterator[tuple[int, list[list[Scattering]]]]:
     """Record and waves [frequency][contact state] of each state, as they come."""
-    workers, interrupts = worker_count(len(states), Size.of(scene)), Interrupts()
-    with interrupts.handled():
-        if workers == 1 or len(states) < STARTED:
-            for state in states:
-                _stop_if_asked(interrupts, directory)
-                yield state.record, state_waves(directory, scene, state.record)
-            return
-        with _one_thread_each(), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _ignore_interrupts) as pool:
-            waiting = {pool.submit(state_waves, directory, scene, state.record): state.record for state in states}
-            try:
-                for done in as_completed(waiting):
-                    _stop_if_asked(interrupts, directory)
-                    yield waiting[done], done.result()
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
+    interrupts = Interrupts()
+    with interrupts.handled(), ThreadPoolExecutor(worker_count(len(records), scene)) as pool:
+        waiting = {pool.submit(state_waves, directory, scene, record): record for record in records}
+        try:
+            for done in as_completed(waiting):
+                if interrupts.is_requested:
+                    raise KeyboardInterrupt(f"interrupted; the states are kept in {directory}")
+                yield waiting[done], done.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """The process that started the pool shuts it down."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _stop_if_asked(interrupts: Interrupts, directory: Path) -> None:
-    if interrupts.is_requested:
-        raise KeyboardInterrupt(f"interrupted; the states are kept in {directory}")
-
-
-def worker_count(states: int, size: Size) -> int:
-    """Processes that share states: one a core, as far as memory goes.
-
-    One where the main module would run again in each of them.
-    """
-    main = getattr(sys.modules["__main__"], "__file__", None)
-    if main is not None and Path(main).stem not in PROGRAMS:
-        return 1
-    return max(1, min(thread_count(states), available_memory() // max(size.needed, 1)))
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes that start inside use one thread each for matrices."""
-    before = os.environ.get(THREADS)
-    os.environ[THREADS] = "1"
-    try:
-        yield
-    finally:
-        del os.environ[THREADS]
-        if before is not None:
-            os.environ[THREADS] = before
+def worker_count(states: int, scene: Scene) -> int:
+    """Threads that share states: one a core, as far as memory goes."""
+    return max(1, min(thread_count(states), available_memory() // max(size_of(scene)[1], 1)))
 
 
 def state_waves(directory: Path, scene: Scene, record: int) -> list[list[Scattering]]:
@@ -225,10 +151,10 @@ def state_waves(directory: Path, scene: Scene, record: int) -> list[list[Scatter
 
 def reflection_text(scene: Scene) -> str:
     """Cost of the waves from a state, for a plan. Raises as `options_of`."""
-    options, size = options_of(scene), Size.of(scene)
-    count, workers = len(options.frequencies), worker_count(STARTED, size)
+    options, (branches, needed) = options_of(scene), size_of(scene)
+    count, workers = len(options.frequencies), worker_count(os.cpu_count() or 1, scene)
     waves = f"{count} frequenc{'y' if count == 1 else 'ies'} up to {engineering(options.frequencies[-1], 'Hz')}"
-    return f"{waves}, about {size.branches:,} branches of wire a state; {memory(workers * size.needed)} in {workers} processes"
+    return f"{waves}, about {branches:,} branches of wire a state; {memory(workers * needed)} in {workers} threads"
 
 
 # --- files
@@ -240,51 +166,26 @@ def read_findings(directory: Path, scene: Scene) -> list[Finding]:
     return Reflected(tuple(read_rows(path, LossRow)), scene.wire.yield_stress, is_map).findings if path.exists() else []
 
 
-def _write(
-    directory: Path, scene: Scene, states: Sequence[LoadedMesh], found: Mapping[int, list[list[Scattering]]], result: Reflected
-) -> None:
-    """Write table, amplitudes, section of the summary and figures."""
-    write_rows(directory / "reflection.csv", result.rows, COLUMNS)
-    options = scene.reflection
-    assert options is not None
-    amplitudes = {
-        name: np.array([[[getattr(one, name) for one in waves] for waves in found[state.record]] for state in states])
-        for name in ("reflection", "transmission")
-    }
-    about = {
-        "record": np.array([state.record for state in states]),
-        "frequency": np.array(options.frequencies),
-        "contacts": np.array(contact_states(options)),
-    }
-    write_arrays(directory / "reflection.npz", about | amplitudes)
-    for name in SUMMARIES:
-        if (path := directory / name).exists():
-            write_json(path, result.added_to(json.loads(path.read_text(encoding="utf-8"))))
-    if scene.output.figures:
-        _draw(directory, scene, states, result)
-
-
-def _draw(directory: Path, scene: Scene, states: Sequence[LoadedMesh], result: Reflected) -> None:
+def _draw(directory: Path, scene: Scene, states: Mapping[int, Row], result: Reflected) -> None:
     from ..export.map_figure import Marks, map_figure
     from ..export.reflection_figure import frequency_figure, tension_figure
 
     columns = {**columns_of(map(vars, result.rows)), "contacts": np.array([row.contacts for row in result.rows])}
     folder, title = directory / "figures", scene.name
-    if states[0].load is None:
-        tension_figure(columns, shown_frequencies(result.rows), folder / "reflection_tension.png", title)
-        frequency_figure(columns, result.record, folder / "reflection_frequency.png", title)
+    loads = {record: state.load for record, state in states.items() if isinstance(state, MapRow)}
+    if not loads:
+        tension_figure(columns, result.shown_frequencies, folder / "reflection_tension.png", title)
+        frequency_figure(columns, result.rows[-1].record, folder / "reflection_frequency.png", title)
         return
-    weft, warp = (sorted({state.load[side] for state in states if state.load}) for side in (0, 1))
+    weft, warp = (sorted({load[side] for load in loads.values()}) for side in (0, 1))
     by_tension = scene.sweep is not None and scene.sweep.by_tension
-    stress = _grid({state.load: [state.stress] for state in states}, weft, warp)
-    place = {state.record: state.load for state in states}
-    for frequency in shown_frequencies(result.rows):
-        here = given_rows(result.rows, frequency)
+    stress = _grid({loads[record]: [state.stress_max_Pa] for record, state in states.items()}, weft, warp)
+    for frequency in result.shown_frequencies:
         losses: dict[Any, list[float]] = {}
-        for row in here:
-            losses.setdefault(place[row.record], []).append(row.loss)
-        best, at = least_tension(here, result.limit), engineering(frequency, "Hz")
-        places = () if best is None else ((f"least tension, {best.loss:.3g} dB", place[best.record], best.loss),)
+        for row in result.given(frequency):
+            losses.setdefault(loads[row.record], []).append(row.loss)
+        best, at = result.least(frequency), engineering(frequency, "Hz")
+        places = () if best is None else ((f"least tension, {best.loss:.3g} dB", loads[best.record], best.loss),)
         map_figure(
             folder / f"reflection_map_{at.replace(' ', '_')}.png", weft, warp, _grid(losses, weft, warp),
             title=title, label=f"reflection loss at {at}, the worse polarisation", unit="dB", by_tension=by_tension,

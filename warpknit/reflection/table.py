@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..base.text import engineering, sides_text
 from ..results.finding import Finding
 from ..results.row import Values
-from .repeat import CLOSED, COMPUTED, OPEN
+from .repeat import CLOSED, OPEN
 from .waves import Angles, Scattering
 
 ROOM = 290.0  # [K] temperature of the wires, for their noise
@@ -18,17 +19,6 @@ SIDES = ("te", "tm")
 NEAR_BEST = 0.02  # [dB] by which losses from the least tension on may differ
 SAME = 1e-3  # of a tension: two searches for the same tension differ by less
 SHOWN = 3  # frequencies in the table of a run
-
-
-@dataclass(frozen=True)
-class LoadedMesh:
-    """A recorded state that reflects."""
-
-    record: int
-    strain: tuple[float, float]  # weft, warp
-    tension: tuple[float, float]  # [N/m] weft, warp
-    load: tuple[float, float] | None = None  # strains or tensions [N/m] of a map
-    stress: float = 0.0  # [Pa] largest wire stress
 
 
 class LossRow(Values):
@@ -81,58 +71,107 @@ class LeastTension(Values):
 
 
 COLUMNS = tuple(LossRow.__annotations__)
+OF_STATE = COLUMNS[1 : COLUMNS.index("frequency_Hz")]  # columns of the recorded state
 
 
-def loss_row(state: LoadedMesh, frequency: float, angles: Angles, contacts: str, found: Scattering) -> LossRow:
-    """Row of a state at a frequency [Hz], with contacts in a state."""
+def loss_row(record: int, state: Values, frequency: float, angles: Angles, contacts: str, found: Scattering) -> LossRow:
+    """Row of a recorded state at a frequency [Hz], with contacts in a state."""
     lost = np.maximum(1.0 - found.reflected, 0.0)
     powers = {
-        "transmitted": found.transmitted,
-        "absorbed": found.absorbed,
-        "crossed": found.crossed,
-        "lobes": found.lobes,
-        "ohmic_share": np.divide(found.absorbed, lost, out=np.zeros(2), where=lost > 0.0),
+        "loss_{}_dB": found.loss,
+        "transmitted_{}": found.transmitted,
+        "absorbed_{}": found.absorbed,
+        "crossed_{}": found.crossed,
+        "lobes_{}": found.lobes,
+        "ohmic_share_{}": np.divide(found.absorbed, lost, out=np.zeros(2), where=lost > 0.0),
+        "noise_{}_K": ROOM * found.absorbed,
     }
     return LossRow(
-        record=state.record,
-        strain_weft=state.strain[0],
-        strain_warp=state.strain[1],
-        tension_weft_N_per_m=state.tension[0],
-        tension_warp_N_per_m=state.tension[1],
-        stress_max_Pa=state.stress,
+        record=record,
+        **{name: state[name] for name in OF_STATE},
         frequency_Hz=frequency,
         theta=angles.theta,
         phi=angles.phi,
         contacts=contacts,
-        **{f"loss_{side}_dB": float(loss) for side, loss in zip(SIDES, found.loss, strict=True)},
-        **{f"{name}_{side}": float(value) for name, both in powers.items() for side, value in zip(SIDES, both, strict=True)},
-        **{f"noise_{side}_K": ROOM * float(value) for side, value in zip(SIDES, found.absorbed, strict=True)},
+        **{name.format(side): float(value) for name, both in powers.items() for side, value in zip(SIDES, both, strict=True)},
     )
 
 
-def summary_of(rows: Sequence[LossRow]) -> list[dict[str, float | None]]:
-    """The section `reflection` of a summary: an entry for each frequency, with the losses of all states of the contacts."""
-    entries = []
-    for frequency in sorted({row.frequency_Hz for row in rows}):
-        of_state = {row.contacts: row for row in rows if row.frequency_Hz == frequency}
-        given = of_state.get(COMPUTED) or next(iter(of_state.values()))
-        entry = {name: given[name] for name in COLUMNS[COLUMNS.index("frequency_Hz") :] if name != "contacts"}
+@dataclass(frozen=True)
+class Reflected:
+    """The rows of the states of a run or a map."""
+
+    rows: tuple[LossRow, ...]
+    limit: float  # [Pa] elastic limit of the wire
+    is_map: bool
+
+    @property
+    def frequencies(self) -> list[float]:
+        """[Hz]"""
+        return sorted({row.frequency_Hz for row in self.rows})
+
+    @property
+    def shown_frequencies(self) -> list[float]:
+        """All frequencies [Hz], or first, middle and last of more than SHOWN."""
+        every = self.frequencies
+        return every if len(every) <= SHOWN else [every[0], every[len(every) // 2], every[-1]]
+
+    def given(self, frequency: float) -> list[LossRow]:
+        """Rows at a frequency [Hz] with contacts as computed, or as the scene sets."""
+        return [row for row in self.rows if row.frequency_Hz == frequency and row.contacts == self.rows[0].contacts]
+
+    def least(self, frequency: float) -> LossRow | None:
+        """Row of the least tension at a frequency [Hz]."""
+        return least_tension(self.given(frequency), self.limit)
+
+    def record(self, frequency: float) -> int:
+        """The last record; of a map, at the least tension at a frequency [Hz]."""
+        return int(((self.least(frequency) if self.is_map else None) or self.rows[-1]).record)
+
+    def of_state(self, record: int, frequency: float) -> dict[str, LossRow]:
+        """Rows of a record at a frequency [Hz] by the state of the contacts; first as computed, or as the scene sets."""
+        return {row.contacts: row for row in self.rows if (row.record, row.frequency_Hz) == (record, frequency)}
+
+    def added_to(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """A summary with the section `reflection`, and least tensions among the answers.
+
+        The section is of the last record; of a map, at the least tension and highest frequency.
+        """
+        losses, answers = [], []
+        for frequency in self.frequencies:
+            of_state = self.of_state(self.record(self.rows[-1].frequency_Hz), frequency)
+            given = next(iter(of_state.values()))
+            entry = {name: given[name] for name in COLUMNS[COLUMNS.index("frequency_Hz") :] if name != "contacts"}
+            for state in (OPEN, CLOSED):
+                for side in SIDES:
+                    entry[f"loss_{state}_{side}_dB"] = of_state[state][f"loss_{side}_dB"] if state in of_state else None
+            losses.append(entry)
+            least = self.least(frequency)
+            weft, warp, loss = (None, None, None) if least is None else (*least.tension, least.loss)
+            answers.append(
+                LeastTension(frequency_Hz=frequency, tension_weft_N_per_m=weft, tension_warp_N_per_m=warp, loss_dB=loss)
+            )
+        return summary | {"reflection": losses, "answers": (summary.get("answers") or {}) | {"reflection": answers}}
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Lines of the table: the loss of a record and the least tension, for a few of the frequencies."""
+        return [finding for frequency in self.shown_frequencies for finding in self._findings_at(frequency)]
+
+    def _findings_at(self, frequency: float) -> Iterator[Finding]:
+        of_state, least = self.of_state(self.record(frequency), frequency), self.least(frequency)
+        from_ = (
+            f"least tension {sides_text(least.tension, 'N/m')}"
+            if least
+            else f"no least tension: larger tensions still change it by more than {NEAR_BEST:g} dB"
+        )
+        losses = _losses(next(iter(of_state.values())))
+        yield Finding(f"reflection {engineering(frequency, 'Hz')}", f"loss {losses}; {from_}", short=True)
         for state in (OPEN, CLOSED):
-            for side in SIDES:
-                other = of_state.get(state)
-                entry[f"loss_{state}_{side}_dB"] = None if other is None else other[f"loss_{side}_dB"]
-        entries.append(entry)
-    return entries
-
-
-def least_tensions(rows: Sequence[LossRow], limit: float) -> list[LeastTension]:
-    """The entries `reflection` of the answers; limit: [Pa] elastic limit of the wire."""
-    entries = []
-    for frequency in sorted({row.frequency_Hz for row in rows}):
-        least = least_tension(given_rows(rows, frequency), limit)
-        weft, warp, loss = (None, None, None) if least is None else (*least.tension, least.loss)
-        entries.append(LeastTension(frequency_Hz=frequency, tension_weft_N_per_m=weft, tension_warp_N_per_m=warp, loss_dB=loss))
-    return entries
+            if state in of_state and len(of_state) > 1:
+                yield Finding(f"  contacts {state}", _losses(of_state[state]))
+        if least:
+            yield Finding("  least tension", f"{least.loss:.3g} dB; within {NEAR_BEST:g} dB at larger tensions")
 
 
 def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
@@ -148,44 +187,6 @@ def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
         if len(onwards) > 1 and np.ptp(onwards) <= NEAR_BEST:
             return tight[k]
     return None
-
-
-def given_rows(rows: Sequence[LossRow], frequency: float) -> list[LossRow]:
-    """Rows at a frequency [Hz] with contacts as computed, or as the scene sets."""
-    return [row for row in rows if row.frequency_Hz == frequency and row.contacts == rows[0].contacts]
-
-
-def shown_record(rows: Sequence[LossRow], frequency: float, limit: float, is_map: bool) -> int:
-    """The last record; of a map, at the least tension at a frequency [Hz]."""
-    least = least_tension(given_rows(rows, frequency), limit) if is_map else None
-    return int((least or rows[-1]).record)
-
-
-def shown_frequencies(rows: Sequence[LossRow]) -> list[float]:
-    """All frequencies [Hz], or first, middle and last of more than SHOWN."""
-    every = sorted({row.frequency_Hz for row in rows})
-    return every if len(every) <= SHOWN else [every[0], every[len(every) // 2], every[-1]]
-
-
-def reflection_findings(rows: Sequence[LossRow], limit: float, is_map: bool) -> Iterator[Finding]:
-    """Rows of the table: the loss of a record and the least tension, for a few of the frequencies."""
-    for frequency in shown_frequencies(rows):
-        record = shown_record(rows, frequency, limit, is_map)
-        of_state = {row.contacts: row for row in rows if (row.record, row.frequency_Hz) == (record, frequency)}
-        given = of_state.get(COMPUTED) or next(iter(of_state.values()))
-        least = least_tension(given_rows(rows, frequency), limit)
-        from_ = (
-            f"least tension {sides_text(least.tension, 'N/m')}"
-            if least
-            else f"no least tension: larger tensions still change it by more than {NEAR_BEST:g} dB"
-        )
-        name = f"reflection {engineering(frequency, 'Hz')}"
-        yield Finding(name, f"loss {_losses(given)}; {from_}", short=True)
-        for state in (OPEN, CLOSED):
-            if state in of_state and len(of_state) > 1:
-                yield Finding(f"  contacts {state}", _losses(of_state[state]))
-        if least:
-            yield Finding("  least tension", f"{least.loss:.3g} dB; within {NEAR_BEST:g} dB at larger tensions")
 
 
 def _losses(row: LossRow) -> str:

@@ -65,12 +65,6 @@ class Scattering:
         """[in] [dB] reflection loss."""
         return np.asarray(-10.0 * np.log10(np.maximum(self.reflected, SMALLEST)))
 
-    @property
-    def sheet_impedance(self) -> np.ndarray:
-        """(2, 2) [Ohm] over the directions of TE and TM: of a thin sheet that reflects the same at normal incidence."""
-        tangential = self.reflection * np.array([[1.0], [-1.0]])  # the field of a reflected TM wave turns over
-        return np.asarray(-0.5 * Z0 * (np.eye(2) + np.linalg.inv(tangential)))
-
 
 def mode_decay(k: float, transverse: np.ndarray) -> np.ndarray:
     """[mode] [1/m] j kz of modes with transverse wave vectors (mode, 2): real for modes that decay with height."""
