@@ -30,11 +30,11 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 TESTS = Path(__file__).parent
 # for work by hand: these need no kernel but one of their own
 FAST = """
-    design/test_card_values design/test_equal_tension design/test_fe_cards
     export/test_frame export/test_tension_figure export/test_thickness export/test_usd export/test_usd_levels
     export/test_view export/test_vtk
     knit/test_chain knit/test_crossings knit/test_lapping knit/test_lens_width knit/test_openings knit/test_threads
     reflection/test_currents
+    studies/test_card_values studies/test_equal_tension studies/test_fe_cards
     test_best_tension test_capabilities test_cli test_closings test_contact_map test_convergence_check test_device
     test_equilibrium test_host test_jumps test_kernel_linter test_launch test_layering test_measures_of_design test_step_sharing
     test_result_types test_run_directory test_scene test_scene_in_code test_scene_keys test_scene_refusals

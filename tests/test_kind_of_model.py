@@ -12,7 +12,6 @@ from reference.in_words import table_of
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit.commands.cli import main
 from warpknit.commands.plan import make_plan
-from warpknit.design import curves
 from warpknit.knit.lapping import KnitError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.mesh.tight_loops import TIGHT, first_touch
@@ -22,6 +21,7 @@ from warpknit.runner.summary_table import summary_findings
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.options import DEFAULT, GIVEN
 from warpknit.scene.presets import PRESETS
+from warpknit.studies import curves
 from warpknit.studies.probe_run import ProbeRun, estimate_of, settings_for_error
 
 SCENES = Path(__file__).parent.parent / "scenes"

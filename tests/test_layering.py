@@ -36,9 +36,9 @@ LAYERS = (
     {"solve"},
     {"export"},
     {"runner"},
-    {"studies"},
+    {"studies.contact_map"},
     {"reflection"},
-    {"design"},
+    {"studies"},
     {"results"},
     {"commands"},
     {"__main__"},
@@ -49,13 +49,13 @@ MAY_IMPORT_EXPORT = {
     "studies.trade",
     "reflection.study",
     "commands.cli",
-    "design.report_files",
+    "studies.report_files",
     "results.run",
 }
 EXPORT_MAY_IMPORT = {"base", "results.frame", "results.row", "knit", "export"}
 KERNELS_MAY_IMPORT = {"typing", "warp", ".kernels"}
 LOADERS_MAY_IMPORT = {"kernels": {"pathlib"}, "kernels.native_text": {"collections", "pathlib", "re"}}  # which find files
-STARTED_BY_THE_COMMAND_LINE = {"runner.run", "studies.sweep", "studies.trade", "design.report", "commands.plan"}
+STARTED_BY_THE_COMMAND_LINE = {"runner.run", "studies.sweep", "studies.trade", "studies.report", "commands.plan"}
 ARRAYS_ONLY = {"knit": {"warp", "pydantic", "pxr"}}  # packages that are NumPy only, and what they may not import
 
 

@@ -21,7 +21,6 @@ from warpknit.base.errors import DeviceError, Diverged, ExportError, InputError,
 from warpknit.commands import report
 from warpknit.commands.cli import main
 from warpknit.commands.run import percentage
-from warpknit.design.findings import DEFAULT_SWEEP
 from warpknit.results.frame import Frame
 from warpknit.results.row import Row, read_rows
 from warpknit.results.run import Run, Series, States
@@ -30,6 +29,7 @@ from warpknit.runner.monitor import Monitor
 from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult
 from warpknit.scene import Scene
+from warpknit.studies.findings import DEFAULT_SWEEP
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell.toml"
 SMALL = {"output.usd": False, "output.frames": 3, "load.strain_weft": 0.02, "load.strain_warp": 0.02}

@@ -8,10 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from warpknit.commands.cli import main
-from warpknit.design import curves
 from warpknit.reflection.table import LossRow, least_tension
 from warpknit.results.row import read_rows
 from warpknit.scene import load_scene
+from warpknit.studies import curves
 
 SCENE = """
 [wire]

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from warpknit.design.inputs import fit_run_in
 from warpknit.scene import Scene
+from warpknit.studies.inputs import fit_run_in
 
 RACK = 480  # courses
 

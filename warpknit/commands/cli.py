@@ -55,7 +55,7 @@ def open_scene(asked: Asked, command: str, ranks: Ranks, *, quiet: bool | None =
 
     loaded = load_scene(Path(asked.scene), asked.overrides, asked.preset, command=command, ranks=ranks.count)
     if command == "report":
-        from ..design.findings import report_scene
+        from ..studies.findings import report_scene
 
         report_scene(loaded, ranks=ranks.count)  # which has a sweep by default
     else:

@@ -10,10 +10,6 @@ from typing import Any
 
 from ..base.errors import INTERRUPTED, Diverged, InputError, naming_arguments
 from ..base.text import either
-from ..design.fe import CODES
-from ..design.findings import Findings, report_scene
-from ..design.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
-from ..design.report import write_report
 from ..reflection.study import read_findings
 from ..results.finding import Finding, ResultTable
 from ..results.row import Values, write_json
@@ -23,6 +19,10 @@ from ..runner.run_directory import CommandResult, read_summary
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
 from ..studies.contact_map import MapSummary, map_table, read_map
+from ..studies.fe_codes import CODES
+from ..studies.findings import Findings, report_scene
+from ..studies.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
+from ..studies.report import write_report
 from ..studies.sweep import run_map as sweep_scene
 from .reflect import check_reflection, with_reflection
 from .run import Directory, Source, finished_run

@@ -21,9 +21,9 @@ from ..runner.branches import Jump, tensions_text
 from ..runner.history import mean_tension
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
-from ..studies.contact_map import SIDES, STEADY, MapRow, axes_of, grid
-from ..studies.load_path import part_of, path_of, under_tension
 from .card import MaterialCard
+from .contact_map import SIDES, STEADY, MapRow, axes_of, grid
+from .load_path import part_of, path_of, under_tension
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least

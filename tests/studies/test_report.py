@@ -18,17 +18,17 @@ from warpknit import __version__
 from warpknit.base.errors import Diverged
 from warpknit.base.text import duration
 from warpknit.commands.cli import main
-from warpknit.design import curves
-from warpknit.design.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points
-from warpknit.design.fe import CODES
-from warpknit.design.findings import DEFAULT_STRAINS, Findings, report_scene
-from warpknit.design.report import _card
 from warpknit.export import map_figure
 from warpknit.results.row import Row
 from warpknit.runner.progress_display import StageLines
 from warpknit.scene import load_scene
+from warpknit.studies import curves
 from warpknit.studies.contact_map import LEAST_TOLD, map_row
+from warpknit.studies.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points
+from warpknit.studies.fe_codes import CODES
+from warpknit.studies.findings import DEFAULT_STRAINS, Findings, report_scene
 from warpknit.studies.load_path import ends_of, exact_model, knitted_worlds
+from warpknit.studies.report import _card
 
 SCENES = Path(__file__).parents[2] / "scenes"
 MARKERS: list[object] = []  # of the last map that was drawn
@@ -153,7 +153,7 @@ def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):
     def no_card(*_, **__):
         raise Diverged("a wire is lost")
 
-    monkeypatch.setattr("warpknit.design.report.find_card", no_card)
+    monkeypatch.setattr("warpknit.studies.report.find_card", no_card)
     done = make_report(tmp_path / "r", shown="--verbose")
     assert done.exit_code == 0
     page = html.unescape((tmp_path / "r" / "report.html").read_text(encoding="utf-8"))
@@ -191,7 +191,7 @@ def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
     def no_card(*_, **__):
         raise Diverged("a wire is lost")
 
-    monkeypatch.setattr("warpknit.design.report.find_card", no_card)
+    monkeypatch.setattr("warpknit.studies.report.find_card", no_card)
     done = make_report(out, "--tension", "0.06 N/m", "--areal-mass", "10 g/m^2")
     assert done.exit_code == 3 and done.stderr.count("a wire is lost") == 1
     assert "a wire is lost" not in done.stdout and len(done.stderr.splitlines()) == 1
@@ -271,7 +271,7 @@ def test_a_further_tension_uses_the_states_that_are_there(reports, tmp_path, mon
     kept = tmp_path / "r"
     shutil.copytree(out, kept)
     for name in ("tension_strain", "load_equally"):
-        monkeypatch.setattr(f"warpknit.design.report.{name}", again)
+        monkeypatch.setattr(f"warpknit.studies.report.{name}", again)
     done = make_report(kept, "--tension", "0.06 N/m", "--cards", "nastran")
     assert done.exit_code == 0, done.output
     values = json.loads((kept / "material_card.json").read_text(encoding="utf-8"))["values"]

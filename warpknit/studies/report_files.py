@@ -17,11 +17,11 @@ from ..measure.stress_peak import peak_position
 from ..results.row import Row, columns_of, write_json
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text
-from ..studies.contact_map import axes_of, grid, optimum_note
 from .card import MaterialCard
 from .card_files import earlier_state, mesh_values, write_card
+from .contact_map import axes_of, grid, optimum_note
 from .equal_tension import jump_text
-from .fe import FILES, missing_cards, write_fe_cards
+from .fe_codes import FILES, missing_cards, write_fe_cards
 from .findings import Findings
 from .opening_size import BANDS
 from .sections import (

@@ -19,7 +19,9 @@ from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
 from ..runner.variants import Spread
 from ..scene import Scene
-from ..studies.contact_map import (
+from .card import AGREEMENT
+from .card_files import card_values, card_warnings, definition, mesh_values, strength_values
+from .contact_map import (
     drift_name,
     drift_text,
     jump_warning,
@@ -27,8 +29,6 @@ from ..studies.contact_map import (
     optimum_warnings,
     unconverged_warning,
 )
-from .card import AGREEMENT
-from .card_files import card_values, card_warnings, definition, mesh_values, strength_values
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length

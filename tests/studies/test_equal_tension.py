@@ -7,7 +7,10 @@ import pytest
 
 from reference.in_words import quantities
 from reference.map_rows import row
-from warpknit.design.equal_tension import (
+from warpknit.results.row import Row
+from warpknit.scene import load_scene
+from warpknit.studies.contact_map import MapRow
+from warpknit.studies.equal_tension import (
     YIELDED,
     EqualTensionPath,
     branches_at,
@@ -15,9 +18,6 @@ from warpknit.design.equal_tension import (
     service_points,
     unreached_text,
 )
-from warpknit.results.row import Row
-from warpknit.scene import load_scene
-from warpknit.studies.contact_map import MapRow
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -16,14 +16,14 @@ from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
 from ..scene.units import tidy
-from ..studies.contact_map import Jump, MapRow, Optimum, axes_of, load_texts
-from ..studies.load_path import Mesh
 from .card import MaterialCard
 from .card_files import card_warnings
+from .contact_map import Jump, MapRow, Optimum, axes_of, load_texts
 from .curves import missing_points
 from .equal_tension import EqualTensionPath, ServicePoint, branches_at
-from .fe import limit_of_curves
+from .fe_codes import limit_of_curves
 from .heat import HeatedMesh, later_temperatures
+from .load_path import Mesh
 from .mean_card import MeanCard
 from .opening_size import OpeningSize
 

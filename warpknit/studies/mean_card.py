@@ -15,9 +15,9 @@ from ..runner.history import row_of
 from ..runner.variants import Spread, first_meshes, spread_of
 from ..scene import Scene, Stage
 from ..solve.variant_models import VariantModels
-from ..studies.load_path import FEWEST, MeshesPath, exact, mean_of, part_of, tolerances_of, under_strain, under_tension
 from .card import MaterialCard, find_card
 from .card_files import card_values
+from .load_path import FEWEST, MeshesPath, exact, mean_of, part_of, tolerances_of, under_strain, under_tension
 
 AHEAD = 1.01  # of the load of a card: the way on, along which a mesh with friction or yield is loaded
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves

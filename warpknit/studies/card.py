@@ -33,7 +33,7 @@ from .. import measure
 from ..measure import Observables
 from ..results.row import Row
 from ..scene import Stage
-from ..studies.load_path import LoadPath, Mesh, PathState, ends_beside, part_of, under_strain
+from .load_path import LoadPath, Mesh, PathState, ends_beside, part_of, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from warpknit.design.opening_size import POINTS_ACROSS, openings, openings_between
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model
+from warpknit.studies.opening_size import POINTS_ACROSS, openings, openings_between
 
 PITCH, THICKNESS = 1e-3, 50e-6
 

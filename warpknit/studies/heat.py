@@ -14,8 +14,8 @@ from ..runner.answers import Heat, heat_of
 from ..runner.branches import Jump, jumps_of
 from ..runner.history import row_of
 from ..scene import Scene, Stage
-from ..studies.load_path import AS_KNITTED, LoadPath, exact_model, part_of, under_strain, under_tension
 from .equal_tension import EqualTensionPath, levels_between
+from .load_path import AS_KNITTED, LoadPath, exact_model, part_of, under_strain, under_tension
 
 TOLERANCE = 5e-5  # residual, at most: heat strains a soft mesh by little, and its tension is held to two thirds of that
 LEAST_LEVELS = 2  # of a change of temperature

@@ -12,14 +12,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...base.files import write_aside
-from ...base.text import engineering
-from ...results.finding import ResultWarning
-from ...results.row import Row
-from ...runner.history import mean_tension
-from ...scene import Scene
-from ..card import MaterialCard
-from ..card_files import card_warnings, mesh_values
+from ..base.files import write_aside
+from ..base.text import engineering
+from ..results.finding import ResultWarning
+from ..results.row import Row
+from ..runner.history import mean_tension
+from ..scene import Scene
+from .card import MaterialCard
+from .card_files import card_warnings, mesh_values
 from .fe_card import (
     APART,
     ENGINEERING,

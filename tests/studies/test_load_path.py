@@ -8,14 +8,14 @@ import pytest
 
 from warpknit import measure
 from warpknit.base.errors import Diverged
-from warpknit.design.curves import tension_strain
-from warpknit.design.equal_tension import YIELDED, load_equally, service_points, with_state_at
-from warpknit.design.report import KeptStates, read_states, write_states
 from warpknit.runner.history import mean_tension, row_of
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
+from warpknit.studies.curves import tension_strain
+from warpknit.studies.equal_tension import YIELDED, load_equally, service_points, with_state_at
 from warpknit.studies.load_path import LoadPath, exact_model, under_strain, under_tension
+from warpknit.studies.report import KeptStates, read_states, write_states
 
 SCENES = Path(__file__).parents[2] / "scenes"
 KINDS = {"planar": "contact_map.toml", "spatial": "atlas_cell_spatial.toml"}
@@ -61,8 +61,8 @@ def test_a_path_that_does_not_converge_stays_where_it_was():
 @pytest.mark.parametrize("levels", [1, 2])
 def test_a_curve_marks_the_point_behind_a_jump(levels, monkeypatch):
     """One of three points at 2, 4 and 6 % strain; between points lie as many levels as a run would have."""
-    monkeypatch.setattr("warpknit.design.curves.POINTS", 3)
-    monkeypatch.setattr("warpknit.design.curves.jumps_of", lambda model, rows: [(rows[2 * levels - 1], rows[2 * levels])])
+    monkeypatch.setattr("warpknit.studies.curves.POINTS", 3)
+    monkeypatch.setattr("warpknit.studies.curves.jumps_of", lambda model, rows: [(rows[2 * levels - 1], rows[2 * levels])])
     model = build_model(load_scene(SCENES / "contact_map.toml", [f"output.frames={3 * levels}"], "draft"))
     points = tension_strain(model, 0.06, 0.06)
     assert [point.jump for point in points] == 3 * [0, 0, 1, 0]
@@ -71,7 +71,7 @@ def test_a_curve_marks_the_point_behind_a_jump(levels, monkeypatch):
 
 def test_both_directions_are_strained_together_to_the_largest_strains_of_the_map(monkeypatch):
     """In proportion: at two thirds of the way both strains are two thirds of their ends."""
-    monkeypatch.setattr("warpknit.design.curves.POINTS", 3)
+    monkeypatch.setattr("warpknit.studies.curves.POINTS", 3)
     model = build_model(load_scene(SCENES / "contact_map.toml", ["output.frames=3"], "draft"))
     both = [(one.strain_weft, one.strain_warp) for one in tension_strain(model, 0.06, 0.03) if one.load == "both"]
     assert both == [pytest.approx((0.02 * k, 0.01 * k), abs=1e-12) for k in range(4)]

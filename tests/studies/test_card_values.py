@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from reference.in_words import codes, in_words, quantities
-from warpknit.design.card import History, MaterialCard
-from warpknit.design.card_files import card_values, card_warnings, strength_values
-from warpknit.design.findings import Findings
 from warpknit.scene import load_scene
+from warpknit.studies.card import History, MaterialCard
+from warpknit.studies.card_files import card_values, card_warnings, strength_values
+from warpknit.studies.findings import Findings
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CARD = MaterialCard(

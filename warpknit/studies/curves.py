@@ -16,7 +16,7 @@ from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
 from ..runner.variants import mean_row
-from ..studies.load_path import LoadPath, Mesh, part_of, path_of, under_strain
+from .load_path import LoadPath, Mesh, part_of, path_of, under_strain
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")

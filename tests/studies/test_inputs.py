@@ -13,8 +13,16 @@ from reference.in_words import key_of, quantities
 from warpknit import measure
 from warpknit.base.errors import InputError
 from warpknit.commands.report import lengths_of
-from warpknit.design import inputs
-from warpknit.design.inputs import (
+from warpknit.knit.named import named_knit
+from warpknit.mesh.layout import knit_scene
+from warpknit.planar.observables import read
+from warpknit.planar.state import initial_state
+from warpknit.results.run import load_run
+from warpknit.runner.progress_display import Display
+from warpknit.scene import load_scene, make_scene
+from warpknit.solve.model import build_model
+from warpknit.studies import inputs
+from warpknit.studies.inputs import (
     COLUMNS,
     POOR_FIT,
     Known,
@@ -27,16 +35,8 @@ from warpknit.design.inputs import (
     with_openings,
     write_fit,
 )
-from warpknit.design.sections import Page, mesh_section
-from warpknit.knit.named import named_knit
-from warpknit.mesh.layout import knit_scene
-from warpknit.planar.observables import read
-from warpknit.planar.state import initial_state
-from warpknit.results.run import load_run
-from warpknit.runner.progress_display import Display
-from warpknit.scene import load_scene, make_scene
-from warpknit.solve.model import build_model
 from warpknit.studies.load_path import states_at
+from warpknit.studies.sections import Page, mesh_section
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
 INCH = 0.0254

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from warpknit import measure
-from warpknit.design import card as card_module
-from warpknit.design.card import STEP, find_card, stretch
 from warpknit.scene import load_scene
+from warpknit.studies import card as card_module
+from warpknit.studies.card import STEP, find_card, stretch
 from warpknit.studies.load_path import LoadPath, exact_model, states_at, under_strain, under_tension
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"

@@ -9,15 +9,15 @@ from click.testing import CliRunner
 
 from warpknit import measure
 from warpknit.commands.cli import main
-from warpknit.design import curves
-from warpknit.design.card import HEATED, find_card
-from warpknit.design.opening_size import openings
 from warpknit.measure.network import contact_resistances, sheet_conductance, sheet_resistance, wire_resistance
 from warpknit.scene import load_scene
 from warpknit.scene.materials import MATERIALS
 from warpknit.solve.model import build_model
 from warpknit.spatial.observables import SpatialObservables
+from warpknit.studies import curves
+from warpknit.studies.card import HEATED, find_card
 from warpknit.studies.load_path import LoadPath, exact_model, states_at, under_strain, under_tension
+from warpknit.studies.opening_size import openings
 
 SCENES = Path(__file__).parents[2] / "scenes"
 STRAINS = (0.1, 0.1)

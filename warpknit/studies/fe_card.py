@@ -28,10 +28,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.text import alike, celsius, percent
-from ...results.finding import ResultWarning
-from ...results.row import Row
-from ..card import MaterialCard
+from ..base.text import alike, celsius, percent
+from ..results.finding import ResultWarning
+from ..results.row import Row
+from .card import MaterialCard
 
 THICKNESS = 1e-3  # [m] nominal; only products with it have a meaning: E t, density t, stress t
 MPA, TONNE_PER_MM3 = 1e6, 1e12  # [Pa], [kg/m3]

@@ -1,4 +1,4 @@
-"""What heat does to a mesh under tension (design/heat.py)."""
+"""What heat does to a mesh under tension (studies/heat.py)."""
 
 from pathlib import Path
 
@@ -7,11 +7,11 @@ import pytest
 from reference.in_words import ChangingRow as Row
 from reference.in_words import quantities
 from warpknit.base.errors import Diverged
-from warpknit.design.equal_tension import EqualTensionPath
-from warpknit.design.heat import heat, tension_held
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model
+from warpknit.studies.equal_tension import EqualTensionPath
+from warpknit.studies.heat import heat, tension_held
 from warpknit.studies.load_path import LoadPath
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -37,7 +37,7 @@ def test_a_temperature_that_is_not_reached_is_told(scene: Scene, monkeypatch: py
                     raise Diverged("no progress")
                 yield record
 
-    monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)
+    monkeypatch.setattr("warpknit.studies.heat.LoadPath", Failing)
     (held, framed), _ = heat(scene, EqualTensionPath(rows=rows_of(scene)), 0.2)
     assert quantities(held.ended)[-1] == "70 degC"
     assert len(held.rows) == 2
@@ -55,7 +55,7 @@ def test_heat_that_is_not_shown_has_its_reason(scene: Scene, monkeypatch: pytest
         def load(self, stage, levels, monitor=lambda _: None):
             raise Diverged("no progress")
 
-    monkeypatch.setattr("warpknit.design.heat.LoadPath", Failing)
+    monkeypatch.setattr("warpknit.studies.heat.LoadPath", Failing)
     assert heat(scene, path, 0.2) == ([], "the mesh did not converge under 200 mN/m at 20 degC: no progress")
 
 

@@ -12,14 +12,14 @@ from click.testing import CliRunner
 from reference.in_words import quantities
 from warpknit.base.errors import Diverged
 from warpknit.commands.cli import main
-from warpknit.design import curves
-from warpknit.design.curves import tension_strain
-from warpknit.design.equal_tension import load_equally, service_points
-from warpknit.design.mean_card import meshes_of
-from warpknit.design.report import KeptStates, read_states, write_states
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene, load_scene
+from warpknit.studies import curves
+from warpknit.studies.curves import tension_strain
+from warpknit.studies.equal_tension import load_equally, service_points
 from warpknit.studies.load_path import LoadPath, MeshesPath, under_tension
+from warpknit.studies.mean_card import meshes_of
+from warpknit.studies.report import KeptStates, read_states, write_states
 
 TABLES: dict = {
     "wire": {"material": "molybdenum", "diameter": "30 um"},

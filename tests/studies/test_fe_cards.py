@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from reference.in_words import quantities
-from warpknit.design.card import MaterialCard
-from warpknit.design.card_files import write_card
-from warpknit.design.fe import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
-from warpknit.design.fe.fe_card import ENGINEERING, GREEN, LOGARITHMIC, TRUE, _rising, tangent
 from warpknit.results.row import Row
 from warpknit.runner.run_directory import OUTPUT_NAMES
 from warpknit.scene import load_scene
+from warpknit.studies.card import MaterialCard
+from warpknit.studies.card_files import write_card
+from warpknit.studies.fe_card import ENGINEERING, GREEN, LOGARITHMIC, TRUE, _rising, tangent
+from warpknit.studies.fe_codes import CODES, FILES, limit_of_curves, missing_cards, write_fe_cards
 
 SCENE = load_scene(Path(__file__).parents[2] / "scenes" / "contact_map.toml")
 CARD = MaterialCard(

@@ -33,10 +33,9 @@ from ..runner.history import mean_tension, row_of
 from ..runner.progress_display import Display
 from ..scene import Scene, Stage
 from ..solve.model import build_model
-from ..studies.contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
-from ..studies.load_path import LoadPath, Mesh, PathState, exact_model, part_of, states_at, tolerances_of, under_tension
 from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card
+from .contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
 from .curves import tension_strain
 from .equal_tension import (
     LEFT,
@@ -52,9 +51,10 @@ from .equal_tension import (
     unreached_text,
     with_state_at,
 )
-from .fe import CODES
+from .fe_codes import CODES
 from .findings import Findings
 from .heat import heat, later_temperatures, tension_held
+from .load_path import LoadPath, Mesh, PathState, exact_model, part_of, states_at, tolerances_of, under_tension
 from .mean_card import find_mean, loads_of_card, meshes_of
 from .opening_size import openings
 from .report_files import write_files

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from warpknit.base.errors import Diverged
-from warpknit.design.card import MaterialCard, find_card
-from warpknit.design.mean_card import BEYOND, find_mean, loads_of_card
-from warpknit.design.report_files import write_other_cards
 from warpknit.runner.history import row_of
 from warpknit.runner.run_directory import clear
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.variant_models import VariantModels
+from warpknit.studies.card import MaterialCard, find_card
 from warpknit.studies.load_path import DIFFERENCE_TOLERANCE, LoadPath, exact, under_tension
+from warpknit.studies.mean_card import BEYOND, find_mean, loads_of_card
+from warpknit.studies.report_files import write_other_cards
 
 TENSION = 1.0  # [N/m]
 CARD = MaterialCard(
@@ -77,7 +77,7 @@ def test_a_rougher_tolerance_is_tried_where_the_fine_one_does_not_converge(monke
             raise Diverged("no progress")
         return replace(CARD, stress_max=float(len(tried))), None
 
-    monkeypatch.setattr("warpknit.design.mean_card.find_card", find)
+    monkeypatch.setattr("warpknit.studies.mean_card.find_card", find)
     scene = scene_of(0.0)
     mean = find_mean(scene, under_tension(scene, TENSION), TENSION, CARD)
     assert tried == 2 * [fine] + 2 * [rough]

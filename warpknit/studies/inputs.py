@@ -33,7 +33,7 @@ from ..scene import Knit, Scene
 from ..scene.knit import Bar
 from ..scene.scene import Override
 from ..solve.model import build_model
-from ..studies.load_path import states_at
+from .load_path import states_at
 
 # of fit.json: name of the fit, or of the file of a biaxial test; factor on all loops, and proportions of knit.loop; factors on
 # the loops of each bar; rms error over the tensions of a test
