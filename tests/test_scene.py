@@ -10,7 +10,6 @@ from pydantic_core import PydanticCustomError
 from warpknit.knit import loops
 from warpknit.knit.cloth import knit_cloth
 from warpknit.scene import SceneError, load_scene, make_scene
-from warpknit.scene.keys import keys_of
 from warpknit.scene.knit import Loop
 from warpknit.scene.materials import MATERIALS
 from warpknit.scene.presets import PRESETS
@@ -163,11 +162,11 @@ def test_an_override_makes_the_stage_it_names():
 
 def test_loop_defaults_and_ranges_are_those_of_the_knit():
     defaults = make_scene({}).knit.loop
-    assert {f.name for f in fields(loops.LoopProportions)} == set(keys_of(Loop))
+    assert {f.name for f in fields(loops.LoopProportions)} == set(Loop.keys)
     for proportion in fields(loops.LoopProportions):
         assert getattr(defaults, proportion.name) == proportion.default
     for name, (low, high) in loops.RANGES.items():
-        check = keys_of(Loop)[name].check
+        check = Loop.keys[name].check
         for value in (low, high):
             assert check(value) == value
         for value in (low - 1e-6, high + 1e-6):

@@ -116,26 +116,28 @@ class Plan(Overview):
         accuracy, *more_accuracy = self.accuracy.split("; ")
         physics = [sentence.partition(": ") for sentence in self.physics]
         names = dict.fromkeys(name for name, _, _ in physics if name != UNUSED)
-        more = f", then {counted(len(loads) - 1, 'more load step')}" if len(loads) > 1 else ""
+        more = f", then {counted(len(loads) - 1, 'more load step')}" if loads[1:] else ""
         load, sweep = f"{self.scene.stages[0].text}{more}", self.scene.sweep
         if sweep is not None and not self.steps:  # no [load]
             load = f"{counted(len(sweep.pairs), 'pair')} of {sweep.quantity}"
         yield Finding(self.scene.name, f"{load}, on {self.device}", short=True)
-        yield from (Finding("  load step", text) for _, text in loads if more)
+        yield from (Finding("  load step", text) for text in loads if more)
         for heading, text in self.mesh:
             yield Finding(heading, text, short=heading in MESH)
         yield Finding(f"{model.kind} model", accuracy, short=True)
         yield Finding("  reason", self.scene.kind_reason, short=self.scene.kind_reason not in (GIVEN, DEFAULT))
         yield from (Finding("  accuracy", text) for text in more_accuracy)
-        steps = _about(lambda steps: f"{rounded(steps):,}", self.run)
-        one = "" if self._meshes == 1 else f" for each of {self._meshes} meshes"
-        yield Finding(
-            "time", f"{self._time_text}, about {rounded(self.steps):,} steps{one}", short=self.map_s is None or self.steps > 0
-        )
-        yield Finding("  steps", f"{steps}{self._meshes_text}")
+        time = "time unknown on a GPU" if self.wall_s is None else f"{_about(self._time, self.run)} on this CPU"
+        meshes, variants = self._meshes, self.scene.variants
+        each = "" if meshes == 1 else f" for each of {meshes} meshes"
+        yield Finding("time", f"{time}, about {rounded(self.steps):,} steps{each}", short=self.map_s is None or self.steps > 0)
+        if meshes > 1 and variants.standard_error:
+            each += f", up to {MOST * variants.count} until the standard error is {percent(variants.standard_error)} or less"
+        yield Finding("  steps", _about(lambda steps: f"{rounded(steps):,}", self.run) + each)
         yield Finding("  measured", _measured(self.run))
-        if self.map_s is not None:
-            yield Finding("map", self._sweep_text, short=True)
+        if sweep is not None and self.map_s is not None:
+            what = f"{counted(len(sweep.pairs), 'pair')} of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
+            yield Finding("map", f"warpknit map takes about {duration(self.map_s)} on one core for {what}", short=True)
         yield Finding("memory", f"{memory(self.memory_bytes)} of {memory(self.available_bytes)} available", short=True)
         if solver.drive == "ramp":
             step = f"{engineering(self.model.time_step, 's')}, limited by {self.model.limited_by}"
@@ -144,28 +146,6 @@ class Plan(Overview):
             yield Finding("reflection", reflection_text(self.scene), short=True)
         yield Finding("switched on", ", ".join(names), short=True)
         yield from (Finding(UNUSED if name == UNUSED else f"  {name}", text, short=name == UNUSED) for name, _, text in physics)
-
-    @property
-    def _time_text(self) -> str:
-        return "time unknown on a GPU" if self.wall_s is None else f"{_about(self._time, self.run)} on this CPU"
-
-    @property
-    def _sweep_text(self) -> str:
-        assert self.scene.sweep is not None and self.map_s is not None
-        sweep, meshes = self.scene.sweep, self._meshes
-        what = f"{counted(len(sweep.pairs), 'pair')} of {sweep.quantity}{f' of {meshes} meshes' if meshes > 1 else ''}"
-        return f"warpknit map takes about {duration(self.map_s)} on one core for {what}"
-
-    @property
-    def _meshes_text(self) -> str:
-        if self.scene.variants.count == 1:
-            return ""
-        more = MOST * self.scene.variants.count
-        return f" for each of {self._meshes} meshes" + (
-            f", up to {more} until the standard error is {percent(self.scene.variants.standard_error)} or less"
-            if self.scene.variants.standard_error
-            else ""
-        )
 
     def _time(self, steps: int) -> str:
         return duration(self.run.seconds * self._meshes_in_all * steps / max(1, self.steps))
@@ -258,11 +238,10 @@ def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
         yield from kind_of(scene).overlaps_as_knitted(scene, repeat)
 
 
-def _loads(scene: Scene) -> tuple[tuple[str, str], ...]:
+def _loads(scene: Scene) -> list[str]:
     """A line for each load step, named where there are several."""
     named = len(scene.stages) > 1 or scene.stages[0].name != "load"
-    texts = [f"{stage.name}: {stage.text}" if named else stage.text for stage in scene.stages]
-    return tuple(("load" if number == 0 else "", text) for number, text in enumerate(texts))
+    return [f"{stage.name}: {stage.text}" if named else stage.text for stage in scene.stages]
 
 
 def _about(text: Callable[[int], str], run: Measured) -> str:
@@ -285,12 +264,10 @@ def _measured(run: Measured) -> str:
 def _repeat(scene: Scene, cloth: Cloth) -> str:
     """One repeat in words, with the number of links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
-    text = f"a repeat of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
-    plan_view = engineering(cloth.stitch_length, "m")
-    text += f", {engineering(cloth.wire_length, 'm')} of wire a loop ({plan_view} in plan view)"
-    if len(set(links)) > 1:
-        text += f"; chains of {' and '.join(map(str, links))} links, each repeated"
-    return text
+    wire, plan_view = (engineering(length, "m") for length in (cloth.wire_length, cloth.stitch_length))
+    repeated = f"; chains of {' and '.join(map(str, links))} links, each repeated" if len(set(links)) > 1 else ""
+    stitches = f"a repeat of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
+    return f"{stitches}, {wire} of wire a loop ({plan_view} in plan view){repeated}"
 
 
 # --- physics ----------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,15 +36,17 @@ def reflect_command(directory: Path, overrides: Sequence[str], progress: Display
     return reflect(directory, scene, progress)
 
 
-def check_reflection(scene: Scene) -> None:
-    """Refuse a [reflection] that cannot be solved, before the states are. Raises InputError."""
+def with_reflection(
+    scene: Scene, directory: Path, progress: Display, command: Callable[[], CommandResult[Any]], *, is_first: bool = True
+) -> CommandResult[Any]:
+    """The result of a command; if it finished and its scene has [reflection], the waves from its states are in `directory`.
+
+    is_first: of the ranks, the one that solves the waves. Raises InputError for a [reflection] that cannot be solved.
+    """
     if scene.reflection is not None:
         options_of(scene)
-
-
-def with_reflection(scene: Scene, directory: Path, progress: Display, result: CommandResult[Any]) -> CommandResult[Any]:
-    """The result of a command; if it finished and its scene has [reflection], the waves from its states are in `directory`."""
-    if scene.reflection is not None and result.exit_code == 0 and not (directory / "reflection.csv").exists():
+    result = command()
+    if scene.reflection is not None and is_first and result.exit_code == 0 and not (directory / "reflection.csv").exists():
         try:
             reflect(directory, scene, progress)
         except KeyboardInterrupt as stop:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from ..studies.findings import Findings, report_scene
 from ..studies.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..studies.report import write_report
 from ..studies.sweep import run_map as sweep_scene
-from .reflect import check_reflection, with_reflection
+from .reflect import with_reflection
 from .run import Directory, Source, finished_run
 
 
@@ -129,12 +130,11 @@ def report_command(
         loaded = report_scene(load_scene(scene, fitted_overrides(fitted.scene.knit), command="report"))
     fitted = fitted.then(with_known(loaded, Known(curve=known.curve, areal_mass=known.areal_mass), progress))
     notes, mapped = fitted.notes, time.perf_counter()
-    check_reflection(fitted.scene)
-    result = sweep_scene(
-        fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report",
+    command = partial(
+        sweep_scene, fitted.scene, out=out, device=device, resume=not force, force=force, progress=progress, command="report",
         keep_states=fitted.scene.reflection is not None,
     )  # fmt: skip
-    result = with_reflection(fitted.scene, out, progress, result)
+    result = with_reflection(fitted.scene, out, progress, command)
     if result.exit_code != 0:
         return Report(result, notes, None)
     times = {"map": time.perf_counter() - mapped}

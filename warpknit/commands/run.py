@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import numbers
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,10 +23,11 @@ from ..scene import Scene, load_scene
 from ..scene.capabilities import refuse
 from ..scene.messages import scene_error
 from ..scene.options import DEFAULT, GIVEN
+from ..scene.overrides import as_written
 from ..scene.units import QuantityError, has_unit, shown, si, tidy
 from ..studies.contact_map import MapSummary
 from ..studies.sweep import run_map as sweep_scene
-from .reflect import check_reflection, with_reflection
+from .reflect import with_reflection
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
 Directory = str | os.PathLike[str]
@@ -145,32 +144,22 @@ def run_command(
         setting = ranks.from_first(lambda: settings_for_error(scene, percent))
         estimator = partial(estimate_of, scene=scene, setting=setting, percent=percent)
         scene = load_scene(scene, setting.overrides, command="error", ranks=ranks.count)
-    check_reflection(scene)
-    result = run_scene(
-        scene,
-        out=out,
-        device=device,
-        resume=resume,
-        force=force,
-        progress=progress,
-        ranks=ranks,
-        error_estimator=estimator,
-        probes=probes,
-    )
-    return with_reflection(scene, out, progress, result) if ranks.is_first else result
+    command = partial(
+        run_scene, scene, out=out, device=device, resume=resume, force=force, progress=progress, ranks=ranks,
+        error_estimator=estimator, probes=probes,
+    )  # fmt: skip
+    return with_reflection(scene, out, progress, command, is_first=ranks.is_first)
 
 
 def percentage(given: float | str) -> float:
     """The percentage of `--error`: a number, or text such as "2" or "2 %". Raises `InputError`."""
-    value = math.nan
-    if isinstance(given, str):
-        with suppress(QuantityError):
-            value = tidy(100.0 * si(given, "number")) if has_unit(given) else si(given, "number")
-    elif isinstance(given, numbers.Real) and not isinstance(given, bool):
-        value = float(given)
+    try:
+        number = si(as_written(given, "--error"), "number")
+        value = tidy(100.0 * number) if isinstance(given, str) and has_unit(given) else number
+    except QuantityError:
+        value = 0.0
     if not 0.0 < value <= 100.0:
-        text = shown(given) if math.isnan(value) or isinstance(given, str) else f"{given:g}"
-        raise InputError(f"--error: {text} is not a percentage above 0 and at most 100; write one such as 2 or '2 %'")
+        raise InputError(f"--error: {shown(given)} is not a percentage above 0 and at most 100; write one such as 2 or '2 %'")
     return value
 
 
@@ -202,7 +191,8 @@ def map_command(
 ) -> CommandResult[MapSummary]:
     """`warpknit map`. Raises as `sweep_scene` does."""
     refuse(scene, "map")
-    check_reflection(scene)
-    keep_states = scene.reflection is not None
-    result = sweep_scene(scene, out=out, device=device, resume=resume, force=force, progress=progress, keep_states=keep_states)
-    return with_reflection(scene, out, progress, result)
+    command = partial(
+        sweep_scene, scene, out=out, device=device, resume=resume, force=force, progress=progress,
+        keep_states=scene.reflection is not None,
+    )  # fmt: skip
+    return with_reflection(scene, out, progress, command)

@@ -16,9 +16,8 @@ import re
 import textwrap
 import typing
 from collections.abc import Iterator
-from dataclasses import MISSING, Field, dataclass, field, fields
-from functools import cache
-from typing import Any, ClassVar, TypeVar, cast
+from dataclasses import MISSING, Field, dataclass, field
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import ConfigDict, model_validator
 
@@ -27,7 +26,6 @@ from .units import DIMENSIONS, shown
 from .values import Pair, Quantity, ValueCheck, refused
 
 LINE, INDENT = 120, "    "  # of a docstring
-ABOUT = "about"  # where a field keeps its sentence: a field without one is no key
 
 
 class Table:
@@ -39,6 +37,7 @@ class Table:
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    keys: ClassVar[dict[str, Key]] = {}
     _exclusive: ClassVar[Any]
 
     def __init_subclass__(cls, *, one_of: tuple[tuple[str, ...], ...] = ()) -> None:
@@ -57,8 +56,13 @@ class Table:
         if one_of:
             cls._exclusive = model_validator(mode="before")(staticmethod(exclusive))
         hints = typing.get_type_hints(cls, include_extras=True)
-        own = {name: entry for name, entry in vars(cls).items() if isinstance(entry, Field) and ABOUT in entry.metadata}
-        lines = [_key_of(name, entry, hints[name]).line for name, entry in own.items()]
+        own = {
+            name: Key(name, annotation=hints[name], default=entry.default, **entry.metadata)
+            for name, entry in vars(cls).items()
+            if isinstance(entry, Field) and "about" in entry.metadata
+        }
+        cls.keys = cls.keys | own
+        lines = [entry.line for entry in own.values()]
         cls.__doc__ = "\n".join(
             [inspect.cleandoc(cls.__doc__ or ""), "", "Keys, with the unit of their values in the scene:", *lines]
         )
@@ -71,7 +75,7 @@ def key(about: str, default: Any = MISSING, *, left_out: str = "", allowed: str 
     the default in words, if `default` does not say it. allowed: allowed values in words, if its type does not say it. compare:
     whether scenes that differ in it differ.
     """
-    return field(default=default, compare=compare, metadata={ABOUT: about, "left_out": left_out, "allowed": allowed})
+    return field(default=default, compare=compare, metadata={"about": about, "left_out": left_out, "allowed_words": allowed})
 
 
 @dataclass(frozen=True)
@@ -156,36 +160,17 @@ Object = TypeVar("Object", bound=Table)
 
 def as_object(kind: type[Object], table: Table, **filled_in: Any) -> Object:
     """Object of a checked table, with some values replaced."""
-    names = {entry.name for entry in fields(cast(Any, kind))}
-    values = {entry.name: getattr(table, entry.name) for entry in fields(cast(Any, table)) if entry.name in names}
-    return kind(**(values | filled_in))
+    return kind(**({name: getattr(table, name) for name in kind.keys} | filled_in))
 
 
 def given_values(table: Table) -> dict[str, Any]:
     """Given values of a table, including defaults."""
-    values = {name: getattr(table, name) for name in keys_of(type(table))}
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def keys_of(table: type[Table]) -> dict[str, Key]:
-    """The keys of a table by their names."""
-    return _keys_of(cast(Any, table))
-
-
-@cache
-def _keys_of(table: Any) -> dict[str, Key]:
-    hints = typing.get_type_hints(table, include_extras=True)
-    return {entry.name: _key_of(entry.name, entry, hints[entry.name]) for entry in fields(table) if ABOUT in entry.metadata}
-
-
-def _key_of(name: str, entry: Field[Any], annotation: Any) -> Key:
-    about = entry.metadata
-    return Key(name, about[ABOUT], entry.default, about["left_out"], about["allowed"], annotation)
+    return {name: value for name in table.keys if (value := getattr(table, name)) is not None}
 
 
 def keys_below(table: type[Table], prefix: str = "") -> Iterator[tuple[str, Key]]:
     """Every key of a table and of those it holds, dotted; an entry of a list of tables as list[0]."""
-    for name, entry in keys_of(table).items():
+    for name, entry in table.keys.items():
         yield prefix + name, entry
         if entry.table is not None:
             yield from keys_below(entry.table, f"{prefix}{name}{'[0]' if entry.is_list else ''}.")

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from ..base.errors import SceneError
 from ..base.text import at_least, at_most
-from .keys import Key, Table, given_values, keys_below, keys_of
+from .keys import Key, Table, given_values, keys_below
 from .scene import SceneFile
 from .units import shown
 
@@ -128,7 +128,7 @@ def known_keys() -> list[str]:
 
 def _key_at(location: Sequence[int | str]) -> Key:
     """The key at a location; raises KeyError."""
-    return keys_of(table_at(tuple(location[:-1])))[str(location[-1])]
+    return table_at(tuple(location[:-1])).keys[str(location[-1])]
 
 
 def table_at(location: Location) -> type[Table]:
@@ -136,12 +136,12 @@ def table_at(location: Location) -> type[Table]:
     table: type[Table] = SceneFile
     for part in location:
         if isinstance(part, str):
-            table = keys_of(table)[part].table or table
+            table = table.keys[part].table or table
     return table
 
 
 def _fields(location: Location) -> list[str]:
-    return list(keys_of(table_at(location)))
+    return list(table_at(location).keys)
 
 
 OTHER_NAMES = {  # of finite element codes, and of papers

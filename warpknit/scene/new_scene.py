@@ -22,7 +22,7 @@ from ..base.errors import InputError
 from ..base.text import exact
 from ..knit.lapping import KnitError
 from ..knit.named import GuideBar, NamedKnit, named_knit
-from .keys import Table, keys_of
+from .keys import Table
 from .knit import KnitTable
 from .materials import MATERIALS
 from .options import SIDES, ModelOptions, Stage
@@ -86,7 +86,7 @@ def check_file_name(name: str) -> None:
 
 def _accept(given: str, value: Any, table: type[Table], key: str, instead: str = "") -> Any:
     """A value in SI, by the check of its key. `given`: the whole text; instead: what to write for it."""
-    check = keys_of(table)[key].check
+    check = table.keys[key].check
     assert check is not None
     try:
         return check(value)

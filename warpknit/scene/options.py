@@ -54,12 +54,7 @@ KINDS = {
         leaves_plane=False,
     ),
     "spatial": KindOfModel(
-        crossing=1.3,
-        single_positions="float64",
-        has_branches=True,
-        friction=0.2,
-        own_loops=True,
-        leaves_plane=True,
+        crossing=1.3, single_positions="float64", has_branches=True, friction=0.2, own_loops=True, leaves_plane=True
     ),
 }
 

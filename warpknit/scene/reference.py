@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from .capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, compatibility
-from .keys import Key, keys_below, keys_of
+from .keys import Key, keys_below
 from .scene import SceneFile
 
 BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
-SECTIONS = ("the file", *(name for name, entry in keys_of(SceneFile).items() if entry.table is not None and name != "path"))
+SECTIONS = ("the file", *(name for name, entry in SceneFile.keys.items() if entry.table is not None and name != "path"))
 HEADINGS = {"error": "run --error", "ranks": "mpirun", "cuda": "GPU"}  # of columns whose heading is not the name of their trait
 UNSAID = {"elastic", "even loops", "no sweep"}  # defaults, which have no row
 
@@ -48,9 +48,9 @@ def row(cells: Iterable[str]) -> str:
 
 def _keys(section: str) -> Iterator[tuple[str, Key]]:
     if section == SECTIONS[0]:
-        yield from ((name, entry) for name, entry in keys_of(SceneFile).items() if entry.table is None)
+        yield from ((name, entry) for name, entry in SceneFile.keys.items() if entry.table is None)
         return
-    table = keys_of(SceneFile)[section].table
+    table = SceneFile.keys[section].table
     assert table is not None
     for name, entry in keys_below(table, "" if section == "load" else f"{section}."):
         if entry.table is None:

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from ..base.errors import SceneError
 from ..base.text import exact
-from .keys import Table, given_values, key, keys_of
+from .keys import Table, given_values, key
 from .knit import Hook, Knit, KnitTable
 from .options import GIVEN, VARIANT_LEVELS, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep, Variants
 from .panel_options import PanelOptions, PanelTable
@@ -72,12 +72,6 @@ def checked_file(table: Mapping[str, Any]) -> SceneFile:
 
 
 _ADAPTER = TypeAdapter(SceneFile)
-
-
-def digest(frozen: Any, *, without: str) -> str:
-    """SHA-256 in hex of the compared values of a frozen object, but one."""
-    table = {key: value for key, value in _plain(frozen).items() if key != without}
-    return hashlib.sha256(json.dumps(table, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:
@@ -234,7 +228,8 @@ class Scene:
     @property
     def hash(self) -> str:
         """SHA-256 in hex of the resolved values, independent of the file's layout."""
-        return digest(self, without="name")
+        table = {key: value for key, value in _plain(self).items() if key != "name"}
+        return hashlib.sha256(json.dumps(table, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene
@@ -274,7 +269,7 @@ def _written(value: Any, place: str, left_out: list[str]) -> Any:
     if not isinstance(value, Table):
         return value.name if isinstance(value, WireArrays) else value
     table = {}
-    for name, entry in keys_of(type(value)).items():
+    for name, entry in type(value).keys.items():
         content, below = getattr(value, name), f"{place}.{name}"
         if content is None:
             left_out.append(below)
