@@ -107,7 +107,7 @@ def test_wires_cut_at_one_place_do_not_touch_in_their_clamps(nodes):
     assert np.any(close[:, 0] != close[:, 1])
     simulation = Simulation(model)
     simulation.compile()
-    simulation.mechanics.search_pairs()
+    simulation.mechanics.contact.search()
     simulation.mechanics.stepper.evaluate()
     near = simulation.mechanics.contact.find_contacts(0.5 * rods.section.thickness)
     is_held = np.zeros(rods.node_count, dtype=bool)

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from reference.cases import slow
+from reference.rods import energy as stored_energy
 from warpknit import measure
 from warpknit.kernels.wire_minima import SINGLE_STEP
 from warpknit.knit.named import named_knit
@@ -50,8 +51,9 @@ def test_a_yarn_is_knitted_as_thick_as_it_is() -> None:
 def test_wires_that_overlap_as_knitted_are_pushed_apart() -> None:
     """Wires thicker than the knit keeps their centre lines apart: said, and taken out before the load comes on."""
     model = build_model(load_scene(CELL, [*DRAFT, "load.strain_weft=0", "load.strain_warp=0", "output.frames=1"]))
-    radius = np.full(len(model.rods.wire_first), 0.8 * model.rods.section.thickness)
-    relaxation = Simulation(replace(model, rods=replace(model.rods, thicker=radius)))
+    section, count = model.rods.section, len(model.rods.wire_first)
+    sections = (replace(section, thickness=1.6 * section.thickness),) * count
+    relaxation = Simulation(replace(model, rods=replace(model.rods, sections=sections)))
     unloaded, *_ = [record.observables for record in relaxation.run()]
     assert "as knitted, wires overlap in" in relaxation.notes[0]
     assert unloaded.touching.force.max() > 0.0 and unloaded.penetration < 0.01
@@ -99,7 +101,7 @@ def assert_stress_is_the_derivative_of_the_energy(relaxation: Simulation) -> Non
         stepper.state.displacement.assign(place)
         stepper.evaluate()
         near = contact.read_contacts()
-        return energy(stepper) + 0.5 * float(np.sum(near.force * (near.overlap + 2.0 * offset)))
+        return stored_energy(stepper) + 0.5 * float(np.sum(near.force * (near.overlap + 2.0 * offset)))
 
     for k in np.ndindex(2, 2):
         way = np.zeros((2, 2))

@@ -11,7 +11,7 @@ from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
 from warpknit.spatial.rod_arrays import motion_launch
 from warpknit.spatial.rod_checks import RodChecks
-from warpknit.spatial.rod_relaxation import BandedMasses
+from warpknit.spatial.rod_relaxation import set_banded_masses
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
 
@@ -105,7 +105,7 @@ def test_masses_bound_the_stiffness_of_a_coil(turn: float, stretch: float) -> No
     pose = Pose(rods)
     pose.stepper.state.stretch_stiffness.fill_(stretch * SECTION.axial_stiffness)
     pose.stepper.evaluate()
-    BandedMasses(checks_of(pose.stepper), 100.0, keeps_arc_length=False).find()
+    set_banded_masses(checks_of(pose.stepper), 100.0, float(rods.natural_length[:-1].mean()))
     state = pose.stepper.state
     names = ("node_mass", "next_mass", "second_mass", "spin_inertia", "next_inertia")
     masses = {name: fetch(getattr(state, name)) for name in names}

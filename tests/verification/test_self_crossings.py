@@ -31,7 +31,7 @@ def test_all_intersections_of_a_wire_with_itself_are_listed(tmp_path: Path) -> N
     simulation = Simulation(build_model(make_scene(table, path=tmp_path / "loops.toml")))
     with pytest.raises(ModelError) as refused:
         simulation.compile()
-    one = r"wire 1 intersects itself near \((\S+), (\S+)\) (\wm), (\S+) (\wm) and (\S+) (\wm) along it"
+    one = r"the centre lines of two parts of wire 1 intersect near \((\S+), (\S+)\) (\wm), (\S+) (\wm) and (\S+) (\wm) along it"
     found = re.findall(one, str(refused.value))
     assert len(found) == LOOPS
     u = brentq(lambda u: u - 2.0 * np.pi * BULGE * np.sin(u), 1.0, 3.0)

@@ -279,7 +279,8 @@ def capstan(*, is_drawn: bool) -> tuple[RodStepper, WireContact, float, float]:
     wire = np.stack([x, y, 0 * x], axis=1)
     rods = straight(rods_of(section, [line([0, 0, -150], [0, 0, 30], 11), wire]))
     held = [*range(11), *([10 + len(wire)] if is_drawn else [])]
-    rods = replace(rods, thicker=np.array([0.5 * BIG, 0.5 * THIN])).holding(held, range(11 + len(wire)))
+    rods = rods.holding(held, range(11 + len(wire)))
+    vars(rods)["wire_radius"] = np.array([0.5 * BIG, 0.5 * THIN])  # masses allow for contacts of wires as thin as the thin one
     stepper = RodStepper(rods)
     contact = WireContact(stepper, CAPSTAN_STIFFNESS, friction=FRICTION_ROUND)
     lever, bent = 0.5 * THIN / CAPSTAN_RADIUS, 0.5 * section.bending_stiffness / CAPSTAN_RADIUS**2

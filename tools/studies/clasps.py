@@ -125,7 +125,7 @@ def clasp_states(
         model = build_model(scene)
     given = model.rods.section
     section = replace(given, axial_stiffness=STIFF * given.axial_stiffness, twist_stiffness=twist * given.twist_stiffness)
-    rods = replace(model.rods, section=section, thicker=np.full(2, 0.5 * DIAMETER))
+    rods = replace(model.rods, section=section, sections=(replace(section, thickness=DIAMETER),) * 2)
     model = replace(model, rods=rods, softening=STIFF * model.softening)
     simulation = Simulation(model)
     try:

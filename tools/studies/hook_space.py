@@ -58,8 +58,8 @@ def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 
     mesh = build_model(scene)
     section = mesh.rods.section
     section = replace(section, twist_stiffness=twist * section.twist_stiffness)
-    radius = np.full(2, 0.5 * thickness * section.thickness)
-    mesh = replace(mesh, rods=replace(mesh.rods, section=section, thicker=radius))
+    sections = (replace(section, thickness=thickness * section.thickness),) * 2
+    mesh = replace(mesh, rods=replace(mesh.rods, section=section, sections=sections))
     return list(_spatial_rows(mesh, friction, thickness, twist))
 
 

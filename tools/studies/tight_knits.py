@@ -146,7 +146,7 @@ def _criteria(simulation: Simulation) -> dict[str, float]:
     """Values of the last convergence check, for the tolerances."""
     mechanics = simulation.mechanics
     mechanics.stepper.evaluate()
-    contacts = mechanics.contact.checks.sums()
+    contacts = mechanics.contact.sums()
     sums = mechanics.relaxation.sums(of_mean=False)
     balance = float(mechanics.group.residual.measure(sums, contacts, mechanics.rows)[0])
     return {"balance": balance, "overlap": float(contacts.overlap_max[0]) / mechanics.model.rods.section.thickness}

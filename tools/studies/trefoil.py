@@ -80,7 +80,7 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
     stepper, steps = RodStepper(rods), 0
     for now in lengths:
         d = length / now
-        stepper.rods = replace(rods, thicker=np.full(1, 0.5 * d), section=replace(section, thickness=d))
+        stepper.rods = replace(rods, section=replace(section, thickness=d))
         contact = WireContact(stepper, PENALTY * STIFFNESS / d**3)
         contact.search()
         rest = RodRelaxation(stepper, softening=STRETCH * (d / length) ** 2)
@@ -90,7 +90,7 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
             steps += CHECK_STEPS
             stepper.evaluate()
             rest.renew_damping()
-            sums, contacts = rest.sums(of_mean=True), contact.checks.sums()
+            sums, contacts = rest.sums(of_mean=True), contact.sums()
             ratio = np.array([np.inf])
             if contacts.pushing[0]:
                 rms = np.sqrt(sums.unbalanced_square / sums.free_nodes)

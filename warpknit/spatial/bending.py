@@ -36,16 +36,6 @@ STRAIGHT = 1e-9  # [rad] turn whose axis does not matter
 
 
 @dataclass(frozen=True)
-class Moments:
-    """Sizes of bending moments [N m]."""
-
-    node: np.ndarray  # [node] of a clamp at the outer node of its segment
-    between: np.ndarray  # (node, BETWEEN) on the segments
-    contact: np.ndarray  # [pushed place]
-    segment: np.ndarray  # [pushed place] its segment
-
-
-@dataclass(frozen=True)
 class _Pushes:
     """Contact forces on wires; two for each contact, sorted along the wires."""
 
@@ -54,8 +44,11 @@ class _Pushes:
     force: np.ndarray  # (push, 3) [N]
 
 
-def bending_moments(r: Any) -> Moments:
-    """Moments of a state; r: `SpatialObservables`."""
+def bending_moments(r: Any) -> tuple[np.ndarray, ...]:
+    """Sizes of bending moments [N m] of a state; r: `SpatialObservables`.
+
+    [node] of a clamp at the outer node of its segment; (node, BETWEEN) on the segments; [pushed place], and its segment.
+    """
     rods, curve = r.model.rods, r.curve
     before, after, edge = rods.previous, rods.following, curve.edge
     at = _pushes(r)
@@ -82,7 +75,8 @@ def bending_moments(r: Any) -> Moments:
         np.add.at(found, at.node[passed], np.cross(lever, at.force)[passed])
         sizes.append(np.where(elastic, _bending(found, curve.derivative(nodes, np.full(len(nodes), s))), 0.0))
     under = moment[at.node] - np.cross(curve.offset(at.node, at.place), force[at.node])
-    for lag in range(1, _largest_group(at.node)):
+    largest = int(np.unique(at.node, return_counts=True)[1].max(initial=0))  # number of pushes on a segment
+    for lag in range(1, largest):
         same = at.node[lag:] == at.node[:-lag]
         lever = curve.offset(at.node[lag:], at.place[lag:]) - curve.offset(at.node[:-lag], at.place[:-lag])
         under[lag:] += np.where(same[:, None], np.cross(lever, at.force[:-lag]), 0.0)
@@ -93,7 +87,7 @@ def bending_moments(r: Any) -> Moments:
     moment[after[last]] = moment[last] - np.cross(0.5 * edge[last], force[before[last]])
     along = curve.begin.copy()
     along[after[last]] = edge[last]
-    return Moments(_bending(moment, along), np.stack(sizes, axis=1), peak, at.node)
+    return _bending(moment, along), np.stack(sizes, axis=1), peak, at.node
 
 
 def clamped_ends(rods: Rods) -> tuple[np.ndarray, np.ndarray]:
@@ -139,11 +133,6 @@ def _bending(moment: np.ndarray, along: np.ndarray) -> np.ndarray:
     """[N m] sizes of moments (n, 3) across a direction (n, 3)."""
     square = np.maximum(np.sum(along**2, axis=1), 1e-300)
     return np.asarray(np.linalg.norm(moment - (np.sum(moment * along, axis=1) / square)[:, None] * along, axis=1))
-
-
-def _largest_group(node: np.ndarray) -> int:
-    """Largest number of pushes on a segment."""
-    return int(np.unique(node, return_counts=True)[1].max(initial=0))
 
 
 class Yielding:

@@ -101,11 +101,6 @@ class MovingClamps:
     # --- sliding clamps, in the state last evaluated
 
     @property
-    def mass(self) -> np.ndarray:
-        """[sliding clamp] [kg] mass of both nodes."""
-        return self._of_nodes(self.stepper.state.node_mass)[:, :, 1].sum(axis=1)
-
-    @property
     def place(self) -> np.ndarray:
         """[sliding clamp] [m] displacement from the affine position of its first node."""
         return self._of_nodes(self.stepper.state.displacement)[:, 0, 1]
@@ -199,17 +194,6 @@ class Edge:
         """Move stations by (station, 3) [m]; returns the displacement (held node, 3) [m] of their clamps."""
         self.station_displacement = self.station_displacement + change
         return np.asarray(np.repeat(self._own_clamps @ change, 2, axis=0))
-
-    @property
-    def is_at_target(self) -> bool:
-        """Whether the given stations are where the load level ends."""
-        given = self.rim.given
-        return bool(np.array_equal(self.station_displacement[given], self.target[given]))
-
-    def unbalanced_forces(self, gradient: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(station, 3) [N] cord force less clamp force; at given stations too, where it is the reaction."""
-        cord, _ = self.rim.cord_forces(gradient, self.station_displacement)
-        return np.asarray(cord - self.rim.clamps.T @ self.grip_forces(force))
 
     @property
     def clamp_displacement(self) -> np.ndarray:

@@ -16,9 +16,8 @@ import warp as wp
 from ..compute.host import fetch, store
 from ..kernels.contact_checks import MOST_RAISED, renew_contact_offsets
 from ..mechanics.numerics import error_ratio
-from .contact_checks import ContactSums
 from .pair_search import MAX_OFFSET
-from .wire_contact import WireContact
+from .wire_contact import ContactSums, WireContact
 
 OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
@@ -68,12 +67,7 @@ class ContactMultipliers:
     @property
     def _loading_floor(self) -> np.ndarray:
         """[world] [N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
-        return np.maximum(self._floor, self._of_force)
-
-    @property
-    def _of_force(self) -> np.ndarray:
-        """[world] [N/m] penalty of a contact with the mean force."""
-        return FORCE_PENALTY * self.mean_force / self._thickness
+        return np.maximum(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
 
     def error_ratio(self, contacts: ContactSums) -> np.ndarray:
         """[row] Overlaps over what is allowed."""
@@ -85,10 +79,11 @@ class ContactMultipliers:
         steering = self._contact.stepper.steering
         self.mean_force[rows] = np.where(contacts.mean_push > 0.0, contacts.mean_push, self.mean_force[rows])
         is_fast = loading | (steering.speed_max[rows] > SLOW * self._thickness)
-        soft = np.clip(self._of_force[rows], self._softest * self._floor, LOADED * self._floor)
+        of_force = FORCE_PENALTY * self.mean_force[rows] / self._thickness
+        soft = np.clip(of_force, self._softest * self._floor, LOADED * self._floor)
         floor = np.where(is_fast, self._loading_floor[rows], soft)
         steering.set(rows, multiplier_rate=rate, penalty_floor=floor, loading=loading)
-        self._contact.checks.launch(renew_contact_offsets, self._arrays, **self._constants)
+        self._contact.launch(renew_contact_offsets, self._arrays, **self._constants)
 
     def stiffen(self, rows: np.ndarray | None = None) -> None:
         """Raise the penalties of worlds for the next load, and reset stalled overlaps."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -47,20 +47,15 @@ def touched_places(r: Any, contact: np.ndarray, sign: np.ndarray | float = 1.0) 
 
 def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
     """(site, 3) [m] midpoints between the nearest points of the two wires of sites, within their reach."""
-    found = np.empty((len(sites), 3))
-    one, two = (_range(r, sites, side) for side in (0, 1))
-    order = np.lexsort((two.size, one.size))
-    pairs = int(one.size.max(initial=1)) * int(two.size.max(initial=1))
-    for part in np.array_split(order, max(1, -(-len(sites) * pairs // AT_A_TIME))):
-        # shorter lines end in segments without length: the last ones before them are as near, and count
-        line, drawn = _along(r, sites[part], 0, one.first[part], one.last[part], int(one.size[part].max(initial=2)))
-        other, _ = _along(r, sites[part], 1, two.first[part], two.last[part], int(two.size[part].max(initial=2)))
-        found[part] = _between(r, sites[part], line, other, drawn)
-    return found
+    wires = r.model.wires
+    nodes = (wires.site_high - wires.site_low)[sites].max(axis=0, initial=0.0) + 3.0
+    parts = np.array_split(sites, max(1, int(np.ceil(len(sites) * nodes.prod() / AT_A_TIME))))
+    return np.concatenate([_between(r, part) for part in parts])
 
 
-def _between(r: Any, sites: np.ndarray, line: np.ndarray, other: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """Midpoints (site, 3) [m] between nearest points of two lines (site, nodes, 3), without the first shift."""
+def _between(r: Any, sites: np.ndarray) -> np.ndarray:
+    """The same of a few sites."""
+    (line, drawn), (other, _) = (_line(r, sites, side) for side in (0, 1))
     shift = r.sites.shift[sites].copy()
     shift[:, :2] = shift[:, :2] @ r.gradient.T
     other = other + shift[:, None]
@@ -76,15 +71,11 @@ def _between(r: Any, sites: np.ndarray, line: np.ndarray, other: np.ndarray, dra
     return np.asarray(0.5 * (own + facing) - drawn[row, a])
 
 
-class _Range(NamedTuple):
-    """First and last node [site] of one wire within reach, counted along it; number of nodes, two at least."""
+def _line(r: Any, sites: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (site, node, 3) [m] of one wire of sites within reach, and the periodic shift [m] of each.
 
-    first: np.ndarray
-    last: np.ndarray
-    size: np.ndarray
-
-
-def _range(r: Any, sites: np.ndarray, side: int) -> _Range:
+    Shorter lines end in segments without length: the last ones before them are as near, and count.
+    """
     rods, wires = r.model.rods, r.model.wires
     wire, seed = wires.site_wire[sites, side], wires.site_seed[sites, side]
     end, is_closed = rods.wire_count[wire] - 1, rods.wire_closed[wire] != 0
@@ -94,16 +85,9 @@ def _range(r: Any, sites: np.ndarray, side: int) -> _Range:
     is_short = ~is_closed & (last <= first)
     nearest = np.minimum(np.rint(seed).astype(int), end)
     first, last = np.where(is_short, np.maximum(nearest - 1, 0), first), np.where(is_short, nearest, last)
-    return _Range(first, last, np.maximum(last - first + 1, 2))
-
-
-def _along(r: Any, sites: np.ndarray, side: int, first: np.ndarray, last: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (site, size, 3) [m] of one wire of sites from first to last; periodic shift [m] of each."""
-    rods = r.model.rods
-    wire = r.model.wires.site_wire[sites, side]
-    count = rods.wire_count[wire][:, None]
+    count, size = rods.wire_count[wire][:, None], int((last - first).max(initial=1)) + 1
     number = np.minimum(first[:, None] + np.arange(size), last[:, None])
-    turns = np.where(rods.wire_closed[wire][:, None] != 0, number // count, 0)
+    turns = np.where(is_closed[:, None], number // count, 0)
     closing = np.zeros((len(sites), 3))
     closing[:, :2] = rods.wire_period[wire, :2] @ r.gradient.T
     shift = turns[:, :, None] * closing[:, None]

@@ -1,32 +1,26 @@
-"""Convergence of a spatial mesh: its residual, whether an equilibrium is stable, and which wires lie in each other, in words."""
+"""Stability of the equilibria of a spatial mesh, and which wires lie in each other, in words."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-import warp as wp
 
 from .. import measure
 from ..base.errors import ModelError
-from ..base.text import engineering, place_text
+from ..base.text import engineering, place_text, short_percent
 from ..kernels.banded_mass import HELD_NODE
-from ..measure.strain import strain_text
-from ..mechanics.numerics import ENERGY_FLOOR, FASTEST_DAMPING, FORCE_FLOOR, LOCAL_ALLOWANCE
+from ..mechanics.numerics import FASTEST_DAMPING
 from ..scene import Scene
 from ..wires.overlaps import CLOSEST
 from .contact_arrays import Contacts
-from .contact_checks import ContactSums
-from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel
 from .observables import SpatialObservables
-from .rod_checks import StateSums
-from .rod_relaxation import CHECK_STEPS, RodRelaxation
+from .rod_relaxation import RodRelaxation
 from .rods import Rods
 from .strip import RodStrip
 from .wire_contact import WireContact
 
-ROUND_OFF = 1e5  # of EA: smallest dead load with an equilibrium within the tolerance
 DISTURBANCE, SEED = 0.03, 1  # of the thickness times the residual tolerance: standard deviation of the displacements
 DAMPING = 0.02  # over a step, of the motion that follows
 LEAST_CHECKS, MOST_CHECKS = 8, 80  # convergence checks of that motion
@@ -34,48 +28,6 @@ GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance ha
 CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
 MOST_LISTED = 20  # places in a message
 LEAST_DIFFERENCE = 0.005  # of the scene's stiffness: a change in three digits
-
-
-class Residual:
-    """Residual of the state last evaluated, which says how far that is from equilibrium; converged where its ratio is below 1."""
-
-    def __init__(self, model: SpatialModel, relaxation: RodRelaxation, multipliers: ContactMultipliers | None) -> None:
-        """multipliers: of the contacts, where there are any."""
-        self.model, self.relaxation, self.multipliers = model, relaxation, multipliers
-        self.tolerance = model.scene.solver.residual_tolerance
-        self._scale = np.full(relaxation.stepper.worlds, np.inf)  # [world] [N] reference force at the last check
-
-    def ratio(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
-        """[row] the largest criterion over its tolerance: residual, and errors of softened axial strain and soft contacts."""
-        ratio = np.maximum(self.measure(state, contacts, rows) / self.tolerance, state.excess_ratio)
-        return ratio if self.multipliers is None else np.maximum(ratio, self.multipliers.error_ratio(contacts))
-
-    def _least_force(self, of_knit: float, rows: np.ndarray) -> np.ndarray:
-        """Least reference force of residuals [row] [N]: the knit's, or a smaller dead load."""
-        load, model = self.relaxation.stepper.steering.dead_load[rows], self.model
-        round_off = float(np.finfo(wp.dtype_to_numpy(model.precision.real)).eps)
-        smallest = ROUND_OFF * round_off * float(model.rods.of_wires("axial_stiffness").max())
-        return np.where(load == 0.0, of_knit, np.minimum(of_knit, np.maximum(load, smallest)))
-
-    def measure(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
-        """[row] the larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.
-
-        Sums of the state last evaluated.
-        """
-        relaxation, scene = self.relaxation, self.model.scene
-        bent = self.model.bending_stiffness / scene.knit.wale_spacing
-        scale = np.maximum(contacts.mean_push, self._least_force(FORCE_FLOOR * bent / scene.knit.wale_spacing, rows))
-        self._scale[rows] = scale
-        rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
-        stepper = relaxation.stepper
-        loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
-        motion = np.sqrt(relaxation.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
-        return np.maximum(np.maximum(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale), motion)
-
-    def moving_blocks(self, world: int) -> int:
-        """Blocks of nodes of a world that a residual far above its tolerance moves."""
-        limit = CHECK_STEPS * LOCAL_ALLOWANCE * self.tolerance * float(self._scale[world])  # of the sum since the check before
-        return self.relaxation.checks.unbalanced_blocks(limit, world)
 
 
 class Stability:
@@ -135,11 +87,6 @@ class Stability:
         if len(running):
             self.relaxation.stepper.steering.set(running, damping=DAMPING)
 
-    def note(self, world: int = 0) -> str:
-        """Message on an unstable equilibrium."""
-        strains = strain_text(self.relaxation.stepper.steering.gradient[world])
-        return f"the equilibrium at strains of {strains} was unstable: the mesh snapped through to another"
-
     def _disturb(self, rows: np.ndarray) -> None:
         stepper = self.relaxation.stepper
         strip = stepper.strip
@@ -154,28 +101,43 @@ class Stability:
         self.relaxation.reset_damping_estimate(rows)
 
 
-def refuse_intersecting_centre_lines(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -> None:
-    """Refuse centre lines that intersect: neither wire lies above. Raises `ModelError` on all ranks.
+def refuse_overlaps(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -> None:
+    """Refuse wires that cannot part: centre lines that intersect, and overlaps where both wires are clamped.
 
-    near: contacts of the strip as knitted, of any gap below zero at least. instead: `parting_text` of the scene.
+    near: contacts of the strip as knitted, of any gap below zero at least. instead: `parting_text` of the scene. Raises
+    `ModelError` on all ranks.
     """
-    distance = 1.0 - near.overlap / rods.touch_distance(near.first, near.second)
     nodes = np.stack([near.first, near.second], axis=1)
-    arc = rods.arc[nodes] + near.place * rods.natural_arc[nodes]
+    wires, arcs = strip.wire[rods.wire_of[nodes]], rods.arc[nodes] + near.place * rods.natural_arc[nodes]
+    share = near.overlap / rods.touch_distance(near.first, near.second)
     where = rods.position[near.first] + near.place[:, :1] * rods.rest_edge[near.first]
+    held = (rods.held & int(HELD_NODE)) != 0
+    rigid = held & held[rods.following]
+    is_clamped = rigid[nodes].all(axis=1) & (near.overlap > CLAMPED * rods.section.thickness)
     found = [
-        (strip.wire[rods.wire_of[nodes[k]]].tolist(), arc[k].tolist(), where[k], float(distance[k]))
-        for k in np.flatnonzero(distance < CLOSEST)
+        (float(share[k]), wires_text(*(wires[k] + 1).tolist()), sorted(arcs[k].tolist()), where[k], bool(is_clamped[k]))
+        for k in np.flatnonzero((1.0 - share < CLOSEST) | is_clamped)
     ]
-    places: list[tuple[list[int], list[float], np.ndarray, float]] = []
-    for place in sorted((one for of_rank in strip.ranks.everyone(found) for one in of_rank), key=lambda one: one[3]):
-        if all(np.linalg.norm(place[2] - other[2]) > rods.section.thickness for other in places):
-            places.append(place)
-    if not places:
-        return
-    texts = [_intersection_text(*place[:3]) for place in sorted(places, key=lambda one: (one[0], one[1]))]
-    more = f"; and in {len(texts) - MOST_LISTED} more places" if len(texts) > MOST_LISTED else ""
-    raise ModelError(f"{'; '.join(texts[:MOST_LISTED])}{more}; {instead}")
+    places: list[tuple[str, list[float], np.ndarray]] = []
+    everywhere = sorted((one for of_rank in strip.ranks.everyone(found) for one in of_rank), key=lambda one: -one[0])
+    for depth, text, arc, place, _ in everywhere:
+        apart = all(np.linalg.norm(place - other[2]) > rods.section.thickness for other in places)
+        if 1.0 - depth < CLOSEST and apart:
+            places.append((text, arc, place))
+    texts = [
+        f"the centre lines of {text} intersect near {place_text(*place[:2])}"
+        + (f", {' and '.join(engineering(one, 'm', 4) for one in arc)} along it" if text.startswith("two") else "")
+        for text, arc, place in sorted(places, key=lambda one: one[:2])
+    ]
+    if texts:
+        more = f"; and in {len(texts) - MOST_LISTED} more places" if len(texts) > MOST_LISTED else ""
+        raise ModelError(f"{'; '.join(texts[:MOST_LISTED])}{more}; {instead}")
+    for depth, text, _, place, clamped in everywhere:
+        if clamped:
+            raise ModelError(
+                f"{text} overlap by {short_percent(depth)} of their thickness where both are clamped, near"
+                f" {place_text(*place[:2])}; move their ends apart, or set a smaller wire.diameter"
+            )
 
 
 def parting_text(scene: Scene) -> str:
@@ -184,36 +146,6 @@ def parting_text(scene: Scene) -> str:
         return "move one of them up or down there, or cut it"
     direction = "courses" if scene.knit.course_spacing > scene.knit.wale_spacing else "wales"
     return f"use more {direction} per length, or other chains"
-
-
-def _intersection_text(wires: list[int], arcs: list[float], place: np.ndarray) -> str:
-    """Intersecting wires, or places along a single one, in words."""
-    near = f"near {place_text(*place[:2])}"
-    if wires[0] != wires[1]:
-        return f"the centre lines of wires {wires[0] + 1} and {wires[1] + 1} intersect {near}"
-    along = " and ".join(engineering(arc, "m", 4) for arc in sorted(arcs))
-    return f"the centre line of wire {wires[0] + 1} intersects itself {near}, {along} along it"
-
-
-def refuse_overlapping_clamps(near: Contacts, rods: Rods, strip: RodStrip) -> None:
-    """Wires that overlap where both are clamped cannot part. Raises `ModelError` on all ranks.
-
-    near: contacts of the strip as knitted, of any gap below zero at least.
-    """
-    held = (rods.held & int(HELD_NODE)) != 0
-    rigid = held & held[rods.following]
-    overlap = near.overlap * (rigid[near.first] & rigid[near.second])
-    worst = int(overlap.argmax()) if len(overlap) else None
-    here = (0.0, 0, 0, np.zeros(3))
-    if worst is not None:
-        wires = strip.wire[rods.wire_of[[near.first[worst], near.second[worst]]]]
-        here = (float(overlap[worst]), *wires.tolist(), rods.position[near.first[worst]])
-    most, first, second, (x, y, _) = max(strip.ranks.everyone(here), key=lambda there: there[0])
-    if most > CLAMPED * rods.section.thickness:
-        raise ModelError(
-            f"{wires_text(first + 1, second + 1)} overlap by {engineering(most, 'm')} where both are clamped, near"
-            f" {place_text(x, y)}; move their ends apart, or set a smaller wire.diameter"
-        )
 
 
 def wires_text(first: int, second: int) -> str:

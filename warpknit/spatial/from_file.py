@@ -89,14 +89,14 @@ def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, 
     middle = np.repeat(ends.reshape(-1, 2, 2, 2).mean(axis=2), 2, axis=1)
     arcs = (places.low, places.high, 0.5 * (places.low + places.high))
     low, high, seed = (_node_places(wires, places.wire, arc) for arc in arcs)
+    is_closed = np.array([kind != "open" for kind in wires.kinds])[places.wire]
     slack_nodes = _segments_in(wires, places.wire, slack)
     return SpatialWires(
         tile=np.zeros(3) if wires.period is None else np.array([*wires.period, 0.0]),
         held_node=held.ravel(),
         held_lever=(ends - middle).reshape(-1, 2),
-        held_section=held[:, [0, 2]].ravel(),
         site_wire=places.wire,
-        site_seed=_in_first_round(wires, places.wire, seed),
+        site_seed=np.where(is_closed, np.mod(seed, wires.segment_counts[places.wire]), seed),
         site_low=low - seed - slack_nodes,
         site_high=high - seed + slack_nodes,
     )
@@ -136,11 +136,6 @@ def _node_places(wires: Wires, wire: np.ndarray, arc: np.ndarray) -> np.ndarray:
         rounds = np.zeros(here.shape) if wires.kinds[w] == "open" else np.floor(here / along[-1])
         places[wire == w] = np.interp(here - rounds * along[-1], along, np.arange(len(along))) + rounds * len(begin)
     return places
-
-
-def _in_first_round(wires: Wires, wire: np.ndarray, place: np.ndarray) -> np.ndarray:
-    closed = np.array([kind != "open" for kind in wires.kinds])[wire]
-    return np.where(closed, np.mod(place, wires.segment_counts[wire]), place)
 
 
 def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes_per_loop: int) -> Panel:

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from .. import measure
 from ..compute.host import Entries, fetch, store
@@ -20,8 +19,8 @@ from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
 from .clamps import Edge
-from .convergence import overlap_text, parting_text, refuse_intersecting_centre_lines, refuse_overlapping_clamps
-from .model import SpatialModel, segment_thermal_strain
+from .convergence import overlap_text, parting_text, refuse_overlaps
+from .model import SpatialModel
 from .observables import SpatialObservables, read
 from .rod_arrays import root_mean_square, set_natural_shape
 from .rod_relaxation import CHECK_STEPS
@@ -65,18 +64,13 @@ class SpatialMechanics(Mechanics):
         self._is_tested = not scene.depends_on_path and (scene.model.boundary == "periodic" or smaller_scene(scene) is None)
         self._release: tuple[float, float] | None = None  # shares of the release before and after the part in progress
         self._untested = 0.0  # strain since the last test whether an equilibrium is stable
-        self._last: tuple[np.ndarray, np.ndarray] | None = None  # gradient and displacement of the previous level
+        self._last: np.ndarray | None = None  # displacement of the previous level
         if model.ramp is not None:
-            self._take_real_masses(model.ramp.node_mass, model.ramp.spin_inertia, model.ramp.damping)
-
-    def _take_real_masses(self, node_mass: np.ndarray, spin_inertia: np.ndarray, damping: float) -> None:
-        """Use the masses of a ramp in place of fictitious ones."""
-        self.stepper.set_masses(node_mass=node_mass[:, None], spin_inertia=spin_inertia)
-        self.stepper.set_time_step(self.model.time_step, damping)
-        # limits the approach of two colliding wires to half their thickness a step, so that they cannot pass through each other
-        farthest = 0.5 * float(self.model.rods.wire_radius.min())
-        self.state.steering.set(drive=1.0, speed_limit=np.inf, step_limit=farthest)
-        self.contact.list_near_pairs(np.inf)
+            self.stepper.set_masses(node_mass=model.ramp.node_mass[:, None], spin_inertia=model.ramp.spin_inertia)
+            self.stepper.set_time_step(model.time_step, model.ramp.damping)
+            # colliding wires approach by at most half their thickness a step, so that they cannot pass through each other
+            self.state.steering.set(drive=1.0, speed_limit=np.inf, step_limit=0.5 * float(model.rods.wire_radius.min()))
+            self.contact.list_near_pairs(np.inf)
 
     @property
     def rim(self) -> Rim | None:
@@ -88,11 +82,10 @@ class SpatialMechanics(Mechanics):
 
     def compile(self) -> None:
         """Compile all kernels. Raises `ModelError` where centre lines intersect."""
-        self.search_pairs()
+        self.contact.search(self.rows)
         self.stepper.evaluate(rows=self.rows)
         near = self.contact.read_contacts(0.0, self.world)
-        refuse_intersecting_centre_lines(near, self.model.rods, self.strip, parting_text(self.model.scene))
-        refuse_overlapping_clamps(near, self.model.rods, self.strip)
+        refuse_overlaps(near, self.model.rods, self.strip, parting_text(self.model.scene))
         self.step(2)
         if self.model.ramp is None:
             self.group.check(self.rows, np.ones(1, dtype=int), np.zeros(1, dtype=bool))
@@ -111,29 +104,21 @@ class SpatialMechanics(Mechanics):
         self._apply_release()
         self.relaxation.set_thermal_strain(self._thermal_strain(load), self.world)
         if self.clamps is None or steps == 0:
-            self._move_clamps(load, factor)
+            # held nodes move to their places under the load; given stations of the edge move while it is applied
+            held, displacement = self.model.wires.held_node, fetch(self.state.displacement).copy()
+            displacement[held, :2] = self.model.held_shift(load.gradient, factor)
+            if self.edge is not None and load.stations is not None:
+                self.edge.set_target(load)
+                displacement[held, 2] = 0.0
+                displacement[held] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
+            store(self.state.displacement, displacement)
         self.group.begin_load(self.world, load)
-
-    def search_pairs(self) -> None:
-        """Search the pairs of wires that may touch."""
-        self.contact.search(self.rows)
 
     def set_dead_load(self, force: np.ndarray) -> None:
         """Put dead loads on the nodes of the mesh of all ranks, (node, 3) [N]."""
         own = force if self.model.strip is None else force[self.model.strip.nodes_of_mesh]
         self.state.set_load(own, root_mean_square(force))
         self._untested = np.inf
-
-    def _move_clamps(self, load: LoadPoint, factor: float) -> None:
-        """Move the held nodes to their places under the load; given stations of the edge move while it is applied."""
-        held = self.model.wires.held_node
-        displacement = fetch(self.state.displacement).copy()
-        displacement[held, :2] = self.model.held_shift(load.gradient, factor)
-        if self.edge is not None and load.stations is not None:
-            self.edge.set_target(load)
-            displacement[held, 2] = 0.0
-            displacement[held] += self.edge.mesh_displacement(self.edge.station_displacement)[held]
-        store(self.state.displacement, displacement)
 
     @property
     def release_parts(self) -> int:
@@ -169,10 +154,6 @@ class SpatialMechanics(Mechanics):
         own = slice(self.world * rows, (self.world + 1) * rows)
         set_natural_shape(self.stepper.arrays, self.stepper.rods, before + share * (after - before), own)
 
-    def is_loading_gently(self, loading: bool) -> bool:
-        """Whether a load is applied more slowly where wires overlap."""
-        return loading and not self.may_overlap
-
     def tell(self, note: str) -> None:
         """Add a note for the user, once."""
         if note not in self.notes:
@@ -190,32 +171,34 @@ class SpatialMechanics(Mechanics):
         strain = float(np.abs(load.gradient - self.state.gradient).max())
         strain += abs(scene.wire.length_factor(load.temperature) - steering.length_factor)
         if any(any(stage.temperature_gradient) for stage in scene.stages):
-            strain += self.strip.largest_of_nodes(
-                np.abs(self._thermal_strain(load) - fetch(self._part(self.relaxation.checks.arrays.thermal_strain)))
-            )
+            now = self.stepper.part(self.relaxation.checks.arrays.thermal_strain, self.world)
+            strain += self.strip.largest_of_nodes(np.abs(self._thermal_strain(load) - fetch(now)))
         if self.edge is not None and load.stations is not None:
             strain += self.edge.strain_to(load)
         return strain
 
     def _thermal_strain(self, load: LoadPoint) -> np.ndarray:
-        """[node] thermal strain of the segments beyond that in the middle of the mesh."""
-        return segment_thermal_strain(self.model, load.temperature, np.array(load.temperature_gradient))
+        """[node] thermal strain of the segment behind a node beyond that in the middle of the panel."""
+        rods, wire, panel = self.model.rods, self.model.scene.wire, self.model.panel
+        middle = rods.position[:, :2] + 0.5 * rods.rest_edge[:, :2]
+        excess = (middle - (np.asarray(panel.low) + 0.5 * np.asarray(panel.size))) @ np.array(load.temperature_gradient)
+        return np.asarray(wire.expansion * excess / wire.length_factor(load.temperature))
 
     def predict(self, ratio: float) -> None:
         displacement = fetch(self.state.displacement).copy()
         if ratio > 0.0 and self._last is not None:
-            move = ratio * (displacement - self._last[1])
+            move = ratio * (displacement - self._last)
             largest = self.strip.largest_of_nodes(np.linalg.norm(move, axis=1))
             limit = MAX_PREDICTION * self.model.rods.section.thickness
             store(self.state.displacement, displacement + move * min(1.0, limit / max(largest, 1e-300)))
-        self._last = self.state.gradient, displacement
+        self._last = displacement
         self.relaxation.stop_motion(self.rows)
 
     def rub(self, rubs: bool) -> None:
         self.state.steering.set(friction=self.model.scene.contact.friction if rubs else 0.0)
 
     def advance_history(self) -> None:
-        if self.model.ramp is None and (moving := self.group.residual.moving_blocks(self.world)):
+        if self.model.ramp is None and (moving := self.group.moving_blocks(self.world)):
             blocks = f"{moving} block{'s' if moving > 1 else ''} of up to {ROD_BLOCK} nodes"
             self.tell(f"at strains of {strain_text(self.state.gradient)}, {blocks} still moved in the equilibrium of the mesh")
         self.stepper.yielding.advance(self.world)
@@ -225,10 +208,6 @@ class SpatialMechanics(Mechanics):
     def dissipated(self) -> float:
         self.contact.collect_slip_work()
         return float(self.stepper.yielding.dissipated[self.world] + self.contact.dissipated[self.world])
-
-    def _part(self, array: wp.array) -> wp.array:
-        """The part of an array that belongs to this world."""
-        return self.stepper.part(array, self.world)
 
     # --- steps
 
@@ -268,7 +247,8 @@ class SpatialMechanics(Mechanics):
         """Move given stations while the load is applied, then with the strains."""
         if not loading:
             edge.follow(self.state.gradient)
-        if not loading and edge.is_at_target:
+        given = edge.rim.given
+        if not loading and np.array_equal(edge.station_displacement[given], edge.target[given]):
             return
         control = self.state.steering.read()
         self._move(edge.move_given(control.ramp_step / max(control.ramp_steps, 1.0) if loading else 1.0))
@@ -304,7 +284,7 @@ class SpatialMechanics(Mechanics):
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         wire = self.model.scene.wire
-        if self.state.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
+        if self.state.steering.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
             return False
         self.stepper.evaluate(rows=self.rows)
         found = self.contact.read_contacts(world=self.world)
@@ -317,12 +297,12 @@ class SpatialMechanics(Mechanics):
             )
             return False
         with self.stepper.only(self.rows):
-            state, contacts = self.relaxation.sums(self.rows, of_mean=False), self.contact.checks.sums(self.rows)
+            state, contacts = self.relaxation.sums(self.rows, of_mean=False), self.contact.sums(self.rows)
         tension = np.abs(self.relaxation.tension()).reshape(self.stepper.worlds, -1)[self.world]
         rods = self.model.rods
         strained = self.strip.largest_of_nodes(tension / rods.of_nodes("axial_stiffness"))
         is_as_drawn = wire.set_fraction == 1.0 and rods.natural_curvature is None and rods.natural_twist is None
-        ratio = self.group.residual.ratio(state, contacts, self.rows)[0]
+        ratio = self.group.residual_ratio(state, contacts, self.rows)[0]
         return bool(is_as_drawn and strained <= AXIAL_ERROR and ratio < 1.0)
 
     # --- real time
@@ -335,16 +315,15 @@ class SpatialMechanics(Mechanics):
 
     def residual_now(self) -> float:
         self.stepper.evaluate()
-        sums, contacts = self.relaxation.sums(of_mean=False), self.contact.checks.sums(self.rows)
-        return float(self.group.residual.measure(sums, contacts, self.rows)[0])
+        sums, contacts = self.relaxation.sums(of_mean=False), self.contact.sums(self.rows)
+        return float(self.group.residual(sums, contacts, self.rows)[0])
 
     # --- meshes of one knit (solve/multilevel.py)
 
     @cached_property
     def fields(self) -> Fields:
         """Fields for transfer between meshes of one knit."""
-        assert self.multipliers is not None
-        return Fields(self.model, self.relaxation, self.contact, self.multipliers)
+        return Fields(self)
 
     def prolongation(self, smaller: SpatialMechanics) -> Prolongation:
         return Prolongation(self.fields, smaller.fields, self.edge)

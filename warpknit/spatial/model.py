@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -212,11 +211,7 @@ def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
             wires,
             held_node=np.searchsorted(strip.nodes_of_mesh, wires.held_node[own]),
             held_lever=wires.held_lever[own],
-            held_section=wires.held_section[:0],  # nothing reads them any more
-            site_wire=wires.site_wire[:0],
-            site_seed=wires.site_seed[:0],
-            site_low=wires.site_low[:0],
-            site_high=wires.site_high[:0],
+            **{name: getattr(wires, name)[:0] for name in ("site_wire", "site_seed", "site_low", "site_high")},
             panel_begin=None if wires.panel_begin is None else wires.panel_begin[wire],
             panel_step=None if wires.panel_step is None else wires.panel_step[wire],
         ),
@@ -228,30 +223,56 @@ def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
 
 def _whole_model(scene: Scene, device: str) -> SpatialModel:
     """The model of all wires."""
-    section = wire_section(scene.wire)
+    section, cloth, table = wire_section(scene.wire), None, None
     if scene.wires is not None:
-        _refuse_fine_nodes(scene, section.thickness)
-        found, length = rest_wires(scene), scene.wires.loop_length
-        size = f"wires.node_spacing = {exact(scene.wires.node_spacing, 'm')}"
-        refuse_beyond_memory(size, scene, found.node_count, device)
-        panel, wires, rods = panel_of_wires(_sections(scene, found), found, length)
-        spacing = float(rods.natural_length[rods.following >= 0].min())
-        curve = catmull_rom(rods)
-        return _assemble(scene, rods, spacing, length, wires, panel=panel, curve=curve, device=device)
-    cloth = None
-    if scene.hook is not None:
-        segments, set_fraction, length = scene.model.nodes_per_loop, scene.wire.set_fraction, scene.hook.length
-        table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
-        panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
-        wires, spacing = hook_wires(scene.hook, panel, segments), length / segments
+        # the fictitious masses allow for few contacts at a node
+        least, given_spacing = LEAST_SPACING * section.thickness, exact(scene.wires.node_spacing, "m")
+        if scene.wires.node_spacing < least * (1.0 - ROUND_OFF):
+            wrong = f"{given_spacing} is below half the thickness of the wire"
+            raise scene_error(scene.path, "wires.node_spacing", wrong, f"write at least {at_least(least, 'm')}")
+        found, loop_length = rest_wires(scene), scene.wires.loop_length
+        refuse_beyond_memory(f"wires.node_spacing = {given_spacing}", scene, found.node_count, device)
+        panel, wires, rods = panel_of_wires(_sections(scene, found), found, loop_length)
+        curve, spacing = catmull_rom(rods), float(rods.natural_length[rods.following >= 0].min())
     else:
-        cloth = knit_scene(scene, device)
-        table, panel, length = lay_out(scene, cloth)
-        wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
-        spacing = float(table.spacing.min())
-    rods, curve = rods_of_wires(section, panel, wires)
-    parts = {"panel": panel, "curve": curve, "cloth": cloth, "table": table, "device": device}
-    return _assemble(scene, rods, spacing, length, wires, **parts)
+        if scene.hook is not None:
+            segments, set_fraction, loop_length = scene.model.nodes_per_loop, scene.wire.set_fraction, scene.hook.length
+            table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
+            panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
+            wires, spacing = hook_wires(scene.hook, panel, segments), loop_length / segments
+        else:
+            cloth = knit_scene(scene, device)
+            table, panel, loop_length = lay_out(scene, cloth)
+            wires = place_wires(cloth, table, panel, section.thickness, evenly=scene.solver.drive == "ramp")
+            spacing = float(table.spacing.min())
+        rods, curve = rods_of_wires(section, panel, wires)
+    rods = replace(rods, set_fraction=scene.wire.set_fraction)
+    axial, bending = rods.of_wires("axial_stiffness"), rods.of_wires("bending_stiffness")
+    # with more softening, bending limits the step of a ramp and nothing is gained
+    most = (2.0 * spacing / scene.wire.diameter) ** 2
+    if scene.solver.drive == "relax":
+        most = float(np.min(axial * loop_length**2 / (SOFT_STRETCH * bending)))
+    softening = max(1.0, min(scene.solver.axial_softening, most))
+    stiffest = float(max(axial.max() / softening / spacing, 4.0 * bending.max() / spacing**3))
+    # about as stiff as a loop, or as the softest wire where all are nearly straight
+    soft = max(SOFT_PENALTY * (float(bending.max()) / loop_length**3), STRAIGHT_PENALTY * rods.wire_stiffness.min() / loop_length)
+    given = scene.contact.stiffness
+    model = SpatialModel(
+        scene=scene,
+        panel=panel,
+        wires=replace(wires, forms=None),  # nothing reads them any more
+        rods=rods,
+        curve=curve,
+        softening=softening,
+        contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
+        soft_penalty=float(soft) if given is None else given,
+        loop_length=loop_length,
+        device=device,
+        precision=precision_of(scene.solver.precision, 1.0),
+        cloth=cloth,
+        table=table,
+    )
+    return model if scene.solver.drive == "relax" else replace(model, ramp=ramp_numerics(model))
 
 
 def _sections(scene: Scene, wires: Wires) -> list[Section]:
@@ -264,45 +285,6 @@ def _sections(scene: Scene, wires: Wires) -> list[Section]:
     return [by_thickness[each] for each in thickness.tolist()]
 
 
-def _refuse_fine_nodes(scene: Scene, thickness: float) -> None:
-    """Refuse a node spacing below LEAST_SPACING: the fictitious masses allow for few contacts at a node."""
-    least = LEAST_SPACING * thickness
-    if scene.wires is not None and scene.wires.node_spacing < least * (1.0 - ROUND_OFF):
-        wrong = f"{exact(scene.wires.node_spacing, 'm')} is below half the thickness of the wire"
-        raise scene_error(scene.path, "wires.node_spacing", wrong, f"write at least {at_least(least, 'm')}")
-
-
-def _assemble(scene: Scene, rods: Rods, spacing: float, loop_length: float, wires: SpatialWires, **parts: Any) -> SpatialModel:
-    """The model with its solver constants; spacing [m] of its nodes; parts: its other fields."""
-    rods = replace(rods, set_fraction=scene.wire.set_fraction)
-    axial, bending = rods.of_wires("axial_stiffness"), rods.of_wires("bending_stiffness")
-    # with more softening, bending limits the step of a ramp and nothing is gained
-    most = (2.0 * spacing / scene.wire.diameter) ** 2
-    if scene.solver.drive == "relax":
-        most = float(np.min(axial * loop_length**2 / (SOFT_STRETCH * bending)))
-    softening = max(1.0, min(scene.solver.axial_softening, most))
-    stiffest = float(max(axial.max() / softening / spacing, 4.0 * bending.max() / spacing**3))
-    given = scene.contact.stiffness
-    model = SpatialModel(
-        scene=scene,
-        rods=rods,
-        wires=replace(wires, forms=None),  # nothing reads them any more
-        softening=softening,
-        contact_stiffness=CONTACT_TO_BENDING * stiffest if given is None else given,
-        soft_penalty=_soft_penalty(rods, loop_length) if given is None else given,
-        loop_length=loop_length,
-        precision=precision_of(scene.solver.precision, 1.0),
-        **parts,
-    )
-    return model if scene.solver.drive == "relax" else replace(model, ramp=ramp_numerics(model))
-
-
-def _soft_penalty(rods: Rods, loop_length: float) -> float:
-    """[N/m] smallest penalty of a contact: about as stiff as a loop, or as the softest wire where all are nearly straight."""
-    loop = float(rods.of_wires("bending_stiffness").max()) / loop_length**3
-    return float(max(SOFT_PENALTY * loop, STRAIGHT_PENALTY * rods.wire_stiffness.min() / loop_length))
-
-
 def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[Rods, RestCurve]:
     """Rods of the wires of a panel at rest and the curve between nodes. Computed for each form, then copied."""
     forms = wires.forms
@@ -313,14 +295,3 @@ def rods_of_wires(section: Section, panel: Panel, wires: SpatialWires) -> tuple[
     sections = node[wires.held_section]
     copies = rods.holding(node[wires.held_node], sections, clamped=sections).copied(forms.form, forms.origin)
     return copies, replace(fit_rest_curve(rods, forms.line), row=copies.row)
-
-
-def segment_thermal_strain(model: SpatialModel, temperature: float, gradient: np.ndarray) -> np.ndarray:
-    """Thermal strain of the segment behind each node [node]; 0 in the panel's middle.
-
-    temperature [K] at the middle of the panel; its gradient (2,) [K/m] along weft and warp at rest.
-    """
-    wire, panel = model.scene.wire, model.panel
-    middle = model.rods.position[:, :2] + 0.5 * model.rods.rest_edge[:, :2]
-    excess = (middle - (np.asarray(panel.low) + 0.5 * np.asarray(panel.size))) @ gradient
-    return wire.expansion * excess / wire.length_factor(temperature)

@@ -60,7 +60,6 @@ class SpatialObservables(Boundary):
     stretch_energy: float  # [J] with the true stiffness, or the softened one in a ramp
     bend_energy: float  # [J] bending and twist, elastic
     hardened_energy: float  # [J] stored by hardening
-    contact_growth: float  # [J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved
     contact_energy: float  # [J] of the penalty
     thermal_strain: np.ndarray  # [node] relative excess of the length factor of segments over the middle's
     touching: Contacts  # contacts with a force
@@ -83,6 +82,19 @@ class SpatialObservables(Boundary):
         clamp c; f of a contact is the force on the first wire, P0 and Q0 are the rest places of the contact on both wires.
         """
         return nominal_stress(self.model, self.segment_force, self.force, self.touching)
+
+    @property
+    def contact_growth(self) -> float:
+        """[J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved.
+
+        Sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `section_offsets`.
+        """
+        t, rods, curve = self.touching, self.model.rods, self.model.curve
+        own, other = (
+            section_offsets(rods, curve, self.segment_tangent, self.director, node, t.place[:, k]).sum(axis=1)
+            for k, node in enumerate((t.first, t.second))
+        )
+        return float(np.sum(t.force * (rods.touch_distance(t.first, t.second) - np.sum(t.normal * (own - other), axis=1))))
 
     @property
     def thermal_force(self) -> float:
@@ -207,12 +219,15 @@ class SpatialObservables(Boundary):
         first, last = clamped_ends(rods)
         own[first], own[last] = own[rods.following[first]], own[rods.previous[last]]
         before = np.where(rods.previous >= 0, own[rods.previous], 0.0)
-        moments, per_moment = bending_moments(self), modulus * rods.of_nodes("radius") / rods.of_nodes("bending_stiffness")
+        at_node, between, contact, node = bending_moments(self)
+        per_moment = modulus * rods.of_nodes("radius") / rods.of_nodes("bending_stiffness")
         segment = np.flatnonzero(rods.slope_length > 0.0)
-        between = (own[:, None] + per_moment[:, None] * moments.between)[segment]
-        peaks = np.concatenate([between.ravel(), own[moments.segment] + per_moment[moments.segment] * moments.contact])
-        nodes = np.concatenate([np.repeat(segment, between.shape[1]), moments.segment])
-        return WireStress(np.maximum(own, before) + per_moment * moments.node, peaks, nodes)
+        peaks = (own[:, None] + per_moment[:, None] * between)[segment].ravel()
+        return WireStress(
+            np.maximum(own, before) + per_moment * at_node,
+            np.concatenate([peaks, own[node] + per_moment[node] * contact]),
+            np.concatenate([np.repeat(segment, between.shape[1]), node]),
+        )
 
     @property
     def shear_stress(self) -> np.ndarray:
@@ -390,6 +405,7 @@ def read(
         strip.gathered(values) for values in (own_tension, np.where(own(relaxation.can_stretch), own_tension, 0.0))
     )
     plastic = own(yielding.plastic) if yielding.yields else yielding.plastic
+    stiffness = rods.of_nodes("axial_stiffness") / relaxation.stored_softening
     half_in_clamp = factor * rods.half_in_clamp if relaxation.keeps_arc_length else np.zeros(rods.node_count)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0) + half_in_clamp
     touching = strip.gathered_contacts(contact.read_contacts(world=world))
@@ -409,12 +425,11 @@ def read(
         twist_change=twisted,
         segment_force=of_mesh(state.edge_force),
         force=of_mesh(state.force),
-        stretch_energy=float(np.sum(0.5 * tension**2 * length / relaxation.stored_stiffness(rods))),
+        stretch_energy=float(np.sum(0.5 * tension**2 * length / stiffness)),
         bend_energy=float(yielding.elastic_energy[world]),
         hardened_energy=float(yielding.hardened_energy[world]),
-        contact_growth=_contact_growth(model, touching, tangent, director),
         contact_energy=_contact_energy(rods, of_mesh(state.contact_offset), touching),
-        thermal_strain=strip.gathered(own(relaxation.thermal_strain)),
+        thermal_strain=strip.gathered(own(fetch(relaxation.checks.arrays.thermal_strain))),
         touching=touching,
         near=strip.gathered_contacts(contact.find_contacts((NEAR - 1.0) * rods.section.thickness, world)),
     )
@@ -430,15 +445,3 @@ def _contact_energy(rods: Rods, offset: np.ndarray, t: Contacts) -> float:
     ends = [(offset[node], offset[rods.following[node]]) for node in (t.first, t.second)]
     offsets = sum((1.0 - place) * here + place * there for (here, there), place in zip(ends, t.place.T, strict=True))
     return float(np.sum(0.5 * t.force * t.overlap**2 / (t.overlap + offsets)))
-
-
-def _contact_growth(model: SpatialModel, t: Contacts, tangent: np.ndarray, director: np.ndarray) -> float:
-    """[J] sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `section_offsets`."""
-    if not len(t.force):
-        return 0.0
-    rods = model.rods
-    own, other = (
-        section_offsets(rods, model.curve, tangent, director, node, t.place[:, k]).sum(axis=1)
-        for k, node in enumerate((t.first, t.second))
-    )
-    return float(np.sum(t.force * (rods.touch_distance(t.first, t.second) - np.sum(t.normal * (own - other), axis=1))))

@@ -165,7 +165,7 @@ class PairList:
 
 
 def _part(name: str, begin: int, end: int) -> Any:
-    """Key of the part of an array that belongs to pairs from `begin` to `end`."""
+    """Key of the part of an array for pairs from `begin` to `end`."""
     if name in SLIP_ARRAYS:
         return slice(None), slice(2 * begin, 2 * end)
     each = PLACES if name == "pair_place" else 1
@@ -219,19 +219,6 @@ class PairSearch:
         store(arrays.longest_reach, stepper.strip.ranks.largest(fetch(arrays.longest_reach)))
         self._grid.build(arrays.place, 1.0)
 
-    def count(self, pairs: PairList, before: PairList) -> int:
-        """Count the pairs of each segment, and find where they begin in a list; returns their number.
-
-        before: the list of now, whose counts worlds keep that are not searched.
-        """
-        self._find(pairs, before, filling=False)
-        wp.utils.array_scan(pairs.pair_count_of, pairs.pair_start, inclusive=False)
-        return int(fetch(pairs.pair_start)[-1] + fetch(pairs.pair_count_of)[-1])
-
-    def fill(self, pairs: PairList, before: PairList) -> None:
-        """Fill a list with the pairs that were counted."""
-        self._find(pairs, before, filling=True)
-
     def reach(self, pairs: PairList) -> np.ndarray:
         """[world] [m] bound on the distance at rest of two points whose segments form a pair: by what a unit strain moves them
         apart."""
@@ -240,7 +227,11 @@ class PairSearch:
         pairs.replayed("reach", lambda: [bind(find_reach, pairs.capacity, stepper.arrays, pairs, reach=reach)])
         return np.asarray(self.cells.radius + stepper.strip.ranks.largest(fetch(reach)))
 
-    def _find(self, pairs: PairList, before: PairList, *, filling: bool) -> None:
+    def find(self, pairs: PairList, before: PairList, *, filling: bool) -> int:
+        """Count the pairs of each segment and find where they begin in a list, or fill it with them; returns their number.
+
+        before: the list of now, whose counts worlds keep that are not searched.
+        """
         stepper = self.stepper
         if not pairs.find:
             sources, cells = (self._wires, stepper.arrays, stepper.state, self._arrays, pairs), self.cells
@@ -257,3 +248,6 @@ class PairSearch:
             find.set_param_by_name("is_filling", int(filling))
             find.set_param_by_name("old_count", before.pair_count_of)
         stepper.team.together([find.launch for find in pairs.find])
+        if not filling:
+            wp.utils.array_scan(pairs.pair_count_of, pairs.pair_start, inclusive=False)
+        return int(fetch(pairs.pair_start)[-1] + fetch(pairs.pair_count_of)[-1])

@@ -59,7 +59,6 @@ class SpatialWires:
     tile: np.ndarray  # (3,) [m] spatial periods; 0: none
     held_node: np.ndarray  # [held] nodes, counted over all wires
     held_lever: np.ndarray  # (held, 2) [m] at rest, from the clamp that holds the node
-    held_section: np.ndarray  # [held segment] first nodes of segments whose sections are held
     site_wire: np.ndarray
     site_seed: np.ndarray  # place nearest to the body at rest
     site_low: np.ndarray  # reach before it, negative
@@ -69,6 +68,11 @@ class SpatialWires:
     panel_begin: np.ndarray | None = None
     panel_step: np.ndarray | None = None  # [wire] nodes for each node of the panel
     sliding_clamp: np.ndarray | None = None  # clamps, of two held nodes each, that slide along the warp; None: none
+
+    @property
+    def held_section(self) -> np.ndarray:
+        """[clamp] first nodes of the segments that clamps hold, with their sections."""
+        return self.held_node[::2]
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,8 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
     for w in example:
         thread = threads[panel.wire_thread[w]]
         if closed:
-            along = _closed_nodes(thread, int(entry[w]), int(panel.wire_count[w]))
+            arcs = thread.at_node(int(entry[w]) + np.arange(int(panel.wire_count[w]) + 1))
+            along = _FormNodes(arcs[:-1], np.diff(arcs), int(entry[w]), 1.0)
         else:
             along = _clamped_nodes(thread, float(panel.wire_begin[w]), float(panel.wire_length[w]))
         nodes.append(along)
@@ -194,7 +199,6 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         tile=np.array([*panel.size, 0.0]) if closed else np.zeros(3),
         held_node=np.zeros(0, dtype=np.int64),
         held_lever=np.zeros((0, 2)),
-        held_section=np.zeros(0, dtype=np.int64),
         site_wire=wire,
         site_seed=seed,
         site_low=place(number + panel.pair_low.reshape(-1, 2)) - seed,
@@ -212,7 +216,6 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         wires,
         held_node=held.ravel(),
         held_lever=lever.reshape(-1, 2),
-        held_section=held[:, [0, 2]].ravel(),
         panel_begin=(entry - begin) / step,
         panel_step=1.0 / step,
     )
@@ -239,12 +242,6 @@ def line_along(
     step = np.broadcast_to(step, arcs.shape)
     places = curve((arcs[:, None] + FIT_PLACES * step[:, None]).ravel()).reshape(len(arcs), len(FIT_PLACES), 3)
     return CentreLine(slope, places - curve(arcs)[:, None], step)
-
-
-def _closed_nodes(thread: SpacedThread, first: int, count: int) -> _FormNodes:
-    """Nodes of a closed wire, from the node `first` of its thread on."""
-    arcs = thread.at_node(first + np.arange(count + 1))
-    return _FormNodes(arcs[:-1], np.diff(arcs), first, 1.0)
 
 
 def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> _FormNodes:
@@ -308,7 +305,6 @@ def hook_wires(hook: Hook, panel: Panel, segments: int) -> SpatialWires:
         forms=WireForms(points, CentreLine.joined(lines), np.arange(2), np.zeros((2, 3))),
         held_node=held.ravel(),
         held_lever=lever,
-        held_section=held[:, [0, 2]].ravel(),
         site_wire=np.array([[LEFT, RIGHT]]),
         site_seed=(panel.pair_seed - panel.wire_first[panel.pair_wire] - BETWEEN)[None],
         site_low=panel.pair_low[None].astype(float),

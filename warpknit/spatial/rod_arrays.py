@@ -15,6 +15,7 @@ import warp as wp
 from ..base.text import short_repr
 from ..compute.arrays import array, names_of, new_arrays
 from ..compute.host import fetch, is_in_place, lanes, store
+from ..compute.kept import rows_of
 from ..compute.launch import Launch, bind
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
@@ -49,32 +50,11 @@ from .rods import Rods
 
 WIRE_PARTS = 64  # of a wire whose masses a GPU factors
 OPEN_BORDER = 4  # last nodes of an open wire that have a row in the borders of the masses
-KERNELS = (
-    banded_mass.factor_masses,
-    banded_mass.factor_borders,
-    contact_checks.bound_contact_stiffness,
-    membrane_transfer.gather_forces,
-    rod_border.copy_nodes,
-    rod_checks.sum_states,
-    rod_checks.find_motion,
-    rod_checks.keep_motion,
-    rod_checks.slow_motion,
-    rod_clamps.move_clamps,
-    rod_forces.find_rod_forces,
-    rod_frames.update_frames,
-    rod_stress.count_clamp_stress,
-    rod_masses.find_masses,
-    rod_motion.move_rods,
-    rod_sums.sum_mass_products,
-    rod_turns.find_turns,
-    rod_turns.turn_sections,
-    wire_closest.mark_near_pairs,
-    wire_closest.find_closest_places,
-    wire_contact_by_batch.find_followed_contacts,
-    wire_contact_forces.find_contact_forces,
-    wire_pairs.place_segments_in_hash,
-    wire_pairs.find_segment_pairs,
-)
+# whose arrays have the types of the precision
+MODULES = (
+    banded_mass, contact_checks, rod_border, rod_checks, rod_clamps, rod_forces, rod_frames, rod_masses, rod_motion, rod_stress,
+    rod_sums, rod_turns, wire_closest, wire_contact_by_batch, wire_contact_forces, wire_pairs,
+)  # fmt: skip
 NUMBERS = ("pending_turn", "spin", "angle", "torque", "turn")  # the other arguments of any type are vectors
 OF_FOUR = ("mass_factor", "mass_border", "sweep")
 
@@ -182,21 +162,13 @@ class RodState:
         if count == 1:
             return self
 
-        def part(array: wp.array) -> wp.array:
-            each = array.shape[0] // count
-            return array[number * each : (number + 1) * each] if array.shape[0] > 1 else array
-
-        return RodState(**{field.name: part(getattr(self, field.name)) for field in fields(self)})
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        return RodState(**{name: array[rows_of(array, number, count)] for name, array in arrays.items()})
 
     def set_load(self, force: np.ndarray, scale: float | None = None) -> None:
         """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh, default: over these."""
         store(self.load_force, force)
         self.steering.set(dead_load=root_mean_square(force) if scale is None else scale)
-
-    @property
-    def dead_load(self) -> float:
-        """[N] root mean square of the dead loads on the nodes of the mesh; 0 without any."""
-        return self.steering.dead_load
 
     @property
     def steering(self) -> Steering:
@@ -239,21 +211,16 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: 
     values |= {name: getattr(rods, name) for name in ("rest_edge", "node_length", "slope_length")}
     values["node_stiffness"] = node_stiffness(rods) if rods.node_stiffness is None else rods.node_stiffness
     arrays = new_arrays(RodArrays, device, {"row": rods.node_count}, values)
-    curvature, twist = _shape_as_knitted(arrays, rods, device, precision)
+    at_rest = rest_state(rods, device, precision, worlds)
+    Steering(at_rest.control).set(status=Steering.EVALUATING)
+    frames_launch(arrays, at_rest).run(device)
+    force_launch(rods, arrays, at_rest, TouchArrays.of(rods.node_count, device, precision)).run(device)
+    curvature, twist = fetch(at_rest.curvature).copy(), fetch(at_rest.twist).copy()
     between = 0.5 * (twist + twist[rods.following])
     store(arrays.moment_turn, np.stack([np.cos(between), np.sin(between)], axis=1))
     arrays = replace(arrays, knitted=(curvature, twist))
     set_natural_shape(arrays, rods)
     return arrays
-
-
-def _shape_as_knitted(arrays: RodArrays, rods: Rods, device: str, precision: Precision) -> tuple[np.ndarray, np.ndarray]:
-    """Curvature [row] and twist [row] of rods at rest."""
-    at_rest = rest_state(rods, device, precision, rods.node_count // arrays.world_nodes)
-    Steering(at_rest.control).set(status=Steering.EVALUATING)
-    frames_launch(arrays, at_rest).run(device)
-    force_launch(rods, arrays, at_rest, TouchArrays.of(rods.node_count, device, precision)).run(device)
-    return fetch(at_rest.curvature).copy(), fetch(at_rest.twist).copy()
 
 
 def set_natural_shape(arrays: RodArrays, rods: Rods, released: float = 1.0, rows: slice = slice(None)) -> None:
@@ -373,23 +340,17 @@ def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None
 
 @cache
 def declare_overloads(precision: Precision) -> None:
-    """Declare overloads of KERNELS for arrays of rods, before the first launch.
+    """Declare overloads of the kernels of MODULES for arrays of rods, before the first launch.
 
     A module is compiled with the overloads that are known when it is loaded, and anew for each one that comes later.
     """
-    for kernel in KERNELS:
-        _declare(kernel, precision)
-    _declare(rod_sums.sum_mass_products, DOUBLE)  # of motions between checks
-
-
-def _declare(kernel: wp.Kernel, precision: Precision) -> None:
-    types: dict[str, wp.array] = {}
-    for argument in kernel.adj.args:
-        name, kind = argument.label, precision.vec3
-        if name in NUMBERS:
-            kind = precision.real
-        elif name in OF_FOUR:
-            kind = precision.vec4
-        if isinstance(argument.type, wp.array) and argument.type.dtype is Any:
-            types[name] = wp.array(dtype=kind, ndim=argument.type.ndim)
-    wp.overload(kernel, types)
+    kernels = [kernel for module in MODULES for kernel in vars(module).values() if isinstance(kernel, wp.Kernel)]
+    declared = [(kernel, precision) for kernel in (*kernels, membrane_transfer.gather_forces) if kernel.is_generic]
+    for kernel, types in (*declared, (rod_sums.sum_mass_products, DOUBLE)):  # the last one of motions between checks
+        arrays: dict[str, wp.array] = {}
+        for argument in kernel.adj.args:
+            name = argument.label
+            kind = types.real if name in NUMBERS else types.vec4 if name in OF_FOUR else types.vec3
+            if isinstance(argument.type, wp.array) and argument.type.dtype is Any:
+                arrays[name] = wp.array(dtype=kind, ndim=argument.type.ndim)
+        wp.overload(kernel, arrays)

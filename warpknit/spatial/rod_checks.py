@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.arrays import array, new_arrays
-from ..compute.host import fetch, store
+from ..compute.host import fetch
 from ..compute.team import SharedLaunches
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE
@@ -31,7 +31,7 @@ class CheckArrays:
     is_sliding: wp.array = array(wp.int32)  # 1 where a clamp moves the node
     stiffening: wp.array = array(wp.float64, "wire")  # by which the softened stiffness of a wire is multiplied
     slowed: wp.array = array(wp.float64, "world")  # by which velocities are multiplied
-    # state at the last check; from `motion` on the motion since then
+    # state at the last check; once `find_motion` has run, the motion since then
     last_place: wp.array = array(wp.vec3d)  # [m]
     last_force: wp.array = array(wp.vec3d)  # [N]
     last_angle: wp.array = array(wp.float64)  # [rad]
@@ -76,7 +76,7 @@ class RodChecks:
         free = (mesh.held & int(HELD_NODE)) == 0
         self._free = int(np.count_nonzero(free)) // stepper.worlds
         self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // stepper.worlds
-        self._keeps_arc_length = wp.int32(keeps_arc_length)
+        self.keeps_arc_length = wp.int32(keeps_arc_length)
         self._launches = SharedLaunches(stepper.team, stepper.device, stepper.few)
 
     def launch(self, kernel: wp.Kernel, name: str = "", **named: Any) -> None:
@@ -87,7 +87,7 @@ class RodChecks:
         """Sums of the state last evaluated, of worlds; `of_mean`: with the mean unbalanced forces since the last check."""
         stepper, state, sums = self.stepper, self.stepper.state, self.stepper.sums
         unbalanced, name = (state.force_sum, "mean sums") if of_mean else (state.force, "sums")
-        self.launch(k.sum_states, name, unbalanced=unbalanced, keeps_arc_length=self._keeps_arc_length)
+        self.launch(k.sum_states, name, unbalanced=unbalanced, keeps_arc_length=self.keeps_arc_length)
         partial = fetch(self.arrays.state_partial)
         total, largest = sums.total(partial, rows), sums.largest(partial, rows)
         excess = (sums.of_wires(partial[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length).reshape(stepper.worlds, -1)
@@ -102,36 +102,11 @@ class RodChecks:
             mean_excess=excess[rows],
         )
 
-    def unbalanced_blocks(self, limit: float, world: int) -> int:
-        """Blocks of a world with an unbalanced force above `limit` [N], in the last `sums`."""
-        exceeds = fetch(self.arrays.state_partial)[:, int(k.UNBALANCED_MAX)] > limit**2
-        return int(self.stepper.sums.total(exceeds[:, None].astype(float), np.array([world]))[0, 0])
-
-    def renew_tension_offsets(self, stiffening: np.ndarray) -> None:
-        """Move the tension offsets by the multiplier rate times the errors of the softening; `stiffening` [wire of all worlds]
-        raises the stiffness."""
-        store(self.arrays.stiffening, stiffening)
-        self.launch(k.renew_tension_offsets, keeps_arc_length=self._keeps_arc_length)
-
-    def motion(self, rows: np.ndarray) -> np.ndarray:
-        """[row] [J] motion since the last check times the change of the forces; it stands in `last_place`, `last_angle`."""
-        self.launch(k.find_motion, partial=self.arrays.partial)
-        return self._total(rows)
-
-    def _total(self, rows: np.ndarray) -> np.ndarray:
+    def total(self, rows: np.ndarray) -> np.ndarray:
         """[row] the sums of `partial`."""
         return self.stepper.sums.total(fetch(self.arrays.partial)[:, None], rows)[:, 0]
-
-    def keep_motion(self) -> None:
-        """Keep the state last evaluated for the next `motion`."""
-        self.launch(k.keep_motion)
-
-    def slow_motion(self, share: np.ndarray) -> None:
-        """Reduce all velocities of each world to a share [world]."""
-        store(self.arrays.slowed, share)
-        self.launch(k.slow_motion)
 
     def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray) -> np.ndarray:
         """[row] [J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of both arrays."""
         self.launch(sum_mass_products, name, move=move, turn=turn, partial=self.arrays.partial)
-        return self._total(rows)
+        return self.total(rows)

@@ -40,6 +40,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, lanes, store, store_at
+from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..kernels.rod_blocks import ROD_LANES
@@ -78,35 +79,21 @@ LEAST_DAMPING, LEAST_OF_HISTORY = 0.003, 0.01
 COUPLING = 0.5  # of displacements and twist
 
 
-class BandedMasses:
-    """Fictitious masses of rods for the state they are in, by the bound above."""
+def set_banded_masses(checks: RodChecks, wave_length: float, spacing: float) -> None:
+    """Set fictitious masses for the state last evaluated and its contact bounds, by the bound above.
 
-    def __init__(self, checks: RodChecks, wave_length: float, *, keeps_arc_length: bool, spacing_of: Rods | None = None) -> None:
-        """wave_length [m] of the slowest wave; keeps_arc_length: whether tension acts on the turns at nodes; spacing_of: rods
-        whose mean spacing of nodes counts, default: the checks' rods.
-        """
-        self._checks, rods = checks, checks.stepper.strip.whole
-        spaced = spacing_of or rods
-        wave = 2.0 * math.pi / wave_length
-        share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
-        self._constants = {
-            "slope_factor": wp.float64(SLOPE_FACTOR),
-            "hardening": wp.float64(rods.section.hardening),
-            "keeps_arc_length": wp.int32(keeps_arc_length),
-            "share": wp.float64(share),
-            "spin_share": wp.float64(spin_share),
-            "wave_square": wp.float64(wave**2),
-            "wave_fourth": wp.float64(wave**4),
-            "spacing": wp.float64(float(spaced.natural_length[spaced.following >= 0].mean())),
-        }
-
-    def find(self) -> None:
-        """Set fictitious masses for the state last evaluated and its contact bounds."""
-        stepper = self._checks.stepper
-        threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
-        named = {"threads": threads, "threads_a_block": threads, "may_touch": wp.int32(touches)} | self._constants
-        self._checks.launch(find_masses, f"masses {touches}", **named)
-        stepper.factor_masses()
+    wave_length [m] of the slowest wave; spacing [m]: mean one of the nodes.
+    """
+    stepper, wave = checks.stepper, 2.0 * math.pi / wave_length
+    share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
+    threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
+    checks.launch(
+        find_masses, f"masses {touches}", threads=threads, threads_a_block=threads, may_touch=wp.int32(touches),
+        slope_factor=wp.float64(SLOPE_FACTOR), hardening=wp.float64(stepper.rods.section.hardening),
+        keeps_arc_length=checks.keeps_arc_length, share=wp.float64(share), spin_share=wp.float64(spin_share),
+        wave_square=wp.float64(wave**2), wave_fourth=wp.float64(wave**4), spacing=wp.float64(spacing),
+    )  # fmt: skip
+    stepper.factor_masses()
 
 
 class Stalled:
@@ -186,7 +173,7 @@ class RodRelaxation:
         self.keeps_arc_length = multipliers and softening != 1.0
         worlds = stepper.worlds
         self._has_multipliers = np.full(worlds, self.keeps_arc_length)
-        self._stored_softening = 1.0 if multipliers else softening
+        self.stored_softening = 1.0 if multipliers else softening
         stepper.steering.set(bow_moment=2.0 * float(BOW) if self.keeps_arc_length else 0.0)
         mesh = stepper.strip.whole
         spaced = spacing_of or mesh
@@ -197,10 +184,13 @@ class RodRelaxation:
         stepper.steering.set(drive=0.0, step_limit=least)
         sliding = np.zeros((0, 2), dtype=np.int64) if clamps is None else clamps.sliding_node
         longest = float(mesh.wire_length.max())
-        bow = self._bow() if self.keeps_arc_length else np.zeros(rods.node_count)
+        bow = np.zeros(rods.node_count)  # relative excess of the arc over the chord of each segment (kernels/bend.py)
+        if self.keeps_arc_length:
+            square, (weight, next_weight) = np.sum(fetch(state.curvature) ** 2, axis=1), rods.bow_weights
+            bow = float(BOW) * (weight * square + next_weight * square[rods.following])
         self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
         slowest = longest if wave_length is None else wave_length
-        self._banded = BandedMasses(self.checks, slowest, keeps_arc_length=self.keeps_arc_length, spacing_of=spacing_of)
+        self._of_masses = slowest, float(spaced.natural_length[spaced.following >= 0].mean())
         self._knows_smooth = knows_smooth
         self._vibration = 1.0 if has_history else VIBRATION
         self._least_damping = LEAST_OF_HISTORY if has_history else LEAST_DAMPING
@@ -218,19 +208,10 @@ class RodRelaxation:
         self._excess_leads = np.zeros(worlds, dtype=bool)  # of all criteria, at the last check
         self.renew_masses()
 
-    def stored_stiffness(self, rods: Rods) -> np.ndarray:
-        """Axial stiffness of stored stretch [node] [N], of a strip's or the mesh's rods."""
-        return rods.of_nodes("axial_stiffness") / self._stored_softening
-
     def set_thermal_strain(self, thermal_strain: np.ndarray, world: int = 0) -> None:
         """Set the strain [node] of the natural lengths of a world beyond its length factor; the multipliers apply it."""
         self.stepper.store_rows(self.checks.arrays.thermal_strain, np.array([world]), thermal_strain)
         self._has_multipliers[world] |= self.stepper.strip.ranks.any(bool(thermal_strain.any()))
-
-    @property
-    def thermal_strain(self) -> np.ndarray:
-        """[node] strain of the natural lengths of the segments beyond the common length factor."""
-        return fetch(self.checks.arrays.thermal_strain)
 
     def renew_masses(self, rows: np.ndarray | None = None, *, loading: bool | np.ndarray = False) -> None:
         """Evaluate the state and renew its fictitious masses, without more kinetic energy. Of all worlds, or of `rows`.
@@ -238,33 +219,31 @@ class RodRelaxation:
         The speed is limited so that only contacts that the masses allow for can touch until the next convergence check. While
         loading [row], wires may move at any speed.
         """
-        with self.stepper.only(rows) as own:
-            self._renew_masses(own, np.broadcast_to(loading, own.shape))
-
-    def _renew_masses(self, rows: np.ndarray, loading: np.ndarray) -> None:
         stepper = self.stepper
-        move = np.full(len(rows), self._largest_move)
-        if stepper.contact is not None:
-            thickness = stepper.rods.section.thickness
-            slow = np.maximum(FASTER * stepper.steering.speed_max[rows], LEAST_SPEED * thickness)
-            move = np.where(loading, move, np.minimum(move, slow))
-            approach = np.minimum(APPROACH * CHECK_STEPS * move, EVALUATED * thickness)
-            stepper.contact.list_near_pairs(CHECK_STEPS * move, rows)
-            stepper.evaluate(approach, rows=rows)
-            stepper.contact.bound_stiffness(rows)
-        else:
-            stepper.evaluate(rows=rows)
-        stepper.steering.set(rows, speed_limit=move)
-        before = self._twice_energy(rows)
-        self._banded.find()
-        now = self._twice_energy(rows)
-        if np.any(now > before):
-            slower = np.ones(stepper.worlds)
-            slower[rows] = np.sqrt(np.divide(before, now, out=np.ones(len(rows)), where=now > before))
-            self.checks.slow_motion(slower)
-            if self.clamps is not None:
-                each = len(fetch(self.clamps.velocity)) // stepper.worlds
-                store(self.clamps.velocity, np.repeat(slower, each) * fetch(self.clamps.velocity))
+        with stepper.only(rows) as own:
+            move = np.full(len(own), self._largest_move)
+            if stepper.contact is not None:
+                thickness = stepper.rods.section.thickness
+                slow = np.maximum(FASTER * stepper.steering.speed_max[own], LEAST_SPEED * thickness)
+                move = np.where(np.broadcast_to(loading, own.shape), move, np.minimum(move, slow))
+                approach = np.minimum(APPROACH * CHECK_STEPS * move, EVALUATED * thickness)
+                stepper.contact.list_near_pairs(CHECK_STEPS * move, own)
+                stepper.evaluate(approach, rows=own)
+                stepper.contact.bound_stiffness(own)
+            else:
+                stepper.evaluate(rows=own)
+            stepper.steering.set(own, speed_limit=move)
+            before = self._twice_energy(own)
+            set_banded_masses(self.checks, *self._of_masses)
+            now = self._twice_energy(own)
+            if np.any(now > before):
+                slower = np.ones(stepper.worlds)
+                slower[own] = np.sqrt(np.divide(before, now, out=np.ones(len(own)), where=now > before))
+                store(self.checks.arrays.slowed, slower)
+                self.checks.launch(k.slow_motion)
+                if self.clamps is not None:
+                    each = len(fetch(self.clamps.velocity)) // stepper.worlds
+                    store(self.clamps.velocity, np.repeat(slower, each) * fetch(self.clamps.velocity))
 
     def _twice_energy(self, rows: np.ndarray) -> np.ndarray:
         """Twice the kinetic energy of nodes and sections [row] [J], with sliding clamps."""
@@ -285,16 +264,12 @@ class RodRelaxation:
             fetch(state.node_mass)[:, 0],
             fetch(state.spin_inertia),
             stretch_stiffness=self.softened_stiffness,
-            turning=self.turning(),
+            turning=self.stepper.rods.widest_turn(np.linalg.norm(fetch(state.curvature), axis=1)),
             tension=float(np.max(self.tension(), initial=0.0)),
             contact_stiffness=state.steering.contact_stiffness,
             curve=self.curve,
         )
         return STEP_MARGIN * stable_step(rates)
-
-    def turning(self) -> np.ndarray:
-        """[node] [rad] largest turning angle at a node and its neighbours, in the state last evaluated."""
-        return self.stepper.rods.widest_turn(np.linalg.norm(fetch(self.stepper.state.curvature), axis=1))
 
     def strain(self) -> np.ndarray:
         """[node] strain of the chords of the segments, in the state last evaluated."""
@@ -303,12 +278,6 @@ class RodRelaxation:
         factor = factor[0] if len(factor) == 1 else np.repeat(factor, self.stepper.arrays.world_nodes)
         strain = fetch(state.length) / (rods.natural_length * factor) - 1.0
         return np.where(self.has_segment, strain, 0.0)
-
-    def _bow(self) -> np.ndarray:
-        """[node] relative excess of the arc over the chord of each segment (kernels/bend.py)."""
-        rods, square = self.stepper.rods, np.sum(fetch(self.stepper.state.curvature) ** 2, axis=1)
-        weight, next_weight = rods.bow_weights
-        return float(BOW) * (weight * square + next_weight * square[rods.following])
 
     def tension(self) -> np.ndarray:
         """[node] [N] tension of the segments, in the state last evaluated."""
@@ -354,21 +323,19 @@ class RodRelaxation:
         if not len(rows):
             return
         arrays, steering = self.checks.arrays, self.stepper.steering
-        work = self.checks.motion(rows)
+        self.checks.launch(k.find_motion, partial=arrays.partial)
+        work = self.checks.total(rows)
         self._has_last[rows] = False
         if self.clamps is not None and len(self.clamps.sliding):  # both nodes move, and carry the mass; the force counts once
             place, force = (self._slide() - self._last_slide).T
-            work += np.array([float(p @ f) for p, f in zip(*self._by_world(place, force), strict=True)])[rows]
+            by_world = (value.reshape(self.stepper.worlds, -1) for value in (place, force))
+            work += np.array([float(p @ f) for p, f in zip(*by_world, strict=True)])[rows]
             store_at(arrays.last_place, (self.clamps.sliding_node, 1), place[:, None])
         moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved", rows)
         if boundary is not None:
             work, moved = work + boundary[0][has_last], moved + boundary[1][has_last]
         self._mean_energy[rows] = 0.5 * moved / CHECK_STEPS**2
         steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, self._least_damping))
-
-    def _by_world(self, *values: np.ndarray) -> list[np.ndarray]:
-        """(world, ...) of values one world after the other."""
-        return [value.reshape(self.stepper.worlds, -1) for value in values]
 
     def _slide(self) -> np.ndarray:
         """(sliding clamp, 2) [m] places of the sliding clamps, and [N] their forces."""
@@ -445,7 +412,8 @@ class RodRelaxation:
         if stiffens.any():
             stiffening[rows[stiffens]] = self._stiffening(sums.mean_excess[stiffens], rows[stiffens])
         self.stepper.steering.set(rows, multiplier_rate=np.where(has, self.multiplier_rate(rows), 0.0))
-        self.checks.renew_tension_offsets(stiffening.ravel())
+        store(self.checks.arrays.stiffening, stiffening.ravel())
+        self.checks.launch(k.renew_tension_offsets, keeps_arc_length=self.checks.keeps_arc_length)
 
     def _stiffening(self, mean_excess: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """(row, wire) factor of the softened axial stiffness where a wire is taut: its mean excess strain is imposed and makes no
@@ -459,7 +427,7 @@ class RodRelaxation:
     def keep_motion(self, rows: np.ndarray | None = None) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
         rows = self.stepper.rows if rows is None else rows
-        self.checks.keep_motion()
+        self.checks.launch(k.keep_motion)
         self._has_last[rows], self._last_slide = True, self._slide()
         self.stepper.steering.set(rows, kinetic_twice=self._twice_energy(rows))
 

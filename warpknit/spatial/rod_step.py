@@ -14,9 +14,8 @@ contacts and wires of a step; sums do not depend on their number.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from itertools import chain, pairwise
 from typing import Any, NamedTuple
 
@@ -24,6 +23,7 @@ import numpy as np
 import warp as wp
 
 from ..compute.host import fetch, store
+from ..compute.kept import rows_of
 from ..compute.launch import Launch, bind, fewer_rows, replay
 from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
@@ -59,39 +59,12 @@ UNEVEN = 1.2  # nodes of the wires of a thread over their mean, above which thre
 
 
 class WireGroup(NamedTuple):
-    """Consecutive wires with their blocks and nodes. Their forces stay in a thread's cache until they move the nodes."""
+    """Consecutive wires with their blocks, nodes and forces, which stay in a thread's cache until they move the nodes."""
 
     wires: range
     blocks: range
     nodes: range
-
-
-def wire_groups(rods: Rods, wires: range, block_wire: np.ndarray, parts: int, *, on_cpu: bool) -> list[list[WireGroup]]:
-    """Groups of wires of each thread, with similar numbers of nodes; a single group on a GPU. block_wire: wire of each block."""
-    largest = GROUP_NODES if on_cpu else rods.node_count
-    first_node = np.append(rods.wire_first, rods.node_count)
-    first_block = np.searchsorted(block_wire, np.arange(len(first_node)))
-
-    def group(begin: int, end: int) -> WireGroup:
-        blocks, nodes = (range(int(of[begin]), int(of[end])) for of in (first_block, first_node))
-        return WireGroup(range(begin, end), blocks, nodes)
-
-    shares: list[list[WireGroup]] = []
-    first, count = (values[wires.start : wires.stop] for values in (rods.wire_first, rods.wire_count))
-    for begin, end in pairwise((wires.start + even_shares(first - first_node[wires.start], count, parts)).tolist()):
-        shares.append([])
-        while begin < end:
-            behind = int(np.searchsorted(first_node, first_node[begin] + largest, side="right")) - 1
-            shares[-1].append(group(begin, min(max(begin + 1, behind), end)))
-            begin = shares[-1][-1].wires.stop
-    return shares
-
-
-def shared_forces(groups: list[WireGroup], state: RodState) -> list[StepForces]:
-    """The same memory for the forces of all groups of a thread."""
-    nodes = max((len(group.nodes) for group in groups), default=0)
-    force, torque, sweep = (wp.empty(nodes, dtype=of.dtype, device=of.device) for of in (state.force, state.torque, state.sweep))
-    return [StepForces(group.nodes.start, force, torque, sweep) for group in groups]
+    stored: StepForces
 
 
 class RodStepper:
@@ -121,10 +94,11 @@ class RodStepper:
         self.state: RodState = rest_state(rods, device, precision, worlds) if state is None else state
         self.steering = Steering(self.state.control)  # [world]
         self.steering.set(last_step=np.inf)
-        # `WireContact`, `StepStress` (driven_strain.py) and `MovingClamps` set themselves
+        # `WireContact` and `MovingClamps` set themselves
         self.contact: Any = None
-        self.step_stress: Any = None
         self.clamps: Any = None
+        self._step_stress: Callable[[WireGroup, StepForces, int], list[Launch]] = lambda _group, _stored, _row: []
+        self.counts_stress = False
         pieces = rods.node_count // NODES_A_THREAD if worlds == 1 else worlds
         self.team = Team(thread_count(pieces) if device == "cpu" else 1, device)
         each = max(1, NODES_IN_CACHE * worlds // rods.node_count)
@@ -141,13 +115,10 @@ class RodStepper:
         self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
         self.sums = WireSums(self.strip, rods, block_wire, self.blocks, worlds)
         self.yielding = Yielding(rods, self.arrays, self.state, self.sums, worlds)
-        on_cpu = device == "cpu"
         if worlds == 1:
-            self._groups = wire_groups(rods, wires, block_wire, self.parts, on_cpu=on_cpu)
+            self._groups = self._wire_groups(wires, block_wire, self.parts)
         else:
-            parts = [self.share_of(wires, part) for part in range(self.parts)]
-            self._groups = [wire_groups(rods, own, block_wire, 1, on_cpu=on_cpu)[0] for own in parts]
-        self._shared = [shared_forces(groups, self.state) if device == "cpu" else [] for groups in self._groups]
+            self._groups = [self._wire_groups(self.share_of(wires, part), block_wire, 1)[0] for part in range(self.parts)]
         most = max(sum(len(group.nodes) for group in groups) for groups in self._groups)
         self._share_wires = worlds == 1 and most * self.parts > UNEVEN * rods.wire_count[wires.start : wires.stop].sum()
         shares = [self.team.share_of(wires, part, self.few) for part in range(self.few)]
@@ -162,16 +133,36 @@ class RodStepper:
         own, each = self.team.share_of(range(self.worlds), part, self.parts), len(items) // self.worlds
         return items[own.start * each : own.stop * each]
 
-    def add_up_stress(self, step_stress: Any) -> None:
-        """Let steps sum their nominal stress (`StepStress`, driven_strain.py)."""
-        self.step_stress = step_stress
+    def _wire_groups(self, wires: range, block_wire: np.ndarray, parts: int) -> list[list[WireGroup]]:
+        """Groups of wires of each thread, with similar numbers of nodes and the same memory for their forces; on a GPU one group.
+
+        block_wire: wire of each block.
+        """
+        rods, state, on_cpu = self.rods, self.state, self.device == "cpu"
+        first_node = np.append(rods.wire_first, rods.node_count)
+        first_block = np.searchsorted(block_wire, np.arange(len(first_node)))
+        largest, shares = GROUP_NODES if on_cpu else rods.node_count, []
+        first, count = (values[wires.start : wires.stop] for values in (rods.wire_first, rods.wire_count))
+        for begin, end in pairwise((wires.start + even_shares(first - first_node[wires.start], count, parts)).tolist()):
+            cuts = [begin]
+            while cuts[-1] < end:
+                behind = int(np.searchsorted(first_node, first_node[cuts[-1]] + largest, side="right")) - 1
+                cuts.append(min(max(cuts[-1] + 1, behind), end))
+            most = int(np.diff(first_node[cuts]).max(initial=0)) if on_cpu else 0
+            memory = [wp.empty(most, dtype=of.dtype, device=of.device) for of in (state.force, state.torque, state.sweep)]
+            ranges = [[range(*of[[a, b]].tolist()) for of in (first_block, first_node)] for a, b in pairwise(cuts)]
+            shares.append([
+                WireGroup(range(*own), blocks, nodes, StepForces(nodes.start, *memory))
+                for own, (blocks, nodes) in zip(pairwise(cuts), ranges, strict=True)
+            ])  # fmt: skip
+        return shares
+
+    def add_up_stress(self, launches_of: Callable[[WireGroup, StepForces, int], list[Launch]]) -> None:
+        """Let steps sum their nominal stress: launches of a group, its forces, and the row of the counts."""
+        self._step_stress, self.counts_stress = launches_of, True
         self._graphs.clear()
 
-    def in_parts(self, calls: Sequence[Callable[[], object]]) -> None:
-        """Call a function for each part."""
-        self.team.each(calls, self._threads_of(1))
-
-    def _threads_of(self, steps: int) -> int:
+    def threads_of(self, steps: int) -> int:
         """Threads that share `steps` steps of the worlds that take them."""
         return 1 + len(self._only) * self.arrays.world_nodes * steps // (2 * NODES_A_THREAD)
 
@@ -221,8 +212,7 @@ class RodStepper:
 
     def part(self, array: wp.array, world: int) -> wp.array:
         """The part of an array that belongs to a world."""
-        each = array.shape[0] // self.worlds
-        return array if self.worlds == 1 else array[world * each : (world + 1) * each]
+        return array[rows_of(array, world, self.worlds)]
 
     def _contact_launches(self, part: int, when: int = ALWAYS) -> tuple[list[Launch], TouchArrays]:
         """Launches of one thread's frames and contacts, in order; its contact arrays."""
@@ -233,23 +223,21 @@ class RodStepper:
         blocks = self.share_of(range(len(arrays.block_first)), part)
         return [frames_launch(arrays, state, blocks, when), *wait, *contact], touch
 
-    def _evaluation_launches(self, part: int = 0) -> list[Launch]:
-        """The launches of one thread's part of all forces, in order."""
-        launches, touch = self._contact_launches(part)
-        blocks = self.share_of(self.blocks, part)
-        return [*launches, force_launch(self.rods, self.arrays, self.state, touch, blocks), *self._wait()]
-
     def _step_launches(self, part: int = 0, *, is_first: bool = True, is_last: bool = True) -> list[Launch]:
         """The launches of one thread's part of a step; of a shared world the first thread also moves clamps and control."""
-        state, launches = self.state, self._motion_launches(part, is_first=is_first, is_last=is_last)
+        launches = self._motion_launches(part, is_first=is_first, is_last=is_last)
         worlds = self.share_of(range(self.worlds), part) if self.worlds > 1 else range(part == 0)
         if len(worlds):
             launches += self.clamps.launches(worlds) if self.clamps is not None else ()
-            sums, rows = fewer_rows(state.partial) if self.worlds == 1 else ([], state.partial)
-            named = {"first_world": worlds.start, "world_rows": len(rows) // self.worlds, "wire_partial": rows}
-            named |= {"stress_rows": len(self.stress_count) // self.worlds, "stress_count": self.stress_count}
-            launches += [*sums, bind(update_controls, len(worlds), control=state.control, **named)]
+            launches += self._control_launches(self.state.partial, worlds)
         return [*launches, *self._wait()]
+
+    def _control_launches(self, partial: wp.array, worlds: range) -> list[Launch]:
+        """Launches that update the control array of some worlds by rows of sums of all wires."""
+        sums, rows = fewer_rows(partial) if self.worlds == 1 else ([], partial)
+        named = {"first_world": worlds.start, "world_rows": len(rows) // self.worlds, "wire_partial": rows}
+        named |= {"stress_rows": len(self.stress_count) // self.worlds, "stress_count": self.stress_count}
+        return [*sums, bind(update_controls, len(worlds), control=self.state.control, **named)]
 
     def _motion_launches(self, part: int, *, is_first: bool, is_last: bool) -> list[Launch]:
         """Launches of one thread's part of a step up to the motion.
@@ -258,23 +246,19 @@ class RodStepper:
         the last compute the next frames, while all is in the cache; not where clamps move by forces. Threads share the forces of
         wires that are too long for one of them; then each moves its wires.
         """
-        state, groups = self.state, self._groups[part]
         in_cache = self.device == "cpu" and not self._share_wires and (self.clamps is None or not self.clamps.need_forces)
         launches, touch = self._contact_launches(part, UNLESS_AHEAD if in_cache and not is_first else ALWAYS)
-        forces = self._shared[part] if in_cache else [StepForces.of(state)] * len(groups)
         row = part if self.worlds == 1 else -1  # of the counts of the stress
-        if self.step_stress is not None:
-            launches += self.step_stress.of_contacts(self.share_of(self.blocks, part), row)
         if self._share_wires:
-            launches += [force_launch(self.rods, self.arrays, state, touch, self.share_of(self.blocks, part)), *self._wait()]
-        for group, stored in zip(groups, forces, strict=True):
-            launches += [
-                *([] if self._share_wires else [force_launch(self.rods, self.arrays, state, touch, group.blocks, stored)]),
-                *(self.step_stress.of_group(group, stored, row) if self.step_stress is not None else ()),
-                motion_launch(self.arrays, state, group.wires, stored),
-            ]
+            blocks = self.share_of(self.blocks, part)
+            launches += [force_launch(self.rods, self.arrays, self.state, touch, blocks), *self._wait()]
+        for group in self._groups[part]:
+            stored = group.stored if in_cache else StepForces.of(self.state)
+            if not self._share_wires:
+                launches.append(force_launch(self.rods, self.arrays, self.state, touch, group.blocks, stored))
+            launches += [*self._step_stress(group, stored, row), motion_launch(self.arrays, self.state, group.wires, stored)]
             if in_cache and not is_last:
-                launches.append(frames_launch(self.arrays, state, group.blocks, AHEAD))
+                launches.append(frames_launch(self.arrays, self.state, group.blocks, AHEAD))
         return [*launches, *self._wait()]
 
     def step(self, count: int) -> None:
@@ -314,38 +298,39 @@ class RodStepper:
 
     def _replay(self, steps: int, times: int) -> None:
         """Replay graphs of `steps` steps in all threads, until the state freezes; 0: forces alone."""
-        graphs = self._graphs_of(steps, partial(self._launches_of, steps))
+
+        def launches_of(part: int) -> list[list[Launch]]:
+            if steps == 0:
+                launches, touch = self._contact_launches(part)
+                forces = force_launch(self.rods, self.arrays, self.state, touch, self.share_of(self.blocks, part))
+                return [[*launches, forces, *self._wait()]]
+            if steps == 1:
+                return [self._step_launches(part)]
+            between = self._step_launches(part, is_first=False, is_last=False)
+            begin, end = (self._step_launches(part, is_first=first, is_last=not first) for first in (True, False))
+            return [begin, *[between] * (steps - 2), end]
+
+        graphs = self._graphs_of(steps, launches_of)
         if self.worlds == 1:
             self.team.replay([[graph] * times for graph in graphs], self.state.control)
-            return
-        threads = self._threads_of(max(1, steps) * times)
-        self.team.replay_worlds(graphs, times, self._status, threads)
+        else:
+            self.team.replay_worlds(graphs, times, self._status, self.threads_of(max(1, steps) * times))
 
     def _graphs_of(self, name: Any, launches_of: Callable[[int], list[list[Launch]]]) -> list[wp.Graph]:
-        """The graph of each part, captured once by name and version of the contact; launches_of: of a part."""
+        """The graph of each part, captured once by name and version of the contact; launches_of: of the steps of a part."""
         key = (self.contact.version if self.contact is not None else (), name)
         if key not in self._graphs:
             # two lists of pairs take turns; graphs of lists that have grown since are not used again, and hold their arrays
             kept = [version for version, _ in self._graphs if version != key[0] and version[1:] == key[0][1:]][-1:]
-            self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)}
-            self._graphs[key] = [self._captured(launches_of(part)) for part in range(self.parts)]
+            self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)} | {key: []}
+            for part in range(self.parts):
+                steps = launches_of(part)  # equal steps are recorded once
+                recorded = {id(step): [launch.record(self.device) for launch in step if launch.threads] for step in steps}
+                with wp.ScopedCapture(device=self.device) as capture:
+                    for command in chain.from_iterable(recorded[id(step)] for step in steps):
+                        command.launch()
+                self._graphs[key].append(capture.graph)
         return self._graphs[key]
-
-    def _launches_of(self, steps: int, part: int) -> list[list[Launch]]:
-        """Launches of one thread's part, step by step; 0 steps: forces alone."""
-        if steps <= 1:
-            return [self._step_launches(part) if steps else self._evaluation_launches(part)]
-        between = self._step_launches(part, is_first=False, is_last=False)
-        begin, end = (self._step_launches(part, is_first=first, is_last=not first) for first in (True, False))
-        return [begin, *[between] * (steps - 2), end]
-
-    def _captured(self, steps: list[list[Launch]]) -> wp.Graph:
-        """The graph of launches; equal steps are recorded once."""
-        recorded = {id(step): [launch.record(self.device) for launch in step if launch.threads] for step in steps}
-        with wp.ScopedCapture(device=self.device) as capture:
-            for command in chain.from_iterable(recorded[id(step)] for step in steps):
-                command.launch()
-        return capture.graph
 
     # --- the state on the host ---
 

@@ -9,7 +9,6 @@ no site.
 from __future__ import annotations
 
 import itertools
-from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +31,11 @@ class Sites:
         self._node_wire, self._first = rods.wire_of, rods.wire_first
         self._period = rods.wire_period[self._wire]
         self._tile = rods.tile
+        # sites in the order of their wires and places on the first one, with the keys and the span of places
+        self._span = int(np.ceil(np.abs(self._seed).max(initial=0.0))) + 2
+        key = self._key(self._wire, self._seed[:, 0])
+        self._order = np.argsort(key, kind="stable")
+        self._keys = key[self._order]
         self.shift = self._shift_at_seeds(rods)  # (site, 3) [m] at rest, of the second wire next to the first
 
     def _shift_at_seeds(self, rods: Rods) -> np.ndarray:
@@ -66,21 +70,14 @@ class Sites:
             nearest[contact[best]], found[contact[best]], sign[contact[best]] = distance[best], site[best], side
         return found, sign
 
-    @cached_property
-    def _by_place(self) -> tuple[np.ndarray, np.ndarray, int]:
-        """Sites in the order of their wires and places on the first one; the key of each, and the span of places."""
-        span = int(np.ceil(np.abs(self._seed).max(initial=0.0))) + 2
-        key = self._key(self._wire, self._seed[:, 0], span)
-        order = np.argsort(key, kind="stable")
-        return order, key[order], span
-
-    def _key(self, wires: np.ndarray, place: np.ndarray, span: int) -> np.ndarray:
+    def _key(self, wires: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Numbers that order wires (any, 2) and places on the first one."""
-        return np.asarray((wires[:, 0].astype(float) * len(self._first) + wires[:, 1]) * 4.0 * span + np.clip(place, -span, span))
+        pair = wires[:, 0].astype(float) * len(self._first) + wires[:, 1]
+        return np.asarray(pair * 4.0 * self._span + np.clip(place, -self._span, self._span))
 
     def _candidates(self, wires: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Contacts and sites of the same wires (contact, 2), within reach on the first wire."""
-        order, key, span = self._by_place
+        order, key = self._order, self._keys
         if not len(order):
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         rounds = self._wire_round[wires[:, 0]]
@@ -92,8 +89,8 @@ class Sites:
             windows = [(number[:, 0] + turn * rounds - high, number[:, 0] + turn * rounds - low) for turn in turns]
         contacts, sites = [], []
         for begin, end in windows:
-            a = np.searchsorted(key, self._key(wires, begin, span), side="left")
-            b = np.searchsorted(key, self._key(wires, end, span), side="right")
+            a = np.searchsorted(key, self._key(wires, begin), side="left")
+            b = np.searchsorted(key, self._key(wires, end), side="right")
             count = np.maximum(b - a, 0)
             contacts.append(np.repeat(np.arange(len(number)), count))
             sites.append(order[np.repeat(a - np.cumsum(count) + count, count) + np.arange(count.sum())])

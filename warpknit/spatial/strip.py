@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -89,7 +90,11 @@ def cut_rods(panel: Panel, rods: Rods, ranks: Ranks, reach: float) -> RodStrip:
     """
     first = wires_of_ranks(panel, ranks.count)
     low, high = weft_range(rods, rods.position[:, 0])
-    held = [_with_border(first[rank], first[rank + 1], low, high, reach, float(rods.tile[0])) for rank in range(ranks.count)]
+    held = []  # wires of the mesh on each rank
+    for a, b in pairwise(first):
+        is_near = within(low, high, low[a:b].min() - reach, high[a:b].max() + reach, float(rods.tile[0]))
+        is_near[a:b] = True
+        held.append(np.flatnonzero(is_near))
     here, begin, end = held[ranks.rank], int(first[ranks.rank]), int(first[ranks.rank + 1])
     own = np.arange(begin, end)
     neighbours = []
@@ -115,13 +120,6 @@ def within(low: np.ndarray, high: np.ndarray, begin: float, end: float, period: 
     return np.logical_or.reduce([(low + shift <= end) & (high + shift >= begin) for shift in images])
 
 
-def _with_border(begin: int, end: int, low: np.ndarray, high: np.ndarray, reach: float, period: float) -> np.ndarray:
-    """Wires of the mesh held by a rank; its own are `begin` to `end`."""
-    is_near = within(low, high, low[begin:end].min() - reach, high[begin:end].max() + reach, period)
-    is_near[begin:end] = True
-    return np.flatnonzero(is_near)
-
-
 class WireSums:
     """Sums rows [block, ...] of own blocks over all ranks, world by world: collective calls."""
 
@@ -137,12 +135,8 @@ class WireSums:
     def of_wires(self, rows: np.ndarray) -> np.ndarray:
         """[wire, ...] sums of the own wires; of the others zero."""
         sums = np.zeros((self._count, *rows.shape[1:]))
-        sums[self._own_wires] = self._of_own(rows)
+        sums[self._own_wires] = np.add.reduceat(rows[self._own], self._begin)
         return sums
-
-    def _of_own(self, rows: np.ndarray) -> np.ndarray:
-        """[own wire, ...] sums."""
-        return np.asarray(np.add.reduceat(rows[self._own], self._begin))
 
     def _of_worlds(self, of_wires: np.ndarray, worlds: np.ndarray | None) -> np.ndarray:
         """(world, n) exact sums of values (own wire, n), of all worlds or of some."""
@@ -153,7 +147,7 @@ class WireSums:
 
     def total(self, rows: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
         """(world, n) sums of rows (block, n), of all worlds or of some."""
-        return self._of_worlds(self._of_own(rows), worlds)
+        return self._of_worlds(np.add.reduceat(rows[self._own], self._begin), worlds)
 
     def of_nodes(self, values: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
         """[world] sums of values [node], of all worlds or of some."""

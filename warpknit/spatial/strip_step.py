@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import warp as wp
 
 from ..base.errors import ModelError
 from ..compute.host import Mirror, fetch, is_in_place, store
-from ..compute.launch import Launch, bind, fewer_rows, replay
+from ..compute.launch import Launch, bind, replay
 from ..compute.steering import Steering
-from ..kernels.control import PARTIAL_COUNT, update_controls
+from ..kernels.control import PARTIAL_COUNT
 from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
 from .model import BORDER, SpatialModel
 from .rod_arrays import RodArrays, RodState
@@ -28,59 +29,50 @@ from .strip import RodStrip, weft_range, within
 
 
 class Border:
-    """Buffers for the exchange with neighbours, one after the other."""
+    """Exchange of what contact reads with neighbours, one after the other."""
 
     def __init__(self, strip: RodStrip, rods: Rods, arrays: RodArrays, state: RodState) -> None:
-        self._device: str = str(state.control.device)
-        self._by_block = is_in_place(self._device)  # on a GPU travel is the fastest node's
-        self._block_wire = fetch(arrays.block_wire)
-        self._rods = rods
-        sent, collect = self._part([one.sent for one in strip.neighbours])
-        received, distribute = self._part([one.received for one in strip.neighbours])
-        self._sent, self._received = (Mirror((part[-1],), wp.float64, self._device) for part in (sent, received))
+        self._rods, self._state, self._block_wire = rods, state, fetch(arrays.block_wire)
+        sent, self._sent, self._collect = self._side([one.sent for one in strip.neighbours], collects=1)
+        received, self._received, self._distribute = self._side([one.received for one in strip.neighbours], collects=0)
         peers = [(one.rank, slice(*sent[k : k + 2]), slice(*received[k : k + 2])) for k, one in enumerate(strip.neighbours)]
         self._swap = strip.ranks.channel(self._sent.host, self._received.host, peers)
-        self.collect = self._launches(collect, state, collects=1, values=self._sent.array)
-        self.distribute = self._launches(distribute, state, collects=0, values=self._received.array)
 
-    def _part(self, wires: list[np.ndarray]) -> tuple[list[int], dict[str, np.ndarray]]:
-        """Begins of each neighbour's values; nodes and blocks of all, with their places."""
-        begins, nodes, blocks, node_place, block_place = [0], [], [], [], []
+    def _side(self, wires: list[np.ndarray], collects: int) -> tuple[list[int], Mirror, Callable[[], None]]:
+        """Begins of each neighbour's values, of nodes and then of blocks, their buffer, and a function that copies them."""
+        state, device = self._state, str(self._state.control.device)
+        by_block = is_in_place(device)  # on a GPU travel is the fastest node's
+        begins, parts = [0], [[np.zeros(0, dtype=np.int64)] for _ in range(4)]
         for own in wires:
             node = self._rods.nodes_of(own)
-            block = np.flatnonzero(np.isin(self._block_wire, own)) if self._by_block else np.zeros(0, dtype=np.int64)
+            block = np.flatnonzero(np.isin(self._block_wire, own)) if by_block else np.zeros(0, dtype=np.int64)
             begin, behind = begins[-1], begins[-1] + BORDER_VALUES * len(node)
-            nodes.append(node)
-            blocks.append(block)
-            node_place.append(begin + BORDER_VALUES * np.arange(len(node)))
-            block_place.append(behind + np.arange(len(block)))
+            places = (node, begin + BORDER_VALUES * np.arange(len(node)), block, behind + np.arange(len(block)))
+            for part, numbers in zip(parts, places, strict=True):
+                part.append(numbers)
             begins.append(behind + len(block))
-        lists = {"border_node": nodes, "border_place": node_place, "border_block": blocks, "block_place": block_place}
-        return begins, {name: np.concatenate([np.zeros(0, dtype=np.int64), *parts]) for name, parts in lists.items()}
-
-    def _launches(self, lists: dict[str, np.ndarray], state: RodState, **named: object) -> list[Launch]:
-        """Launches that copy the values of the nodes and blocks of `lists` (see `_part`)."""
-        places: dict[str, wp.array] = {}
-        for name, numbers in lists.items():
-            places[name] = wp.array(numbers, dtype=wp.int32, device=self._device)
-        node = {name: places[name] for name in ("border_node", "border_place")}
-        block = {name: places[name] for name in ("border_block", "block_place")}
-        return [
-            bind(copy_nodes, len(lists["border_node"]), state, **named, **node),
-            bind(copy_travel, len(lists["border_block"]), state, **named, **block),
+        values = Mirror((begins[-1],), wp.float64, device)
+        numbers = [wp.array(np.concatenate(part), dtype=wp.int32, device=device) for part in parts]
+        lists = SimpleNamespace(**dict(zip(("border_node", "border_place", "border_block", "block_place"), numbers, strict=True)))
+        launches = [
+            bind(kernel, len(count), state, lists, collects=collects, values=values.array)
+            for kernel, count in ((copy_nodes, lists.border_node), (copy_travel, lists.border_block))
         ]
+        return begins, values, replay(launches, device)
 
     def exchange(self) -> None:
-        """Swap what was collected with the neighbours."""
+        """Update the copies of other ranks' wires."""
+        self._collect()
         self._sent.copy_to_host()
         self._swap()
         self._received.copy_to_device()
+        self._distribute()
 
 
 class StripRodStepper(RodStepper):
     """Takes steps of the own wires of a strip, together with the other ranks."""
 
-    def __init__(self, model: SpatialModel, state: RodState) -> None:
+    def __init__(self, model: SpatialModel, state: RodState | None) -> None:
         rods, device = model.rods, model.device
         super().__init__(rods, device, state, model.precision, model.strip)
         ranks = self.strip.ranks
@@ -96,20 +88,11 @@ class StripRodStepper(RodStepper):
         self._received = np.zeros((len(wires) * max(wires), columns))
         self._collect_rows = ranks.table(self._row.host, self._received)
         self._is_of_wire = (np.arange(max(wires)) < np.array(wires)[:, None]).ravel()
-        sums, rows = fewer_rows(self._rows.array)
-        control = bind(
-            update_controls, 1, control=self.state.control, wire_partial=rows, first_world=0, world_rows=len(rows),
-            stress_rows=len(self.stress_count), stress_count=self.stress_count,
-        )  # fmt: skip
-        self._control = replay([*sums, control], device)
-        self._collect = replay(self._border.collect, device)
-        self._distribute = replay(self._border.distribute, device)
+        self._control = replay(self._control_launches(self._rows.array, range(1)), device)
         self._move_clamps: Callable[[], None] | None = None
 
     def sync(self) -> None:
-        self._collect()
         self._border.exchange()
-        self._distribute()
 
     def update_frames(self, rows: np.ndarray | None = None) -> None:
         self.sync()
@@ -143,7 +126,7 @@ class StripRodStepper(RodStepper):
         self._collect_rows()
         self._rows.host[:] = self._received[self._is_of_wire]
         self._rows.copy_to_device()
-        if self.step_stress is not None:  # whole numbers, whose sum is exact
+        if self.counts_stress:  # whole numbers, whose sum is exact
             counts = np.zeros_like(fetch(self.stress_count))
             counts[0] = self.strip.ranks.sum(fetch(self.stress_count).sum(axis=0))
             store(self.stress_count, counts)
@@ -164,10 +147,3 @@ class StripRodStepper(RodStepper):
                 f"mpirun: between the strips of {strip.ranks.count} ranks wires have moved by more than {BORDER:g} of"
                 " knit.wale_spacing; run without mpirun"
             )
-
-
-def stepper_of(model: SpatialModel, state: RodState) -> RodStepper:
-    """The stepper of a model: of the mesh, or of a strip with the other ranks."""
-    if model.strip is not None:
-        return StripRodStepper(model, state)
-    return RodStepper(model.rods, model.device, state, model.precision)

@@ -18,6 +18,8 @@ repeat of the edge.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -32,10 +34,7 @@ from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
 from ..mechanics.response import Response
 from .clamps import Edge, Surface
-from .contact_multipliers import ContactMultipliers
 from .model import SpatialModel
-from .rod_relaxation import RodRelaxation
-from .wire_contact import WireContact
 
 OF_NODES = ("x", "y", "z", "push")
 OF_SEGMENTS = ("turn", "tension", "strain")
@@ -85,13 +84,12 @@ class PanelNodes:
 class Fields:
     """Reads the fields of a mesh, and changes them."""
 
-    def __init__(
-        self, model: SpatialModel, relaxation: RodRelaxation, contact: WireContact, multipliers: ContactMultipliers
-    ) -> None:
-        self.model, self.relaxation, self.contact, self.multipliers = model, relaxation, contact, multipliers
-        self.stepper = relaxation.stepper
-        self.nodes = PanelNodes(model)
-        rods = model.rods
+    def __init__(self, mechanics: Any) -> None:
+        """mechanics: the `SpatialMechanics` of a relaxation."""
+        model: SpatialModel = mechanics.model
+        self.model, self.stepper, self.contact = model, mechanics.stepper, mechanics.contact
+        self.relaxation, self.multipliers = mechanics.relaxation, mechanics.multipliers
+        self.nodes, rods = PanelNodes(model), model.rods
         self._moves = (rods.held & int(HELD_NODE)) == 0
         self._turns = wp.zeros(rods.node_count, dtype=wp.float64, device=model.device)
         self._rest_director: wp.array = wp.array(rods.of_rows.director, dtype=wp.vec3d, device=model.device)
@@ -153,7 +151,8 @@ class Fields:
         turn = self._turn() + np.where(self.relaxation.free_sections, change["turn"], 0.0)
         move = np.stack([change["x"], change["y"], change["z"]], axis=1)
         store(state.displacement, fetch(state.displacement) + np.where(self._moves[:, None], move, 0.0))
-        self._turn_sections(turn)
+        store(self._turns, turn)  # directors follow, at the tangents of the new displacements
+        self._launch(turn_sections)
         self._pull(change)
         self._begin_anew()
 
@@ -209,11 +208,6 @@ class Fields:
         """[node] [rad] turns of the sections, in the state last evaluated."""
         self._launch(find_turns)
         return fetch(self._turns).copy()
-
-    def _turn_sections(self, turn: np.ndarray) -> None:
-        """Set directors by the turns [node] [rad], at the tangents of the current displacements."""
-        store(self._turns, turn)
-        self._launch(turn_sections)
 
     def _launch(self, kernel: wp.Kernel) -> None:
         """Launch a kernel of kernels/rod_turns.py for all nodes."""

@@ -1,8 +1,9 @@
-"""Contact between wires: the lists of pairs that may touch, and the contact launches of a step."""
+"""Contact between wires: the lists of pairs that may touch, the contact launches of a step, and sums of a convergence check."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,9 @@ from ..compute.host import fetch, number_at, store, store_at, zeros
 from ..compute.launch import Launch, bind
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
-from ..kernels.rod_stress import count_contact_stress
+from ..compute.team import SharedLaunches
+from ..kernels import contact_checks as k
+from ..kernels.rod_stress import count_contact_stress, sum_contact_stress, sum_segment_stress
 from ..kernels.wire_closest import (
     NOT_NEAR,
     ONE_PLACE,
@@ -30,7 +33,6 @@ from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
 from .contact_arrays import Contacts, TouchArrays, WireArrays
-from .contact_checks import STICK_SHARE, ContactChecks
 from .pair_search import MIN_ARC_SEPARATION, PairList, PairSearch, SearchCells, search_cells
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
@@ -38,6 +40,7 @@ from .rod_step import RodStepper
 # memory of one pair, its elastic slips, and of a pair that may touch
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
+STICK_SHARE = 0.5  # tangential over normal stiffness
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list that a GPU filters for pairs not asleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
@@ -50,6 +53,16 @@ CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
 # the equilibrium before, which friction needs (kernels/wire_friction.py); arrays of the state
 BEFORE = ("position", "length", "tangent", "director", "control")
+
+
+@dataclass(frozen=True)
+class ContactSums:
+    """Sums over the contacts with a force in the state last evaluated; [world] of those asked for."""
+
+    mean_push: np.ndarray  # [N] mean force of those that push; 0 without any
+    pushing: np.ndarray  # contacts that push
+    overlap_max: np.ndarray  # [m] largest overlap or gap; of forces below the mean, in proportion; not of saddles
+    overlap_square: np.ndarray  # [m2] squares of the same, summed
 
 
 class WireContact:
@@ -73,7 +86,15 @@ class WireContact:
         self.cells = cells or search_cells(rods, curve)
         self._wires = WireArrays.of(rods, curve, device)
         self._search = PairSearch(stepper, self._wires, self.cells)
-        self._checks = ContactChecks(stepper, self._wires, curve, has_friction=self.friction > 0.0)
+        self._thicknesses = {
+            "thickness": wp.float64(rods.section.thickness),
+            "thickest": wp.float64(max(2.0 * rods.radius_beside, float(rods.of_wires("thickness").max()))),
+        }
+        stepper.steering.set(weight_square=curve.weight_square, lever=curve.lever)
+        self._recorded: dict[tuple[int, int], SharedLaunches] = {}  # of checks, by version
+        blocks = len(stepper.arrays.block_first)
+        self._segment_stress, self._contact_stress = (zeros(blocks, wp.vec4d, device) for _ in range(2))
+        self._partial = zeros((blocks, int(k.CONTACT_COLUMNS)), wp.float64, device)
         # [m] of each world, or each thread of a single one, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = zeros((max(stepper.team.threads, worlds), CACHE_LINE), wp.float64, device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
@@ -155,44 +176,41 @@ class WireContact:
 
     def search(self, rows: np.ndarray | None = None) -> None:
         """Search all pairs of all worlds or `rows`; start a new travel budget. Raises `OutOfResources`."""
-        with self.stepper.only(rows) as own:
-            self._search_pairs(own)
-            self.list_near_pairs(rows=own)
-
-    def _search_pairs(self, own: np.ndarray) -> None:
         stepper, state = self.stepper, self.stepper.state
-        stepper.update_frames(own)
-        self._search.place(own)
-        before, pairs = self.pairs, self._other
-        total = self._search.count(pairs, before)
-        if total > pairs.capacity:
-            larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
-            wp.copy(larger.pair_start, pairs.pair_start)
-            wp.copy(larger.pair_count_of, pairs.pair_count_of)
-            pairs = larger
-        store(pairs.pair_count, total)
-        self._search.fill(pairs, before)
-        store(pairs.pair_found, int(NOT_NEAR))
-        store(pairs.pair_renewal_travel, 0.0)  # nothing is known of these pairs yet
-        nodes, version = stepper.rods.node_count, (before.number, before.capacity)
-        old: dict[str, Any] = {f"old_{name.removeprefix('pair_')}": value for name, value in vars(before).items()}
+        with stepper.only(rows) as own:
+            stepper.update_frames(own)
+            self._search.place(own)
+            before, pairs = self.pairs, self._other
+            total = self._search.find(pairs, before, filling=False)
+            if total > pairs.capacity:
+                larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
+                wp.copy(larger.pair_start, pairs.pair_start)
+                wp.copy(larger.pair_count_of, pairs.pair_count_of)
+                pairs = larger
+            store(pairs.pair_count, total)
+            self._search.find(pairs, before, filling=True)
+            store(pairs.pair_found, int(NOT_NEAR))
+            store(pairs.pair_renewal_travel, 0.0)  # nothing is known of these pairs yet
+            nodes, version = stepper.rods.node_count, (before.number, before.capacity)
+            old: dict[str, Any] = {f"old_{name.removeprefix('pair_')}": value for name, value in vars(before).items()}
 
-        def go_over(kernel: wp.Kernel) -> list[Launch]:
-            known = {argument.label for argument in kernel.adj.args}
-            own = {name: value for name, value in old.items() if name in known}
-            return [bind(kernel, nodes, stepper.arrays, state, pairs, searched=self._search.searched, **own)]
+            def go_over(kernel: wp.Kernel) -> list[Launch]:
+                known = {argument.label for argument in kernel.adj.args}
+                own = {name: value for name, value in old.items() if name in known}
+                return [bind(kernel, nodes, stepper.arrays, state, pairs, searched=self._search.searched, **own)]
 
-        if len(own) < stepper.worlds:
-            pairs.replayed("carry", lambda: go_over(carry_pairs), version)
-        if self.friction > 0.0:
-            pairs.replayed("slip", lambda: go_over(transfer_elastic_slip), version)
-        pairs.order(total)
-        self.pairs, self._other = pairs, before if self._has_two_lists else pairs
-        self._search_travel[own] = self.cells.approach / float(CLOSING_RATE)
-        if state.block_travel.shape[0] > 1:
-            fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
-        reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
-        stepper.steering.set(own, travel=0.0, step_travel=0.0, pair_reach=reach)
+            if len(own) < stepper.worlds:
+                pairs.replayed("carry", lambda: go_over(carry_pairs), version)
+            if self.friction > 0.0:
+                pairs.replayed("slip", lambda: go_over(transfer_elastic_slip), version)
+            pairs.order(total)
+            self.pairs, self._other = pairs, before if self._has_two_lists else pairs
+            self._search_travel[own] = self.cells.approach / float(CLOSING_RATE)
+            if state.block_travel.shape[0] > 1:
+                fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
+            reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
+            stepper.steering.set(own, travel=0.0, step_travel=0.0, pair_reach=reach)
+            self.list_near_pairs(rows=own)
 
     def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
         """List the pairs that may touch within a travel [m] or [row] from the present positions; default: the last one given.
@@ -222,7 +240,7 @@ class WireContact:
                 share = self._share(part, stepper.parts)
                 mark = bind(mark_near_pairs, threads, *sources, threads=threads, **share)
                 pairs.mark.append(mark.replay(stepper.device))
-        stepper.in_parts(pairs.mark)
+        stepper.team.each(pairs.mark, stepper.threads_of(1))
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Use marked near pairs, or `which` pairs, in the next steps."""
@@ -300,15 +318,46 @@ class WireContact:
         start, nodes = fetch(self.pairs.pair_start), self._nodes_of(world)
         return int(start[nodes.start]), int(start[nodes.stop]) if nodes.stop < len(start) else self.pair_count
 
-    def bound_stiffness(self, rows: np.ndarray) -> None:
-        """Write bounds on the stiffness of near contacts, up to the last gap."""
-        self.checks.bound_stiffness(rows)
+    # --- convergence checks, the same for any number of threads
 
-    @property
-    def checks(self) -> ContactChecks:
-        """Sums over the contacts of the state last evaluated."""
-        self._checks.use(self.pairs, self.touch)
-        return self._checks
+    def launch(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
+        """Launch a kernel for the own blocks or nodes, on the present lists."""
+        stepper, version = self.stepper, self.version
+        if version not in self._recorded:  # two lists alternate
+            kept = [one for one in self._recorded if one[1] == version[1]][-1:]
+            self._recorded = {one: self._recorded[one] for one in kept}
+            self._recorded[version] = SharedLaunches(stepper.team, stepper.device, stepper.few)
+        every = (self._wires, self.touch, self.pairs, *sources)
+        stepper.share_launch(self._recorded[version], kernel.key, kernel, *every, **named)
+
+    def sums(self, rows: np.ndarray | None = None) -> ContactSums:
+        """Sums over contacts with a force in the last evaluated state; all worlds or `rows`."""
+        sums = self.stepper.sums
+        rows = self.stepper.rows if rows is None else rows
+
+        def total() -> np.ndarray:
+            self.launch(k.sum_contacts, contact_partial=self._partial)
+            return sums.total(fetch(self._partial), rows)
+
+        pushing, force = total()[:, [int(k.PUSHING), int(k.PUSH_SUM)]].T
+        mean = np.divide(force, pushing, out=np.zeros(len(rows)), where=pushing > 0.0)
+        self.stepper.steering.set(rows, mean_push=np.maximum(mean, 1e-300))
+        square = total()[:, int(k.ERROR_SQUARE)]
+        return ContactSums(mean, pushing, sums.largest(fetch(self._partial), rows)[:, int(k.ERROR_MAX)], square)
+
+    def stress(self, rows: np.ndarray) -> np.ndarray:
+        """(world, 2, 2) [N m] of segments and contacts, in the state last evaluated (kernels/rod_stress.py)."""
+        self.launch(sum_segment_stress, segment_stress=self._segment_stress)
+        self.launch(sum_contact_stress, contact_stress=self._contact_stress, has_friction=int(self.friction > 0.0))
+        parts = np.concatenate([fetch(self._segment_stress), fetch(self._contact_stress)], axis=1)
+        total = self.stepper.sums.total(parts, rows)
+        return np.asarray(total[:, :4] + total[:, 4:]).reshape(-1, 2, 2)
+
+    def bound_stiffness(self, rows: np.ndarray) -> None:
+        """Write bounds on the stiffness of contacts into `sweep` of the state. Up to the gap of the last evaluation."""
+        steering = self.stepper.steering
+        steering.set(rows, sticking=STICK_SHARE * steering.contact_stiffness[rows] if self.friction > 0.0 else 0.0)
+        self.launch(k.bound_contact_stiffness, **self._thicknesses)
 
     def _capacity(self, total: int, size: int) -> int:
         """Capacity of a list of `total` pairs of `size` bytes."""

@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import warp as wp
 
+from ..compute.host import fetch
 from ..compute.launch import Launch, bind
 from ..compute.steering import Steering
+from ..kernels.rod_checks import UNBALANCED_MAX
 from ..kernels.rod_stress import count_clamp_stress, count_segment_stress
-from ..mechanics.numerics import SLOWEST_WAVE, renewed_throttle
+from ..measure.strain import strain_text
+from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE, SLOWEST_WAVE, renewed_throttle
 from ..mechanics.protocols import Check
 from ..mechanics.worlds import Worlds
 from .clamps import MovingClamps
 from .contact_multipliers import LOADED, SOFTEST, ContactMultipliers
-from .convergence import Residual, Stability
+from .convergence import Stability
 from .mechanics import SpatialMechanics
-from .model import SpatialModel, initial_state
+from .model import SpatialModel
 from .pair_search import search_cells
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, StepForces
-from .rod_relaxation import RodRelaxation
+from .rod_checks import StateSums
+from .rod_relaxation import CHECK_STEPS, RodRelaxation
 from .rod_step import RodStepper, WireGroup
 from .rods import joined
-from .strip_step import stepper_of
-from .wire_contact import WireContact
+from .strip_step import StripRodStepper
+from .wire_contact import ContactSums, WireContact
+
+ROUND_OFF = 1e5  # of EA: smallest dead load with an equilibrium within the tolerance
 
 
 class SpatialWorlds(Worlds):
@@ -39,10 +46,10 @@ class SpatialWorlds(Worlds):
         scene, worlds = models[0].scene, len(models)
         rods = joined([one.rods for one in models])
         curve = joined_curves([one.curve for one in models], rods)
-        if worlds == 1:
-            self.stepper = stepper_of(models[0], initial_state(models[0]) if state is None else state)
+        if model.strip is not None:
+            self.stepper: RodStepper = StripRodStepper(model, state)
         else:
-            self.stepper = RodStepper(rods, model.device, None, model.precision, worlds=worlds)
+            self.stepper = RodStepper(rods, model.device, state, model.precision, worlds=worlds)
         mesh = model.global_model
         self.contact = WireContact(
             self.stepper,
@@ -51,7 +58,8 @@ class SpatialWorlds(Worlds):
             curve=curve,
             cells=search_cells(mesh.rods, mesh.curve),
         )
-        self.clamps = moving_clamps(model, self.stepper)
+        self.model = model
+        self.clamps = self._moving_clamps()
         self.relaxation = RodRelaxation(
             self.stepper,
             softening=model.softening,
@@ -66,7 +74,7 @@ class SpatialWorlds(Worlds):
         )
         softest = LOADED if scene.depends_on_path else SOFTEST
         self.multipliers = None if model.ramp is not None else ContactMultipliers(self.contact, model.soft_penalty, softest)
-        self.residual = Residual(model, self.relaxation, self.multipliers)
+        self._force_scale = np.full(worlds, np.inf)  # [world] [N] reference force of the residual at the last check
         rods = mesh.rods
         rigidity = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum())
         super().__init__([model] * worlds, self.stepper.steering, rigidity)
@@ -94,9 +102,42 @@ class SpatialWorlds(Worlds):
         return self.deepest[rows]
 
     def count_stress(self) -> None:
-        if self.stepper.step_stress is None:
-            levers = np.concatenate([self.model.wires.held_lever] * self.stepper.worlds)
-            StepStress(self.stepper, self.contact, held_nodes(self.model, self.stepper), levers)
+        if not self.stepper.counts_stress:
+            held, device = self._held_nodes(), self.stepper.device
+            order, lever = np.argsort(held, kind="stable"), np.concatenate([self.model.wires.held_lever] * self.stepper.worlds)
+            clamps: dict[str, wp.array] = {
+                "held_node": wp.array(held[order], dtype=wp.int32, device=device),
+                "held_lever": wp.array(lever[order], dtype=wp.vec2d, device=device),
+            }
+            self.stepper.add_up_stress(partial(self._stress_launches, held[order], clamps))
+
+    def _stress_launches(
+        self, held: np.ndarray, clamps: dict[str, wp.array], group: WireGroup, stored: StepForces, row: int
+    ) -> list[Launch]:
+        """Launches that sum the nominal stress of a group of wires with its forces; row: of the counts."""
+        sources, count = (self.stepper.arrays, self.stepper.state), {"own_row": row, "stress_count": self.stepper.stress_count}
+        first, end = np.searchsorted(held, [group.nodes.start, group.nodes.stop]).tolist()
+        forces = {"first_held": first, "stored_from": stored.stored_from, "force": stored.force}
+        return [
+            self.contact.stress_launch(group.blocks, **count),
+            bind(count_segment_stress, len(group.blocks), *sources, first_block=group.blocks.start, **count),
+            bind(count_clamp_stress, end - first, *sources, **forces, **clamps, **count),
+        ]
+
+    def _held_nodes(self) -> np.ndarray:
+        """[held] held nodes of all worlds."""
+        each = self.stepper.arrays.world_nodes
+        return np.concatenate([self.model.wires.held_node + k * each for k in range(self.stepper.worlds)])
+
+    def _moving_clamps(self) -> MovingClamps | None:
+        """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
+        wires, worlds = self.model.wires, self.stepper.worlds
+        if not len(wires.held_node) or self.model.scene.has_moving_edge:
+            return None
+        sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
+        slides = np.concatenate([sliding + k * len(wires.held_node) // 2 for k in range(worlds)])
+        lever = np.concatenate([wires.held_lever] * worlds).reshape(-1, 2, 2)
+        return MovingClamps(self.stepper, self._held_nodes().reshape(-1, 2), lever, slides)
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
         steering = self.steering
@@ -116,9 +157,8 @@ class SpatialWorlds(Worlds):
     def _check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
         stepper, relaxation, stability = self.stepper, self.relaxation, self.stability
         members = [self.members[row] for row in rows.tolist()]
-        lags = np.array([member.is_loading_gently(bool(one)) for member, one in zip(members, loading, strict=True)])
-        if lags.any():
-            late = rows[lags]
+        late = rows[loading & np.array([not member.may_overlap for member in members])]  # loaded more slowly where wires overlap
+        if len(late):
             throttle = renewed_throttle(1.0 - stepper.steering.ramp_lag[late], self.deepest[late])
             stepper.steering.set(late, ramp_lag=1.0 - throttle)
         for member, one in zip(members, loading.tolist(), strict=True):
@@ -127,10 +167,10 @@ class SpatialWorlds(Worlds):
         stepper.evaluate(0.0, rows=rows)
         relaxation.renew_damping(rows, boundary=self.strains.motion(rows))
         stability.hold_damping()
-        state, contacts = relaxation.sums(rows, of_mean=True), self.contact.checks.sums(rows)
+        state, contacts = relaxation.sums(rows, of_mean=True), self.contact.sums(rows)
         self.touches[rows] = (contacts.pushing > 0) | self.model.scene.wire.plastic
         self.strains.forget(rows[~self.touches[rows]])
-        ratio = np.where(loading, np.inf, self.residual.ratio(state, contacts, rows))
+        ratio = np.where(loading, np.inf, self.residual_ratio(state, contacts, rows))
         missing = self.strains.ratio(rows)
         counted = ~loading & ~stability.is_running[rows]
         relaxation.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
@@ -148,9 +188,41 @@ class SpatialWorlds(Worlds):
             ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
         self.strains.rest(rows, stability.is_running[rows])
         for world in np.flatnonzero(stability.has_left & ~left).tolist():
-            self.members[world].tell(stability.note(world))
+            strains = strain_text(self.steering.gradient[world])
+            self.members[world].tell(f"the equilibrium at strains of {strains} was unstable: the mesh snapped through to another")
         tolerance = self.model.scene.solver.residual_tolerance
         return Check(np.where(loading, np.nan, ratio * tolerance), np.where(loading, np.inf, ratio))
+
+    def residual_ratio(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
+        """[row] the largest criterion over its tolerance: residual, and errors of softened axial strain and soft contacts."""
+        residual = self.residual(state, contacts, rows) / self.model.scene.solver.residual_tolerance
+        ratio = np.maximum(residual, state.excess_ratio)
+        return ratio if self.multipliers is None else np.maximum(ratio, self.multipliers.error_ratio(contacts))
+
+    def residual(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
+        """[row] the larger of the relative unbalanced force and the relative motion, compared with solver.residual_tolerance.
+
+        Sums of the state last evaluated.
+        """
+        relaxation, model, scene, stepper = self.relaxation, self.model, self.model.scene, self.stepper
+        bent = model.bending_stiffness / scene.knit.wale_spacing
+        # the reference force is at least the knit's, or a smaller dead load
+        load, of_knit = self.steering.dead_load[rows], FORCE_FLOOR * bent / scene.knit.wale_spacing
+        round_off = float(np.finfo(wp.dtype_to_numpy(model.precision.real)).eps)
+        smallest = ROUND_OFF * round_off * float(model.rods.of_wires("axial_stiffness").max())
+        least = np.where(load == 0.0, of_knit, np.minimum(of_knit, np.maximum(load, smallest)))
+        self._force_scale[rows] = scale = np.maximum(contacts.mean_push, least)
+        rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
+        loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
+        motion = np.sqrt(relaxation.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
+        return np.maximum(np.maximum(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale), motion)
+
+    def moving_blocks(self, world: int) -> int:
+        """Blocks of nodes of a world that a residual far above its tolerance moves."""
+        scale = self.model.scene.solver.residual_tolerance * float(self._force_scale[world])
+        limit = CHECK_STEPS * LOCAL_ALLOWANCE * scale  # of the sum since the check before
+        exceeds = fetch(self.relaxation.checks.arrays.state_partial)[:, int(UNBALANCED_MAX)] > limit**2
+        return int(self.stepper.sums.total(exceeds[:, None].astype(float), np.array([world]))[0, 0])
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
         with self.stepper.only(rows):
@@ -164,52 +236,7 @@ class SpatialWorlds(Worlds):
 
     def stress_now(self, rows: np.ndarray) -> np.ndarray:
         with self.stepper.only(rows):
-            total = self.contact.checks.stress(rows)
+            total = self.contact.stress(rows)
         if len(self.model.global_model.wires.held_node):
             total = total + np.array([self.members[row].clamp_stress() for row in rows.tolist()])
         return np.asarray(total / self.model.panel.area)
-
-
-def held_nodes(model: SpatialModel, stepper: RodStepper) -> np.ndarray:
-    """[held] held nodes of all worlds."""
-    return np.concatenate([model.wires.held_node + k * stepper.arrays.world_nodes for k in range(stepper.worlds)])
-
-
-def moving_clamps(model: SpatialModel, stepper: RodStepper) -> MovingClamps | None:
-    """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
-    wires, worlds = model.wires, stepper.worlds
-    if not len(wires.held_node) or model.scene.has_moving_edge:
-        return None
-    sliding = np.zeros(0, dtype=np.int64) if wires.sliding_clamp is None else wires.sliding_clamp
-    count, lever = len(wires.held_node) // 2, np.concatenate([wires.held_lever] * worlds)
-    slides = np.concatenate([sliding + k * count for k in range(worlds)])
-    return MovingClamps(stepper, held_nodes(model, stepper).reshape(-1, 2), lever.reshape(-1, 2, 2), slides)
-
-
-class StepStress:
-    """Launches that sum the nominal stress of a step, for tension-driven strains; it registers itself with the stepper."""
-
-    def __init__(self, stepper: RodStepper, contact: WireContact, held_node: np.ndarray, held_lever: np.ndarray) -> None:
-        """held_node [held], of all worlds; held_lever (held, 2) [m] from their clamps."""
-        order, device = np.argsort(held_node, kind="stable"), stepper.device
-        self._stepper, self._contact, self._held = stepper, contact, held_node[order]
-        self._clamps: dict[str, wp.array] = {
-            "held_node": wp.array(self._held, dtype=wp.int32, device=device),
-            "held_lever": wp.array(held_lever[order], dtype=wp.vec2d, device=device),
-        }
-        stepper.add_up_stress(self)
-
-    def of_contacts(self, blocks: range, row: int) -> list[Launch]:
-        """Launches for the contacts of blocks of nodes; row: of the counts."""
-        return [self._contact.stress_launch(blocks, own_row=row, stress_count=self._stepper.stress_count)]
-
-    def of_group(self, group: WireGroup, stored: StepForces, row: int) -> list[Launch]:
-        """Launches for the wires of a group, whose forces have just been stored."""
-        sources = (self._stepper.arrays, self._stepper.state)
-        count = {"own_row": row, "stress_count": self._stepper.stress_count}
-        first, end = np.searchsorted(self._held, [group.nodes.start, group.nodes.stop]).tolist()
-        forces = {"stored_from": stored.stored_from, "force": stored.force}
-        return [
-            bind(count_segment_stress, len(group.blocks), *sources, first_block=group.blocks.start, **count),
-            bind(count_clamp_stress, end - first, *sources, first_held=first, **forces, **self._clamps, **count),
-        ]
