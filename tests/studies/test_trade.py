@@ -20,9 +20,10 @@ from warpknit.runner.interrupts import Interrupted
 from warpknit.scene import load_scene
 from warpknit.scene.presets import PRESETS
 from warpknit.spatial import kind as spatial_kind
-from warpknit.studies import parameters, probe_run
+from warpknit.studies import points as parameters
+from warpknit.studies import probe_run
 from warpknit.studies import trade as study
-from warpknit.studies.point import RESULTS, Errors, Scales, TradeRow, errors_of
+from warpknit.studies.points import RESULTS, Errors, Scales, TradeRow, errors_of
 from warpknit.studies.trade import MIN_ORDER, extrapolate, pareto, read_trade, run_trade
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
@@ -223,7 +224,7 @@ def test_error_of_a_run_in_space_is_found_on_a_small_mesh_in_space(tmp_path: Pat
     setting, errors = probe_run.choose_setting(small, 20.0)
     assert setting == Setting(spatial_kind.NODES[0], SOFTENING, 1e-2, "double")
     assert 0.0 < errors.largest_percent < 5.0 and small.node_steps > 0
-    own = small.errors_of_run(small.fine, setting)
+    own = small.errors(setting, small.fine)
     assert own is not None and own.largest_percent == 0.0
 
 

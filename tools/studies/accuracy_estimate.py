@@ -10,7 +10,7 @@ from study import read_rows, run, scene_of, show_rows, table_path, write_rows
 
 from warpknit.mechanics.probe_settings import edge_of
 from warpknit.solve.model import build_model
-from warpknit.studies.point import errors_of, results_of, scales_of
+from warpknit.studies.points import errors_of, results_of, scales_of
 from warpknit.studies.probe_run import estimate_of, settings_for_error
 
 GRIPPED_ERROR = 5.0  # [%] asked of a patch: for less it takes about the nodes that count as true

@@ -13,7 +13,7 @@ from study import read_rows, scene_of, show_rows, table_path, write_rows
 
 from warpknit.scene.presets import PRESETS
 from warpknit.solve.model import build_model
-from warpknit.studies.point import errors_of, run_point, scales_of
+from warpknit.studies.points import errors_of, run_point, scales_of
 
 LEVELS = "output.frames=5"
 TRUE_NODES = {"cell": 96, "patch": 80, "hook": 192}  # nodes of what counts as true, a loop or a wire

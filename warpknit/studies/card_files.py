@@ -143,10 +143,7 @@ def _unstable(card: MaterialCard) -> ResultWarning:
             f"{text}; with its prestress the mesh is stable ({engineering(least, 'N/m')} against the softest plane wave).",
             "Apply the prestress with its geometric stiffness first in the FE model, or choose a larger --tension.",
         )
-    return ResultWarning(
-        "W50",
-        f"{text}, also with its prestress.",
-    )
+    return ResultWarning("W50", f"{text}, also with its prestress.")
 
 
 def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, float, str, str]]:

@@ -238,15 +238,9 @@ def drift_text(drift: TensionRange) -> str:
     """A `TensionRange` in words."""
     jumps = "; ".join(between(*(load_text(side, by_tension=True) for side in jump)) for jump in drift.jumps)
     snaps = f"; beyond it a snap-through {jumps}" if jumps else ""
-    open_, diverged = (drift.open_low, drift.open_high), (drift.diverged_low, drift.diverged_high)
     if drift.low == drift.high:
-        reasons = ((open_, "the map ends"), (diverged, "the next pair did not converge"))
-        unknown = (
-            f"; {' and '.join(sides)} it {why}"
-            for found, why in reasons
-            if (sides := [side for side, is_so in zip(("below", "above"), found, strict=True) if is_so])
-        )
-        return "in this cell of the map only" + "".join(unknown) + snaps
+        return f"in this cell of the map only{snaps}"
+    open_, diverged = (drift.open_low, drift.open_high), (drift.diverged_low, drift.diverged_high)
     ends = []
     for end, at, is_open, failed in zip((drift.low, drift.high), ("at most ", "at least "), open_, diverged, strict=True):
         text = sides_text(end, "N/m")

@@ -16,7 +16,7 @@ from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
 from ..runner.variants import mean_row
-from .load_path import LoadPath, Mesh, part_of, path_of, under_strain
+from .load_path import Mesh, MeshesPath, part_of, path_of, under_strain
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
@@ -43,7 +43,7 @@ def tension_strain(
                 rows.append(row_of(records[0]))
                 if k % levels == 0:
                     found[k // levels] = [record.observables for record in records]
-        jumped = jumps_of(path.model, rows) if isinstance(path, LoadPath) else []  # of means there are none
+        jumped = [] if isinstance(path, MeshesPath) else jumps_of(path.model, rows)  # of means there are none
         behind = {math.ceil(after.index / levels) for _, after in jumped}
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
             strains = along_weft * weft * share, along_warp * warp * share

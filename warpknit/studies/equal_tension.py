@@ -230,7 +230,7 @@ class ServicePoint:
 
 
 def _parts(row: Row | MapRow) -> list[str]:
-    """Strain in weft and in warp, share of active contacts and largest wire stress, as texts."""
+    """Strain in weft and warp, share of active contacts, largest wire stress, as texts."""
     strains = [percent(strain) for strain in (row.strain_weft, row.strain_warp)]
     return [*strains, percent(0.01 * row.active_percent), engineering(row.stress_max_Pa, "Pa")]
 

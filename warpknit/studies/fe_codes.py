@@ -221,7 +221,8 @@ def _lsdyna(fe: FeCard) -> Card:
         shear = megapascal(card.stiffness[2, 2] / fe.area_ratio)  # of the same measure, over the mesh as knitted
         lines += [*_fabric(2, FABRIC, density(fe.areal_mass_knitted), slopes, (0.0, 0.0), shear, form=14), _columns(1, 2)]
         for identity, curve in enumerate(fe.curves, start=1):
-            lines += _lsdyna_curve(identity, curve)
+            strain, stress = 0.5 * (curve.stretch**2 - 1.0), megapascal(1.0) * curve.nominal / curve.stretch
+            lines += ["*DEFINE_CURVE", _columns(identity), *map(_reals, strain, stress)]
     return notes, [*lines, "*END"]
 
 
@@ -244,13 +245,6 @@ def _fabric(
         _columns(None, None, None, 1.0, 0.0, 0.0),
         _columns(0.0, 0.0, 0.0),
     ]
-
-
-def _lsdyna_curve(identity: int, curve: YarnCurve) -> list[str]:
-    """*DEFINE_CURVE of second Piola-Kirchhoff stress over Green-Lagrange strain."""
-    strain, stress = 0.5 * (curve.stretch**2 - 1.0), megapascal(1.0) * curve.nominal / curve.stretch
-    points = [f"{x:20.12E}{y:20.12E}" for x, y in zip(strain, stress, strict=True)]
-    return ["*DEFINE_CURVE", _columns(identity), *points]
 
 
 def _columns(*values: float | None) -> str:
@@ -303,14 +297,9 @@ def _radioss(fe: FeCard) -> Card:
         f"{2:10d}{'':10}" + _reals(1.0),
     ]
     for identity, curve in enumerate(fe.curves, start=1):
-        lines += _radioss_curve(identity, curve)
+        points = map(_reals, curve.stretch - 1.0, megapascal(1.0) * curve.nominal)
+        lines += [f"/FUNCT/{identity}", f"tension along direction {identity}", *points]
     return notes, lines
-
-
-def _radioss_curve(identity: int, curve: YarnCurve) -> list[str]:
-    """/FUNCT of nominal stress over nominal strain."""
-    points = [_reals(x - 1.0, megapascal(y)) for x, y in zip(curve.stretch, curve.nominal, strict=True)]
-    return [f"/FUNCT/{identity}", f"tension along direction {identity}", *points]
 
 
 def _reals(*values: float) -> str:

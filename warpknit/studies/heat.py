@@ -13,7 +13,7 @@ from ..results.row import Row
 from ..runner.answers import Heat, heat_of
 from ..runner.branches import Jump, jumps_of
 from ..runner.history import row_of
-from ..scene import Scene, Stage
+from ..scene import Scene
 from .equal_tension import EqualTensionPath, levels_between
 from .load_path import AS_KNITTED, LoadPath, exact_model, part_of, under_strain, under_tension
 
@@ -28,17 +28,12 @@ def later_temperatures(scene: Scene) -> list[float]:
 
 @dataclass(frozen=True)
 class HeatedMesh:
-    """Rows of history.csv of a heated mesh, and its load steps."""
+    """Rows of history.csv of a heated mesh."""
 
     rows: Sequence[Row]
-    stages: Sequence[Stage]
+    answers: Sequence[Heat]  # effects of heat, as in the answers of a run
     jumps: Sequence[Jump]  # of neighbouring rows to another equilibrium
     ended: str = ""  # why, where it did not reach the last temperature
-
-    @property
-    def answers(self) -> list[Heat]:
-        """Effects of heat, as in the answers of a run."""
-        return heat_of(self.rows, self.stages, self.jumps)
 
 
 def tension_held(path: EqualTensionPath, requested: float | None, best: float | None) -> float | None:
@@ -87,5 +82,6 @@ def heat(
                     rows.append(row_of(record))
         except Diverged:
             ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
-        found.append(HeatedMesh(rows, stages, jumps_of(mesh.model, rows), ended))
+        jumps = jumps_of(mesh.model, rows)
+        found.append(HeatedMesh(rows, heat_of(rows, stages, jumps), jumps, ended))
     return found, ""

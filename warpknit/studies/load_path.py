@@ -53,8 +53,8 @@ AS_KNITTED = PathState()
 class LoadPath:
     """A load path from the mesh as knitted, or from another path's state."""
 
-    def __init__(self, model: Any, state: PathState = AS_KNITTED) -> None:
-        """The models of two paths may differ in their solver's tolerance."""
+    def __init__(self, model: Mesh, state: Any = AS_KNITTED) -> None:
+        """state: of another path, whose model may differ in its solver's tolerance."""
         self.model, self.state = model, state
 
     @property
@@ -70,9 +70,7 @@ class LoadPath:
         """
         model = _onwards(self.model, self.state, stage, levels)
         simulation = Simulation(
-            model,
-            progress=Progress() if self.state.kept else None,
-            monitor=lambda progress: monitor(progress.load_factor),
+            model, progress=Progress() if self.state.kept else None, monitor=lambda progress: monitor(progress.load_factor)
         )
         if self.state.kept:
             simulation.drive.restore(self.state.kept)
@@ -86,8 +84,8 @@ class LoadPath:
         return ([record] for record in self.load(stage, levels, monitor))
 
     def rows(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[Row]:
-        """The rows of the records of `load`."""
-        return map(row_of, self.load(stage, levels, monitor))
+        """The rows of these records; of several meshes their means, with the ranges of eight in ten."""
+        return map(mean_of, self.beside(stage, levels, monitor))
 
     def to(self, stage: Stage) -> Record:
         """The record at the end of a stage in one level. Raises `Diverged`."""
@@ -95,19 +93,13 @@ class LoadPath:
         return record
 
 
-class MeshesPath:
+class MeshesPath(LoadPath):
     """A load path of several meshes side by side. A mesh that does not converge is left out from there on."""
 
     def __init__(self, models: Sequence[Any], state: Mapping[int, PathState] | None = None) -> None:
         """state: of another path of these meshes, by their place; default: as knitted."""
-        self.state = state or dict.fromkeys(range(len(models)), AS_KNITTED)
+        super().__init__(models[0], state or dict.fromkeys(range(len(models)), AS_KNITTED))
         self.models = {place: models[place] for place in self.state}
-
-    @property
-    def scene(self) -> Scene:
-        """The scene of the first mesh."""
-        scene: Scene = next(iter(self.models.values())).scene
-        return scene
 
     def beside(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[list[Record]]:
         """Records of a load step, of all meshes that converge; the path moves to its end.
@@ -135,16 +127,9 @@ class MeshesPath:
         self.models, self.state = {number: self.models[number] for number in state}, state
         return map(list, zip(*(records[number] for number in state), strict=True))
 
-    def rows(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[Row]:
-        """Means of the rows of the meshes, with the ranges of eight in ten."""
-        return map(mean_of, self.beside(stage, levels, monitor))
 
-
-def path_of(meshes: Any, state: Any = None) -> LoadPath | MeshesPath:
-    """The load path of a mesh, or of a list of meshes.
-
-    state: of another path of theirs; default: as knitted.
-    """
+def path_of(meshes: Any, state: Any = None) -> LoadPath:
+    """The load path of a mesh, or of a list of meshes; state: of another path of theirs, default: as knitted."""
     return MeshesPath(meshes, state) if isinstance(meshes, Sequence) else LoadPath(meshes, state or AS_KNITTED)
 
 

@@ -23,7 +23,7 @@ from ..results.row import Row
 from ..runner.summary import Estimate
 from ..scene import Scene
 from ..solve.model import build_model, kind_of
-from .point import Errors, Scales, TradeRow, errors_of, results_of, run_point, scales_of
+from .points import Errors, Scales, TradeRow, errors_of, results_of, run_point, scales_of
 
 PATCH = 2  # repeats a side of the gripped mesh
 LEVELS = 2  # of a mesh whose state does not depend on the load history
@@ -62,30 +62,23 @@ class ProbeRun:
             raise Diverged(f"error estimate: the reference run of {setting.nodes_per_loop} nodes a loop failed: {row.message}")
         return row
 
-    def errors(self, setting: Setting) -> Errors | None:
+    def errors(self, setting: Setting, results: Row | None = None) -> Errors | None:
         """Estimated errors of the scene at a setting; None where the small mesh does not converge.
 
-        Errors of a gripped mesh are smaller than the small mesh's: the grips' share in a mean scales with 1/size.
+        results: of a run of the scene, which are compared with the fine run if it is a periodic tile or a hook. A gripped mesh
+        has smaller errors than the small mesh: the grips' share in a mean scales with 1/size.
         """
+        small, large = self.small.knit.repeats, self.scene.knit.repeats
+        if results is not None and self.edge != "gripped":
+            force = results.contact_force_sum_N / (math.prod(large) / math.prod(small))
+            return errors_of(results.changed(contact_force_sum_N=force), self.fine, self.scales)
         row = self._run(setting)
         if not row.has_results:
             return None
         errors = errors_of(row, self.fine, self.scales)
-        if self.edge != "gripped":
-            return errors
-        share = min(1.0, min(self.small.knit.repeats) / min(self.scene.knit.repeats))
+        share = min(1.0, min(small) / min(large)) if self.edge == "gripped" else 1.0
         return replace(errors, active_percent=share * errors.active_percent, tension=share * errors.tension,
                        contact_force=share * errors.contact_force)  # fmt: skip
-
-    def errors_of_run(self, results: Row, setting: Setting) -> Errors | None:
-        """Estimated errors of a run of the scene at a setting, from its results.
-
-        A periodic tile and a hook are compared with the fine run directly; a gripped mesh only by a smaller one.
-        """
-        if self.edge == "gripped":
-            return self.errors(setting)
-        repeats = math.prod(self.scene.knit.repeats) / math.prod(self.small.knit.repeats)
-        return errors_of(results.changed(contact_force_sum_N=results.contact_force_sum_N / repeats), self.fine, self.scales)
 
     def _run(self, setting: Setting) -> TradeRow:
         row = run_point(lambda: with_setting(self.small, setting))
@@ -142,7 +135,7 @@ def estimate_of(record: Record, scene: Scene, setting: Setting, percent: float) 
     """Estimated error of a run from its last record; `percent`: the requested one."""
     results = results_of(record.observables)
     try:
-        errors = ProbeRun(scene).errors_of_run(results, setting)
+        errors = ProbeRun(scene).errors(setting, results)
     except Diverged as error:
         return Estimate(warning=ResultWarning("W45", f"The error was not estimated: {error}."))
     if errors is None:

@@ -8,15 +8,14 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .. import __version__, measure
-from ..base.files import write_aside, write_table
+from ..base.files import write_aside
 from ..base.text import celsius
 from ..measure.stress_peak import peak_position
-from ..results.row import Row, columns_of, write_json
+from ..results.row import Row, columns_of, write_json, write_rows
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text
+from . import sections
 from .card import MaterialCard
 from .card_files import earlier_state, mesh_values, write_card
 from .contact_map import axes_of, grid, optimum_note
@@ -24,24 +23,12 @@ from .equal_tension import jump_text
 from .fe_codes import FILES, missing_cards, write_fe_cards
 from .findings import Findings
 from .opening_size import BANDS
-from .sections import (
-    Page,
-    answers_section,
-    card_section,
-    curve_section,
-    electric_section,
-    map_section,
-    mesh_section,
-    openings_section,
-    reflection_section,
-)
 
 
 def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     """Write the report; return messages on the files of its card."""
     notes = []
-    table = {name: np.array([point[name] for point in found.curves], dtype=object) for name in vars(found.curves[0])}
-    write_table(out / "tension_strain.csv", table)
+    write_rows(out / "tension_strain.csv", found.curves, [*vars(found.curves[0])])
     if found.card is not None:
         before = earlier_state(out)
         several = () if found.mean is None else (found.mean.spread, found.mean.meshes)
@@ -63,13 +50,13 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
 
 def write_other_cards(found: Findings, out: Path) -> None:
     """Write further cards, each in a folder: softest mesh, stiffest mesh, further loading."""
-    none: tuple[MaterialCard | None, str] = None, ""
-    cards = {"softest": none, "stiffest": none, "loading": none}  # with the words for their state
-    if found.card is not None:
-        cards["loading"] = found.card.of_loading, "further loading"
-    if found.mean is not None:
-        cards["softest"] = found.mean.softest, f"softest of {found.mean.meshes} meshes"
-        cards["stiffest"] = found.mean.stiffest, f"stiffest of {found.mean.meshes} meshes"
+    mean = found.mean
+    of = "" if mean is None else f" of {mean.meshes} meshes"
+    cards = {
+        "softest": (None if mean is None else mean.softest, f"softest{of}"),
+        "stiffest": (None if mean is None else mean.stiffest, f"stiffest{of}"),
+        "loading": (None if found.card is None else found.card.of_loading, "further loading"),
+    }
     for name, (card, state) in cards.items():
         shutil.rmtree(out / name, ignore_errors=True)
         if card is None:
@@ -87,13 +74,13 @@ def _write_cards(
     return fe_cards
 
 
-def _page(found: Findings, figures: dict[str, Path]) -> Page:
+def _page(found: Findings, figures: dict[str, Path]) -> sections.Page:
     mesh = mesh_values(found.scene)
-    page = Page(f"{found.scene.name}: mesh of {mesh['wire']} wire")
+    page = sections.Page(f"{found.scene.name}: mesh of {mesh['wire']} wire")
     for warning in found.model_warnings:
         page.warning(warning)
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
-    answers_section(page, found, figures)
+    sections.answers_section(page, found, figures)
     if found.heat_note:
         page.text(f"Heat is {found.heat_note}.")
     for case in found.heated:
@@ -113,13 +100,13 @@ def _page(found: Findings, figures: dict[str, Path]) -> Page:
         page.warning(found.where)
     load = found.scene.stages[0]
     page.text(f"The optimum, the curves and the card are at {celsius(load.temperature)}, the temperature of [load].")
-    mesh_section(page, found, figures)
-    map_section(page, found, figures["map"])
-    curve_section(page, found, figures["curves"])
-    card_section(page, found)
-    openings_section(page, found, figures["openings"])
-    electric_section(page, found.scene, found.tensioned, figures["resistance"])
-    reflection_section(page, found.reflection, sorted(figures["map"].parent.glob("reflection_map_*.png")))
+    sections.mesh_section(page, found, figures)
+    sections.map_section(page, found, figures["map"])
+    sections.curve_section(page, found, figures["curves"])
+    sections.card_section(page, found)
+    sections.openings_section(page, found, figures["openings"])
+    sections.electric_section(page, found.scene, found.tensioned, figures["resistance"])
+    sections.reflection_section(page, found.reflection, sorted(figures["map"].parent.glob("reflection_map_*.png")))
     return page
 
 

@@ -21,14 +21,7 @@ from ..runner.variants import Spread
 from ..scene import Scene
 from .card import AGREEMENT
 from .card_files import card_values, card_warnings, definition, mesh_values, strength_values
-from .contact_map import (
-    drift_name,
-    drift_text,
-    jump_warning,
-    optimum_note,
-    optimum_warnings,
-    unconverged_warning,
-)
+from .contact_map import drift_name, drift_text, jump_warning, optimum_note, optimum_warnings, unconverged_warning
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length

@@ -73,10 +73,7 @@ BY_STRAIN = (
     ("tension_weft_map", "tension_weft_N_per_m", "weft tension", "N/m"),
     ("tension_warp_map", "tension_warp_N_per_m", "warp tension", "N/m"),
 )
-BY_TENSION = (
-    ("strain_weft_map", "strain_weft", "weft strain", "%"),
-    ("strain_warp_map", "strain_warp", "warp strain", "%"),
-)
+BY_TENSION = (("strain_weft_map", "strain_weft", "weft strain", "%"), ("strain_warp_map", "strain_warp", "warp strain", "%"))
 LEAST_SHARE = 0.1  # of the largest tension of a map: the error of a smaller one is measured by that
 PERCENT = 100.0  # of a fraction, as some columns are
 SPREAD_FIGURES = (  # of several meshes

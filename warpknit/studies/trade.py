@@ -29,9 +29,8 @@ from ..runner.summary_table import heading, model_findings
 from ..scene import Scene, resolved_toml
 from ..scene.capabilities import refuse
 from ..solve.model import build_model, kind_of
-from . import parameters
-from .parameters import Overrides, Point
-from .point import COLUMNS, ERRORS, RESULTS, Errors, TradeRow, errors_of, run_point, scales_of, settings_of_scene, without_run
+from . import points
+from .points import BASE, COLUMNS, ERRORS, RESULTS, Errors, Overrides, Point, TradeRow, errors_of, run_point, scales_of
 
 _log = logging.getLogger(__name__)
 
@@ -117,11 +116,11 @@ class _Study:
             try:
                 for warning in self.base.warnings([]):
                     _log.warning("warning %s: %s", warning.code, warning)
-                points = self._points()
-                _log.info("%d settings to run", len(points) - len(self.rows))
-                for number, point in enumerate(points, start=1):
+                wanted = self._points()
+                _log.info("%d settings to run", len(wanted) - len(self.rows))
+                for number, point in enumerate(wanted, start=1):
                     self._interrupts.check()
-                    self.display.stage(point.name, number=number, of=len(points))
+                    self.display.stage(point.name, number=number, of=len(wanted))
                     self._run(point)
             except Interrupted:
                 reason, code, message = "interrupted", 130, f"interrupted; finished settings are kept in {self.out}"
@@ -136,10 +135,10 @@ class _Study:
 
     def _points(self) -> list[Point]:
         varied = kind_of(self.base.scene).varied(self.base.scene, self.base.softening)
-        points = [*parameters.preset_points(self.base), *parameters.single_parameter_points(self.base, varied)]
-        points += self._ramp_points(varied)
-        points += parameters.combined_points(self.base, varied, self.finest[0])
-        return [*parameters.reference_points(self.finest, self.tolerance), *filter(self._is_available, points)]
+        tried = [*points.preset_points(self.base), *points.single_parameter_points(self.base, varied)]
+        tried += self._ramp_points(varied)
+        tried += points.combined_points(self.base, varied, self.finest[0])
+        return [*points.reference_points(self.finest, self.tolerance), *filter(self._is_available, tried)]
 
     def _is_available(self, point: Point) -> bool:
         """Whether this kind of model has the parameter that a point varies."""
@@ -154,17 +153,6 @@ class _Study:
         last = self.of_reference if point.group == "reference" else ()
         return self.load_with((*self.of_kind, *point.overrides, *last), point.preset)
 
-    def _least_work(self, point: Point) -> float:
-        """Least node-steps of a ramp, from loading time and first step; 0 of others."""
-        scene = self._load(point)
-        if scene.solver.drive != "ramp":
-            return 0.0
-        try:
-            ramp = build_model(scene)
-        except InputError:
-            return 0.0
-        return len(scene.stages) * ramp.loading_time / ramp.time_step * ramp.node_count
-
     def _ramp_points(self, varied: Varied) -> Iterator[Point]:
         if self.base.node_count > RAMP_NODES:
             _log.info("ramps are left out: the mesh has more than %d nodes", RAMP_NODES)
@@ -175,45 +163,31 @@ class _Study:
             _log.info("ramps are left out: %s", error)
             return
         rate = slowest_rate(model.scene, model.loop_length)
-        yield from parameters.ramp_points(self.base, varied, 2.0 * math.pi / rate, model.time_step)
+        yield from points.ramp_points(self.base, varied, 2.0 * math.pi / rate, model.time_step)
 
     def _run(self, point: Point) -> None:
         if any(row.point == point.name for row in self.rows):
             return
         reference = next((row for row in self.rows if row.group == "reference"), None)
         limit = math.inf if reference is None else COST_LIMIT * reference.node_steps
-        least = self._least_work(point)
-        if least > limit:
-            message = f"not run: at least {rounded(least):,} node-steps, where the limit is {rounded(limit):,}"
-            row = without_run("cost limit", message).changed(**settings_of_scene(self._load(point)))
-        else:
-            row = run_point(
-                lambda: self._load(point),
-                device=self.device,
-                max_node_steps=limit,
-                monitor=lambda progress: self._interrupts.check(),
-            )
+        row = run_point(
+            lambda: self._load(point), device=self.device, max_node_steps=limit, monitor=lambda progress: self._interrupts.check()
+        )
         if point.group == "reference" and not row.has_results:
             raise Diverged(f"the reference of {self.finest[0]} nodes a loop failed: {row.message}")
         preset = point.parameter if point.group == "preset" else ""
-        self.rows.append(row.changed(point=point.name, group=point.group, knob=point.parameter, preset=preset))
-        self._compute_errors()
+        row = row.changed(point=point.name, group=point.group, knob=point.parameter, preset=preset)
+        if row.has_results:
+            truth = self.rows[0] if self.rows else row
+            force = row.contact_force_sum_N * _repeats(truth) / _repeats(row)  # compared per repeat
+            errors = vars(errors_of(row.changed(contact_force_sum_N=force), truth, self.scales))
+            row = row.changed(**{f"error_{name}": value for name, value in errors.items()})
+        self.rows.append(row)
         write_rows(self.path, self.rows, COLUMNS)
-
-    def _compute_errors(self) -> None:
-        """Fill in errors against the finest reference; sums over a mesh are compared per repeat."""
-        truth, repeats = self.rows[0], _repeats(self.rows[0])
-        for number, row in enumerate(self.rows):
-            if row.has_results:
-                per_mesh = row.changed(contact_force_sum_N=row.contact_force_sum_N * repeats / _repeats(row))
-                errors = vars(errors_of(per_mesh, truth, self.scales))
-                self.rows[number] = row.changed(**{f"error_{name}": value for name, value in errors.items()})
 
     # --- results ---
 
     def _summary(self, reason: str) -> TradeSummary:
-        if self.rows:
-            self._compute_errors()
         counted, scene = self._counted, self.base.scene
         reference = self._reference()
         own = reference.own_error.largest_percent if "own_error" in reference else 0.0
@@ -305,7 +279,7 @@ def pareto(points: Sequence[tuple[float, float]], least: float = 0.0) -> list[in
 
 def parameter_table(rows: Sequence[TradeRow]) -> list[Values]:
     """Effect of each parameter alone: cost relative to the unchanged scene, and errors."""
-    base = next((row for row in rows if row.knob == parameters.BASE), None)
+    base = next((row for row in rows if row.knob == BASE), None)
     if base is None:
         return []
     unchanged = f"alone: {base.point.removeprefix('alone: ')}"

@@ -1,10 +1,10 @@
-"""One point of a trade: a run of the scene at some settings, without files, and its errors."""
+"""The points of a trade: numerical parameters of a scene with their values, runs of the scene without files, and their errors."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +14,11 @@ from ..base.errors import Diverged, InputError
 from ..base.text import rounded
 from ..measure import MeshModel, Observables, table
 from ..measure.table import Record
+from ..mechanics.probe_settings import Varied, setting_of
+from ..mechanics.protocols import Model
 from ..results.row import Row, Values
 from ..scene import Scene
+from ..scene.presets import PRESETS
 from ..solve.model import build_model
 from ..solve.simulate import Progress, Simulation
 
@@ -23,6 +26,114 @@ DOUBLE_COST = 1.8  # time of a node-step in double precision over that in single
 FORCE_FLOOR = 1e-3  # of EI/W^2 a pair: lower bound of the contact force in a relative error
 STRAIN_FLOOR = 1e-3  # lower bound of the strain in a relative error, where tension drives
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in a relative error
+
+Overrides = tuple[tuple[str, object], ...]
+
+BASE = "base"  # name of the point with no parameter changed
+STIFFNESSES = (0.25, 4.0, 16.0)  # times what the model chooses
+LEVELS = (1, 2, 5, 10, 20)
+PERIODS = (1.0, 3.0, 10.0, 30.0)  # slowest periods over which a ramp loads
+DAMPINGS = (0.1, 0.3, 3.0)  # times the slowest angular frequency
+SCALINGS = (100.0, 1e4)  # of all masses
+STEPS = (3.0, 10.0)  # times the step that the real masses allow, reached by raising the masses of the nodes that limit it
+BODY_MASSES = (0.1, 2.0)  # over half a loop of wire
+RAMP_SOFTENINGS = (1.0, 100.0)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One choice of settings: overrides of the scene, and the group of the point."""
+
+    group: str  # reference | preset | alone | together
+    parameter: str  # the varied one; the preset; empty where several are
+    overrides: Overrides
+    preset: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Unique name, the same in every run of a study."""
+        settings = " ".join(f"{key}={value}" for key, value in self.overrides)
+        return f"{self.group}: {' '.join(part for part in (self.preset or '', settings) if part)}"
+
+
+def reference_points(finest: Sequence[int], tolerance: float) -> list[Point]:
+    """Reference runs: double precision, tightest tolerance, the finest first."""
+    fixed = (("solver.precision", "double"), ("solver.residual_tolerance", tolerance), ("solver.drive", "relax"))
+    softening = ("solver.axial_softening", PRESETS["reference"]["planar", "relax"].axial_softening)
+    return [Point("reference", "", (("model.nodes_per_loop", n), *fixed, softening)) for n in finest]
+
+
+def preset_points(base: Model) -> list[Point]:
+    """The presets, which override the keys of the scene that they set."""
+    drive = base.scene.solver.drive
+    return [
+        Point("preset", name, (
+            ("model.nodes_per_loop", preset.nodes_per_loop), ("solver.axial_softening", preset.axial_softening),
+            ("solver.residual_tolerance", preset.residual_tolerance),
+        ), preset=name)
+        for name, preset in ((name, presets[base.scene.model.kind, drive]) for name, presets in PRESETS.items())
+    ]  # fmt: skip
+
+
+def single_parameter_points(base: Model, varied: Varied) -> Iterator[Point]:
+    """The scene itself, then one parameter varied at a time."""
+    scene = base.scene
+    preset = scene.solver.preset
+    yield Point("alone", BASE, (), preset=preset)
+    for parameter, key, values in _relaxation_parameters(base, varied):
+        for value in values:
+            yield Point("alone", parameter, ((key, value),), preset=preset)
+    if scene.hook is None and scene.model.boundary == "gripped" and scene.panel.outline == "rectangle":
+        for boundary, repeats in (("periodic", [1, 1]), ("gripped", [2, 2]), ("gripped", [4, 4])):
+            overrides = (("model.boundary", boundary), ("knit.repeats", repeats))
+            yield Point("alone", "size", overrides, preset=preset)
+
+
+def _relaxation_parameters(base: Model, varied: Varied) -> Iterator[tuple[str, str, Sequence[object]]]:
+    yield "nodes_per_loop", "model.nodes_per_loop", varied.nodes_per_loop
+    yield "axial_softening", "solver.axial_softening", [_rounded(value) for value in varied.axial_softening]
+    yield "residual_tolerance", "solver.residual_tolerance", varied.residual_tolerance
+    yield "contact_stiffness", "contact.stiffness", [_rounded(factor * base.contact_stiffness) for factor in STIFFNESSES]
+    yield "precision", "solver.precision", ("single", "double")
+    yield "multipliers", "solver.multipliers", (False,)
+    yield "levels", "output.frames", LEVELS
+    if base.scene.hook is None:
+        yield "merge_lenses", "model.merge_lenses", (not base.scene.model.merge_lenses,)
+
+
+def ramp_points(base: Model, varied: Varied, period: float, time_step: float) -> Iterator[Point]:
+    """A ramp in real time, then one of its parameters varied at a time.
+
+    `period` [s]: of the slowest mode; `time_step` [s]: the stable one at the ramp's masses.
+    """
+    rate, preset = 2.0 * math.pi / period, base.scene.solver.preset
+    drive = ("solver.drive", "ramp")
+    yield Point("alone", "drive", (drive,), preset=preset)
+    for parameter, key, values in (
+        ("loading_time", "solver.loading_time", [_rounded(k * period) for k in PERIODS]),
+        ("damping", "solver.damping", [_rounded(k * rate) for k in DAMPINGS]),
+        ("target_time_step", "solver.target_time_step", [_rounded(k * time_step) for k in STEPS]),
+        ("body_mass", "contact.body_mass", BODY_MASSES),
+        ("ramp_softening", "solver.axial_softening", RAMP_SOFTENINGS),
+        ("ramp_nodes", "model.nodes_per_loop", varied.ramp_nodes_per_loop),
+        ("mass_scaling", "solver.mass_scaling", SCALINGS),  # of every period: the loading time is unchanged in periods
+    ):
+        for value in values:
+            yield Point("alone", parameter, (drive, (key, value)), preset=preset)
+
+
+def combined_points(base: Model, varied: Varied, finest: int) -> Iterator[Point]:
+    """Several parameters varied together."""
+    _nodes, *others = setting_of(base.scene).overrides
+    for setting in varied.combined:
+        changed = tuple(each for each in setting.overrides if each not in others)
+        if setting.nodes_per_loop < finest and len(changed) > 1:
+            yield Point("together", "", changed)
+
+
+def _rounded(value: float) -> float:
+    """The value to three digits, for the tables."""
+    return float(f"{value:.3g}")
 
 
 class TradeRow(Row):
@@ -115,9 +226,13 @@ def run_point(
     """
     try:
         simulation = Simulation(build_model(load(), device))
+        settings, least = settings_of(simulation.model), least_work(simulation.model)
+        if least > max_node_steps:
+            limit = f"where the limit is {rounded(max_node_steps):,}"
+            return _ended("cost limit", f"not run: at least {rounded(least):,} node-steps, {limit}").changed(**settings)
         simulation.compile()
     except InputError as error:
-        return without_run("refused", str(error))
+        return _ended("refused", str(error))
 
     def check_cost(progress: Progress) -> None:
         monitor(progress)
@@ -138,8 +253,8 @@ def run_point(
         reason, message, record = "diverged", str(error), None
     if record is not None and not record.steady:
         reason = "finished"
-    return without_run(reason, message).changed(
-        **settings_of(simulation.model),
+    return _ended(reason, message).changed(
+        **settings,
         **({} if record is None else vars(results_of(record.observables))),
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
@@ -148,7 +263,7 @@ def run_point(
     )
 
 
-def without_run(stop_reason: str, message: str) -> TradeRow:
+def _ended(stop_reason: str, message: str) -> TradeRow:
     """A point without settings, results and costs."""
     row = TradeRow(**dict.fromkeys(COLUMNS))
     return row.changed(wall_s=0.0, cpu_s=0.0, steps=0, node_steps=0, stop_reason=stop_reason, message=message)
@@ -165,20 +280,18 @@ def node_steps(simulation: Simulation) -> int:
     return sum(drive.progress.steps * drive.model.node_count for drive in drives)
 
 
-def settings_of(model: MeshModel) -> dict[str, object]:
+def least_work(model: Model) -> float:
+    """Least node-steps of a ramp, from loading time and first step; 0 of others."""
+    if model.scene.solver.drive != "ramp":
+        return 0.0
+    return len(model.scene.stages) * model.loading_time / model.time_step * model.node_count
+
+
+def settings_of(model: Model) -> dict[str, object]:
     """Values of all parameters of a model: the columns of trade.csv."""
-    ramp = model.scene.solver.drive == "ramp"
+    scene, solver = model.scene, model.scene.solver
+    ramp = solver.drive == "ramp"
     of_ramp = {"loading_time_s": "loading_time", "damping_per_s": "damping", "body_mass_kg": "body_mass"}
-    return settings_of_scene(model.scene) | {
-        "contact_stiffness_N_per_m": model.contact_stiffness,
-        "mass_scaling": 1.0 + model.added_mass if ramp else None,
-        **{key: getattr(model, name, None) if ramp else None for key, name in of_ramp.items()},
-    }
-
-
-def settings_of_scene(scene: Scene) -> dict[str, object]:
-    """Values of the parameters that stand in a scene."""
-    solver = scene.solver
     return {
         "kind": scene.model.kind,
         "boundary": scene.model.boundary,
@@ -188,10 +301,13 @@ def settings_of_scene(scene: Scene) -> dict[str, object]:
         "drive": solver.drive,
         "precision": solver.precision,
         "axial_softening": solver.axial_softening,
+        "contact_stiffness_N_per_m": model.contact_stiffness,
         "residual_tolerance": solver.residual_tolerance,
         "multipliers": solver.multipliers,
         "levels": scene.output.levels,
+        "mass_scaling": 1.0 + model.added_mass if ramp else None,
         "target_time_step_s": solver.target_time_step,
+        **{key: getattr(model, name, None) if ramp else None for key, name in of_ramp.items()},
     }
 
 
