@@ -1,9 +1,9 @@
 """One declaration a key of a scene file: type with unit and range, default, and a sentence on what it means.
 
     class Solver(Table):
-        damping: Rate | None = key("Ramp: mass-proportional damping.", None, left_out="chosen")
+        damping: Annotated[float, Quantity("rate", least=0.0)] | None = key("Ramp: mass-proportional damping.", None)
 
-`Rate` (values.py) is the unit and the range. From this line follow the check of the file, the attribute of the scene, the
+`Quantity` (values.py) is the unit and the range. From this line follow the check of the file, the attribute of the scene, the
 resolved file, the nearest known key, and the row in docs/scenes.md (reference.py). A class that derives from `Table` is first the
 checked table of the file, where values may be None, and then the frozen object of the scene, which `warpknit.scene.scene_loader`
 has filled in. The annotations describe the object.
@@ -92,7 +92,8 @@ class Key:
     @property
     def check(self) -> ValueCheck | None:
         """The check of its value, or of each entry of its list."""
-        return next(_metadata(self.annotation, ValueCheck), None)
+        metadata = (entry for part in _parts(self.annotation) for entry in getattr(part, "__metadata__", ()))
+        return next((entry for entry in metadata if isinstance(entry, ValueCheck)), None)
 
     @property
     def is_list(self) -> bool:
@@ -181,11 +182,3 @@ def _parts(annotation: Any) -> Iterator[Any]:
     yield annotation
     for part in typing.get_args(annotation):
         yield from _parts(part)
-
-
-def _metadata(annotation: Any, kind: type[ValueCheck]) -> Iterator[ValueCheck]:
-    """The checks among the metadata of an annotation."""
-    for part in _parts(annotation):
-        for entry in getattr(part, "__metadata__", ()):
-            if isinstance(found := getattr(entry, "func", None), kind):
-                yield found

@@ -12,7 +12,7 @@ from ..knit.lapping import single_steps
 from ..knit.loops import RANGES, LoopProportions
 from . import values
 from .keys import Table, key
-from .values import proportion
+from .values import Choice, Integer, Pair, Quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +54,8 @@ class Bar(Table):
         " `//` may end the chain. Where all numbers of all bars are even (0, 2, 4), they count half needles."
     )
     threading: values.Threading = key("Threaded (`|`) and empty (`.`) guides along the bar, repeated.", "|")
-    shift: values.Shift = key("Offset of the bar to the right, in needles.", 0)
-    loop_scale: values.LoopScale = key(
+    shift: Annotated[int, Integer(-1000, 1000)] = key("Offset of the bar to the right, in needles.", 0)
+    loop_scale: Annotated[float, Quantity("number", least=0.2, most=5.0)] = key(
         "Factor on the size of the loops of this bar (proportions of `[knit.loop]`), for bars of different run-in.",
         1.0,
     )
@@ -66,49 +66,53 @@ def _in_needles(bars: tuple[Bar, ...]) -> tuple[Bar, ...]:
     return tuple(replace(bar, chain=chain) for bar, chain in zip(bars, single_steps([bar.chain for bar in bars]), strict=True))
 
 
+def _proportion(name: str) -> Quantity:
+    """The check of a proportion of the loops."""
+    least, most = RANGES[name]
+    return Quantity("number", least=least, most=most)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Loop(Table):
     """[knit.loop]: proportions in units of the course spacing; `warpknit.knit.loops` says what they measure and their ranges."""
 
-    shape: values.LoopShape = key(
+    shape: Annotated[str, Choice(("auto", "circular-oval", "general"))] = key(
         "`auto`: `circular-oval` for two bars in opposition, if each needle and course has one loop and closed and open courses"
         " alternate. Otherwise `general`.",
         MEAN.shape,
     )
-    closed_radius: Annotated[float, proportion(*RANGES["closed_radius"])] = key(
+    closed_radius: Annotated[float, _proportion("closed_radius")] = key(
         "Circular-oval: radius of a closed (circular) loop [C].", MEAN.closed_radius
     )
-    closed_head: Annotated[float, proportion(*RANGES["closed_head"])] = key(
+    closed_head: Annotated[float, _proportion("closed_head")] = key(
         "Circular-oval: top of a closed loop above the next course line [C].", MEAN.closed_head
     )
-    open_head: Annotated[float, proportion(*RANGES["open_head"])] = key(
+    open_head: Annotated[float, _proportion("open_head")] = key(
         "Circular-oval: top of an open (oval) loop above the next course line [C].", MEAN.open_head
     )
-    open_half_width: Annotated[float, proportion(*RANGES["open_half_width"])] = key(
+    open_half_width: Annotated[float, _proportion("open_half_width")] = key(
         "Circular-oval: half width of an open loop [C].", MEAN.open_half_width
     )
-    closed_foot: Annotated[float, proportion(*RANGES["closed_foot"])] = key(
+    closed_foot: Annotated[float, _proportion("closed_foot")] = key(
         "Circular-oval: half distance of the feet of a closed loop [C].", MEAN.closed_foot
     )
-    open_foot: Annotated[float, proportion(*RANGES["open_foot"])] = key(
+    open_foot: Annotated[float, _proportion("open_foot")] = key(
         "Circular-oval: half distance of the feet of an open loop [C].", MEAN.open_foot
     )
-    foot_radius: Annotated[float, proportion(*RANGES["foot_radius"])] = key(
+    foot_radius: Annotated[float, _proportion("foot_radius")] = key(
         "Circular-oval: radius of the bend at the exit foot [C].", MEAN.foot_radius
     )
-    tilt: Annotated[float, proportion(*RANGES["tilt"])] = key(
-        "Circular-oval: lean of an open loop towards its overlap.", MEAN.tilt
-    )
-    lateral_shift: Annotated[float, proportion(*RANGES["lateral_shift"])] = key(
+    tilt: Annotated[float, _proportion("tilt")] = key("Circular-oval: lean of an open loop towards its overlap.", MEAN.tilt)
+    lateral_shift: Annotated[float, _proportion("lateral_shift")] = key(
         "Circular-oval: shift of a closed loop towards its underlaps [W].", MEAN.lateral_shift
     )
-    foot_half_width: Annotated[float, proportion(*RANGES["foot_half_width"])] = key(
+    foot_half_width: Annotated[float, _proportion("foot_half_width")] = key(
         "General: half distance of the feet [W].", MEAN.foot_half_width
     )
-    leg_half_width: Annotated[float, proportion(*RANGES["leg_half_width"])] = key(
+    leg_half_width: Annotated[float, _proportion("leg_half_width")] = key(
         "General: half distance of the legs [W].", MEAN.leg_half_width
     )
-    head_height: Annotated[float, proportion(*RANGES["head_height"])] = key(
+    head_height: Annotated[float, _proportion("head_height")] = key(
         "General: top of the head above the next course line [C].", MEAN.head_height
     )
 
@@ -123,7 +127,7 @@ class Knit(Table):
     )
     wale_spacing: values.LoopLength = key("Distance between wales (along weft, x).", 1.7e-3)
     course_spacing: values.LoopLength = key("Distance between courses (along warp, y).", 1.0e-3)
-    repeats: values.Repeats = key("Pattern repeats along weft and warp.", (1, 1))
+    repeats: Annotated[tuple[int, int], Pair(Integer(1, 10**9))] = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: values.Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
         " Deviations are limited to 2.5 times this value, and where wires would overlap. The actual scatter is therefore 5 %"

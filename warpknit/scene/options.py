@@ -13,7 +13,7 @@ from . import values
 from .keys import Table, key
 from .presets import DEFAULT_PRESET
 from .units import shown
-from .values import TREATMENTS, refused
+from .values import TREATMENTS, Choice, Integer, Pair, Quantity, refused
 
 AUTO = "auto"  # model.kind, resolved by capabilities.py; output.frames (solve/relax.py)
 DEFAULT_LEVELS = 20
@@ -63,17 +63,17 @@ KINDS = {
 class ModelOptions(Table):
     """[model]: the kind of model and its discretisation."""
 
-    kind: values.Kind = key(
+    kind: Annotated[str, Choice(("auto", "planar", "spatial"))] = key(
         "`planar`: two coordinates per node, contact bodies where wires hook. `spatial`: three coordinates, with twist and"
         " contact of round wires ([theory](theory/contact.md#round-wires)); required with `[wires]`. `auto`: spatial,"
         " unless only the planar model has a feature of the scene or the command ([below](#the-kind-of-model)). See"
         " [capabilities.md](capabilities.md) for the features of each.",
         AUTO,
     )
-    boundary: values.Boundary = key(
+    boundary: Annotated[str, Choice(("gripped", "periodic"))] = key(
         "`gripped`: cut along an outline, with every cut wire end clamped. `periodic`: one tile of an endless mesh.", "gripped"
     )
-    nodes_per_loop: values.NodesPerLoop = key("Nodes per loop of wire.", None, left_out="the preset's")
+    nodes_per_loop: Annotated[int, Integer(8, 100_000)] = key("Nodes per loop of wire.", None, left_out="the preset's")
     body_radius: values.Length = key(
         "Planar model: radius of the contact body between two hooked wires. At d/8 both contacts close when the wires are 1.25 d"
         " apart.",
@@ -99,22 +99,22 @@ class ModelOptions(Table):
 class Contact(Table):
     """[contact]: contact between wires; a pair is active when its force exceeds the threshold."""
 
-    friction: values.Friction = key(
+    friction: Annotated[float, Quantity("number", least=0.0, most=5.0)] = key(
         'Coulomb friction coefficient; in the planar model `drive = "relax"` only. The state then depends on the load history:'
         " [theory](theory/contact.md#planar-friction).",
         None,
         left_out="0.2 spatial, 0 planar",
     )
-    threshold: values.Force = key(
+    threshold: Annotated[float, Quantity("force", least=0.0)] = key(
         "A pair is active when its force exceeds this value (and 1e-4 EI/W^2, the unbalanced force of a converged state).", 0.0
     )
-    stiffness: values.Stiffness | None = key(
+    stiffness: Annotated[float, Quantity("tension", above=0.0)] | None = key(
         "Contact penalty. The multipliers of a relaxation correct its error.", None, left_out="chosen"
     )
     treatment: values.Treatment = key(
         "Contact carrier or constraint of a `[hook]`, see below. A knit has free bodies.", "free-body"
     )
-    spring_stiffness: values.SpringStiffness | None = key(
+    spring_stiffness: Annotated[float, Quantity("tension", above=0.0, usual="1 mN/m")] | None = key(
         "`spring-point`, `spring-cylinder`, `ring`: stiffness of the spring to the ground; at most the contact penalty.",
         None,
         left_out="0.001 N/m",
@@ -123,18 +123,18 @@ class Contact(Table):
         "`ring`: inner radius, at least the radius of the wire.", None, left_out="the wire's diameter"
     )
     plane_friction: values.Coefficient | None = key("`friction-plane`: friction coefficient.", None, left_out="0.1")
-    plane_load: values.PositiveForce | None = key(
+    plane_load: Annotated[float, Quantity("force", above=0.0)] | None = key(
         "`friction-plane`: normal force of the body on the plane.", None, left_out="10 uN"
     )
     contact_point: values.Fraction | None = key(
         "`point`: place on the left wire, over its length, rounded to the nearest node.", None, left_out="0.5"
     )
-    target_share: values.Share | None = key(
+    target_share: Annotated[float, Quantity("number", least=0.05, most=1.0)] | None = key(
         "`point`: part of the right wire that the point can touch, about the middle of this wire, over its length.",
         None,
         left_out="1",
     )
-    body_mass: values.BodyMass | None = key(
+    body_mass: Annotated[float, Quantity("number", above=0.0, most=100.0)] | None = key(
         "Ramp: mass of a contact body over the mass of half a loop of wire; with `[hook]`, over the mass of half a wire.",
         None,
         left_out="0.5",
@@ -159,7 +159,7 @@ class Solver(Table):
 
     preset: values.PresetName = key("Sets the defaults of the keys below.", DEFAULT_PRESET)
     drive: values.Drive = key("`relax`: equilibrium at each load level. `ramp`: real time with true or scaled masses.", "relax")
-    precision: values.Precision = key(
+    precision: Annotated[str, Choice(("single", "double"))] = key(
         "`single`: float32, with positions in 32-bit fixed point (spatial: float64). `double`: float64.",
         None,
         left_out="the preset's; `double` above 48 nodes per loop, and for wires so thin that s (d/W)^2 is below 0.001 with the"
@@ -173,16 +173,16 @@ class Solver(Table):
         None,
         left_out="the preset's",
     )
-    damping: values.Rate | None = key(
+    damping: Annotated[float, Quantity("rate", least=0.0)] | None = key(
         "Ramp: mass-proportional damping. Default: the frequency of the slowest bending mode.", None, left_out="chosen"
     )
-    loading_time: values.LoadingTime | None = key(
+    loading_time: Annotated[float, Quantity("time", above=0.0, usual="10 ms")] | None = key(
         "Ramp: duration of a load step. Default: ten periods of the slowest bending mode.", None, left_out="chosen"
     )
     residual_tolerance: values.Tolerance = key(
         "Relative residual below which a state is converged.", None, left_out="the preset's"
     )
-    max_steps: values.StepCount | None = key(
+    max_steps: Annotated[int, Integer(1, 10**15)] | None = key(
         "Relax: largest number of steps of a load level, or of an increment of a divided level. A run ends with exit status 3"
         " if this number is not enough.",
         None,
@@ -197,7 +197,7 @@ class Solver(Table):
 class Output(Table):
     """[output]: recorded levels and written files."""
 
-    frames: values.FrameCount = key(
+    frames: Annotated[int | str, Integer(1, 100_000, "auto")] = key(
         "Recorded load levels per load step; each is converged when relaxing. Levels are also the increments of the load:"
         " with one to three, a mesh may reach another equilibrium. `auto`: few, and more where a class of contacts closes, the"
         " wire first yields, slack ends, or at a snap-through. Maps and ramps have 20.",
@@ -207,7 +207,7 @@ class Output(Table):
         "With `frames = 'auto'`: share of the load of a load step to which these events are found.", 0.02
     )
     usd: values.Flag = key("Write scene.usda while running.", True)
-    usd_full_every: values.FrameInterval = key(
+    usd_full_every: Annotated[int, Integer(0, 100_000)] = key(
         "Interval of frames with all nodes; the first frame and the ends of load steps always have them. In between, `k8` is"
         " updated and `full` is not. 0: only the first frame and the ends of load steps.",
         1,
@@ -221,7 +221,7 @@ class Output(Table):
         None,
         left_out="2, 3.4 and 4.9 N/m; in a run, those that it reaches",
     )
-    checkpoint_interval: values.Time = key(
+    checkpoint_interval: Annotated[float, Quantity("time", above=0.0)] = key(
         "Wall time between checkpoints. It is longer if writing one takes more than a tenth of this time, and over a second.",
         60.0,
     )
@@ -269,13 +269,13 @@ class Stage(Table, one_of=(("strain_weft", "tension_weft", "displacement"), ("st
     tension_weft: values.Tension | None = key("Instead of `strain_weft`: force per current width.", None)
     strain_warp: values.Strain | None = key("The same in warp.", None, left_out="0, then as in the previous load step")
     tension_warp: values.Tension | None = key("Instead of `strain_warp`.", None)
-    displacement: values.SignedLength | None = key(
+    displacement: Annotated[float, Quantity("length", usual="1.2 mm")] | None = key(
         "Instead of both strains: outward displacement of every side. With `[hook]`: displacement of the driven end to the"
         " right.",
         None,
     )
     shear: values.Shear = key("Weft displacement over warp distance.", None, left_out="0, then as in the previous load step")
-    clamp_rotation: values.Turn = key(
+    clamp_rotation: Annotated[float, Quantity("angle", least=-1.6, most=1.6)] = key(
         "Counter-clockwise rotation of every clamp about the point where it holds its wire. Gripped meshes with"
         ' `drive = "relax"` only, without cord or pull.',
         None,
@@ -286,7 +286,7 @@ class Stage(Table, one_of=(("strain_weft", "tension_weft", "displacement"), ("st
         None,
         left_out="the reference temperature, then as in the previous load step",
     )
-    temperature_gradient: values.TemperatureGradient = key(
+    temperature_gradient: Annotated[tuple[float, float], Pair(Quantity("temperature_gradient"))] = key(
         'Temperature gradient along weft and warp. Gripped meshes with `drive = "relax"` only.',
         None,
         left_out="none, then as in the previous load step",
@@ -382,7 +382,7 @@ class Sweep(Table, one_of=(("strain_weft", "tension_weft"), ("strain_warp", "ten
 class Variants(Table):
     """[variants]: meshes that are alike but for what scatters; results are means over them, with their range."""
 
-    count: values.VariantCount = key(
+    count: Annotated[int, Integer(1, 1000)] = key(
         "Number of meshes with scattered loops; results are their mean. 1: a single mesh, with `knit.scatter`.",
         None,
         left_out="16 for a spatial tile without `knit.scatter`, `--error`, `trade` and `mpirun`; else 1",
@@ -425,19 +425,19 @@ class Reflection(Table):
         'Frequencies, below the first grating lobe of the repeat; `["10 GHz", "30 GHz"]`, or `"1 to 40 GHz, 50"` for 50 of them.',
         allowed="a frequency from 1 MHz to 1 THz, a list, or a range with their number, such as `1 to 40 GHz, 50`",
     )
-    theta: values.Incidence = key("Angle of incidence, from the normal of the mesh.", 0.0)
+    theta: Annotated[float, Quantity("angle", least=0.0, most=1.5)] = key("Angle of incidence, from the normal of the mesh.", 0.0)
     phi: values.Angle = key(
         "Direction in which the wave goes along the mesh, from weft towards warp. At normal incidence, TE has its field along the"
         " warp and TM along the weft for phi = 0.",
         0.0,
     )
-    contacts: values.ContactState = key(
+    contacts: Annotated[str, Choice(("computed", "open", "closed"))] = key(
         "State of the contacts. `computed`: resistance from the contact force; `open` and `closed` are computed as well, for"
         " comparison."
         " `open`: no contact conducts. `closed`: all contacts are perfect.",
         "computed",
     )
-    film_resistance: values.Resistance = key(
+    film_resistance: Annotated[float, Quantity("resistance", least=0.0)] = key(
         "Resistance of a film on each contact, in series with its constriction ([how-to](how-to/corroding_contacts.md)).", 0.0
     )
     branch_length: values.Length | None = key(

@@ -6,6 +6,7 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from . import values
 from .keys import Table, as_object, key
 from .outline import Outline, disc, is_simple, rectangle, regular, signed_area, turned
 from .units import DIMENSIONS, QuantityError, si
+from .values import Choice, Quantity
 
 MOST_CORNERS = 1000  # of a polygon
 
@@ -22,17 +24,17 @@ MOST_CORNERS = 1000  # of a polygon
 class Cord(Table):
     """[panel.cord]: an elastic cord along the outline, fixed at the net nodes."""
 
-    tension: values.CordTension = key(
+    tension: Annotated[float, Quantity("force", least=0.0, usual="1 N")] = key(
         'Tension of the cord when it lies on the strained outline. Write `cord = {tension = "1 N", stiffness = "1 kN"}`.'
     )
-    stiffness: values.AxialStiffness = key("Axial stiffness EA of the cord.")
+    stiffness: Annotated[float, Quantity("force", above=0.0, usual="1 kN")] = key("Axial stiffness EA of the cord.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PanelOptions(Table):
     """[panel]: outline and edge of a gripped mesh, and its target surface. None: not requested."""
 
-    outline: values.OutlineName = key(
+    outline: Annotated[str, Choice(("rectangle", "hexagon", "triangle", "disc", "polygon"))] = key(
         "Shape that is cut from endless cloth; weft is horizontal. Give `knit.repeats` for `rectangle` only; for other shapes it"
         " follows from the outline.",
         "rectangle",
@@ -59,7 +61,7 @@ class PanelOptions(Table):
     tension_threshold: values.Tension | None = key(
         "The summary reports the fraction of the area with a lower tension in weft or warp.", None
     )
-    active_threshold: values.Percent | None = key(
+    active_threshold: Annotated[float, Quantity("number", least=0.0, most=100.0)] | None = key(
         "Percent. The summary reports the fraction of the area with fewer active contacts.", None
     )
 
@@ -79,7 +81,7 @@ class PanelOptions(Table):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PanelTable(PanelOptions):
+class PanelTable(PanelOptions, one_of=(("corners", "file"),)):
     """[panel] as written in a file, with its alternative keys."""
 
     file: values.FileName | None = key(
@@ -92,25 +94,19 @@ class PanelTable(PanelOptions):
 def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
     """The options of a checked table; a polygon's file is looked for in `folder`. Raises `BadValue` with a key
     of [panel]."""
+    has_corners, has_size = table.outline == "polygon", table.outline in ("hexagon", "triangle", "disc")
+    has_effect = {"corners": has_corners, "file": has_corners, "size": has_size, "rotation": table.outline != "rectangle"}
+    for name, has in has_effect.items():
+        if not has and getattr(table, name):
+            raise BadValue(name, f"has no effect with outline = {table.outline!r}", "leave it out, or write another outline")
+    if has_size and table.size is None:
+        raise BadValue("size", f"missing for outline = {table.outline!r}", "write a length")
     corners = None
-    if table.outline == "polygon":
-        if (table.corners is None) == (table.file is None):
-            wrong = "a polygon without corners" if table.corners is None else "a polygon with corners and a file"
-            raise BadValue("outline", wrong, "write panel.corners or panel.file")
-        key = "corners" if table.file is None else "file"
-        found = table.corners if table.file is None else _read_corners(folder / table.file, table.file)
-        corners = _checked_corners(key, list(found or ()))
-    elif table.corners is not None or table.file is not None:
-        key = "corners" if table.corners is not None else "file"
-        raise BadValue(key, f"has no effect with outline = {table.outline!r}", "leave it out, or write outline = 'polygon'")
-    sized = table.outline in ("hexagon", "triangle", "disc")
-    if sized != (table.size is not None):
-        wrong, instead = f"missing for outline = {table.outline!r}", "write a length"
-        if not sized:
-            wrong, instead = f"has no effect with outline = {table.outline!r}", "leave it out"
-        raise BadValue("size", wrong, instead)
-    if table.rotation and table.outline == "rectangle":
-        raise BadValue("rotation", "a rectangle is not turned", "leave it out, or write outline = 'polygon'")
+    if has_corners:
+        if table.corners is None and table.file is None:
+            raise BadValue("corners", "missing for outline = 'polygon'", "write panel.corners or panel.file")
+        found = _read_corners(folder / table.file, table.file) if table.file is not None else table.corners
+        corners = _checked_corners("corners" if table.file is None else "file", list(found or ()))
     if (table.grip_pitch is None) != (table.cord is None):
         missing = "cord" if table.cord is None else "grip_pitch"
         raise BadValue(missing, "missing: between net nodes the edge hangs on its cord", "write both panel.cord and grip_pitch")

@@ -55,7 +55,7 @@ class SceneFile(Table, one_of=(("knit", "hook", "wires"),)):
     def stages(self) -> tuple[Stage, ...]:
         """[load], then each [[path]], with what they take over; of a direction, the way that was given last."""
         stages: list[Stage] = []
-        so_far: dict[str, Any] = {}
+        so_far: Mapping[str, Any] = {}
         for table in (self.load, *self.path):
             given = given_values(table)
             for direction in (("strain_weft", "tension_weft"), ("strain_warp", "tension_warp")):

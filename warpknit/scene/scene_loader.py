@@ -83,7 +83,7 @@ def load_scene(
     return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)
 
 
-def _table_of(scene: Scene) -> dict[str, Any]:
+def _table_of(scene: Scene) -> Mapping[str, Any]:
     """The table of a scene with every default."""
     table = toml.loads(resolved_toml(scene))
     if scene.wires is not None:
@@ -272,7 +272,7 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     if table.ring_radius is not None:
         wrong = "is below the radius of the wires, which pass through the ring"
         source.limit(("contact", "ring_radius"), table.ring_radius, wrong, least=wire.radius)
-    defaults: dict[str, Any] = {
+    defaults = {
         "friction": file.model.of_kind.friction,
         "spring_stiffness": 1e-3,
         "ring_radius": wire.diameter,
@@ -283,7 +283,7 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
     }
     every = (table.treatment,)  # of keys that belong to no treatment
     chosen = {name for name in defaults if table.treatment in TREATMENT_KEYS.get(name, every) and getattr(table, name) is None}
-    return replace(table, **{name: defaults[name] for name in chosen})
+    return as_object(Contact, table, **{name: defaults[name] for name in chosen})
 
 
 def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:

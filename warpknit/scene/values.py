@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
-from pydantic_core import PydanticCustomError
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ..base.text import either, exact
 from .materials import MATERIALS
@@ -25,7 +25,7 @@ def refused(wrong: str, instead: str, **context: Any) -> PydanticCustomError:
 
 
 class ValueCheck:
-    """A callable value -> checked value, with `allowed`: the allowed values, in words."""
+    """A callable value -> checked value in an annotation, with `allowed`: the allowed values, in words."""
 
     allowed: str
     example: str
@@ -48,6 +48,9 @@ class ValueCheck:
 
     def __call__(self, value: Any) -> Any:
         raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, kind: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self, handler(kind))
 
 
 @dataclass(frozen=True)
@@ -217,103 +220,54 @@ class Links(Text):
         return super().__call__(text)
 
 
-def proportion(least: float, most: float) -> BeforeValidator:
-    """The check of a proportion of the loops."""
-    return BeforeValidator(Quantity("number", least=least, most=most))
-
-
 TREATMENTS = ("free-body", "point", "spring-point", "spring-cylinder", "ring", "friction-plane")
 
-Length = Annotated[float, BeforeValidator(Quantity("length", above=0.0))]
-Coating = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="0.2 um"))]
-LoopLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="1.2 mm"))]
-EdgeLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="20 mm"))]
-PanelLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, usual="0.5 m"))]
-ThinLength = Annotated[float, BeforeValidator(Quantity("length", above=0.0, most=0.01))]
-LengthUnit = Annotated[float, BeforeValidator(Unit("length", above=0.0, usual="mm"))]
-Period = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", above=0.0, usual="3.4 mm")))]
-Number = Annotated[float, BeforeValidator(Quantity("number"))]
-SignedLength = Annotated[float, BeforeValidator(Quantity("length", usual="1.2 mm"))]
-Vector = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("length", usual="1 mm")))]
-Angle = Annotated[float, BeforeValidator(Quantity("angle"))]
-Turn = Annotated[float, BeforeValidator(Quantity("angle", least=-1.6, most=1.6))]
-TemperatureGradient = Annotated[tuple[float, float], BeforeValidator(Pair(Quantity("temperature_gradient")))]
-PerLength = Annotated[float, BeforeValidator(Quantity("per_length", above=0.0, usual="26 /inch", bare_least=100.0))]
-Stress = Annotated[float, BeforeValidator(Quantity("stress", above=0.0))]
-Strength = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="800 MPa"))]
-Hardness = Annotated[float, BeforeValidator(Quantity("stress", above=0.0, usual="0.7 GPa"))]
-Density = Annotated[float, BeforeValidator(Quantity("density", above=0.0))]
-Expansion = Annotated[float, BeforeValidator(Quantity("expansion", least=-1e-3, most=1e-3))]
+Length = Annotated[float, Quantity("length", above=0.0)]
+Coating = Annotated[float, Quantity("length", above=0.0, usual="0.2 um")]
+LoopLength = Annotated[float, Quantity("length", above=0.0, usual="1.2 mm")]
+EdgeLength = Annotated[float, Quantity("length", above=0.0, usual="20 mm")]
+PanelLength = Annotated[float, Quantity("length", above=0.0, usual="0.5 m")]
+Vector = Annotated[tuple[float, float], Pair(Quantity("length", usual="1 mm"))]
+Angle = Annotated[float, Quantity("angle")]
+PerLength = Annotated[float, Quantity("per_length", above=0.0, usual="26 /inch", bare_least=100.0)]
+Strength = Annotated[float, Quantity("stress", above=0.0, usual="800 MPa")]
+Density = Annotated[float, Quantity("density", above=0.0)]
+Expansion = Annotated[float, Quantity("expansion", least=-1e-3, most=1e-3)]
 ABSOLUTE = " (absolute, not a change; degrees Celsius are degC)"
-Temperature = Annotated[float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, hint=ABSOLUTE, no_change=True))]
+Temperature = Annotated[float, Quantity("temperature", above=0.0, most=4000.0, hint=ABSOLUTE, no_change=True)]
 RoomTemperature = Annotated[
-    float, BeforeValidator(Quantity("temperature", above=0.0, most=4000.0, usual="20 degC", hint=ABSOLUTE, no_change=True))
+    float, Quantity("temperature", above=0.0, most=4000.0, usual="20 degC", hint=ABSOLUTE, no_change=True)
 ]
-Tension = Annotated[float, BeforeValidator(Quantity("tension", least=0.0))]
-Stiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0))]
-SpringStiffness = Annotated[float, BeforeValidator(Quantity("tension", above=0.0, usual="1 mN/m"))]
-Force = Annotated[float, BeforeValidator(Quantity("force", least=0.0))]
-CordTension = Annotated[float, BeforeValidator(Quantity("force", least=0.0, usual="1 N"))]
-PositiveForce = Annotated[float, BeforeValidator(Quantity("force", above=0.0))]
-AxialStiffness = Annotated[float, BeforeValidator(Quantity("force", above=0.0, usual="1 kN"))]
-Coefficient = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=1e3))]
-BodyMass = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=100.0))]
-Time = Annotated[float, BeforeValidator(Quantity("time", above=0.0))]
-LoadingTime = Annotated[float, BeforeValidator(Quantity("time", above=0.0, usual="10 ms"))]
-TimeStep = Annotated[float, BeforeValidator(Quantity("time", above=0.0, usual="0.1 us"))]
-Rate = Annotated[float, BeforeValidator(Quantity("rate", least=0.0))]
+Tension = Annotated[float, Quantity("tension", least=0.0)]
+Coefficient = Annotated[float, Quantity("number", above=0.0, most=1e3)]
+TimeStep = Annotated[float, Quantity("time", above=0.0, usual="0.1 us")]
 STRAIN = Quantity("number", least=-0.5, most=2.0, hint=" (a share: 0.1 is '10 %')")
-Strain = Annotated[float, BeforeValidator(STRAIN)]
-Shear = Annotated[float, BeforeValidator(Quantity("number", least=-1.0, most=1.0))]
-PoissonsRatio = Annotated[float, BeforeValidator(Quantity("number", above=-1.0, most=0.5))]
-LoopScale = Annotated[float, BeforeValidator(Quantity("number", least=0.2, most=5.0))]
-Scatter = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=0.2))]
-Fraction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=1.0))]
-Friction = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=5.0))]
-Percent = Annotated[float, BeforeValidator(Quantity("number", least=0.0, most=100.0))]
-Share = Annotated[float, BeforeValidator(Quantity("number", least=0.05, most=1.0))]
-Tolerance = Annotated[float, BeforeValidator(Quantity("number", above=0.0, most=0.5))]
-Factor = Annotated[float, BeforeValidator(Quantity("number", least=1.0, most=1e12))]
-Flag = Annotated[bool, BeforeValidator(Choice((True, False)))]
-Ends = Annotated[int, BeforeValidator(Integer(1, 1000))]
-VariantCount = Annotated[int, BeforeValidator(Integer(1, 1000))]
-Shift = Annotated[int, BeforeValidator(Integer(-1000, 1000))]
-Seed = Annotated[int, BeforeValidator(Integer(0, 2**32 - 1))]
-Repeats = Annotated[tuple[int, int], BeforeValidator(Pair(Integer(1, 10**9)))]
-WireRepeats = Annotated[tuple[int, int], BeforeValidator(Pair(Integer(1, 10_000)))]
-NodesPerLoop = Annotated[int, BeforeValidator(Integer(8, 100_000))]
-StepCount = Annotated[int, BeforeValidator(Integer(1, 10**15))]
-FrameCount = Annotated[int | str, BeforeValidator(Integer(1, 100_000, "auto"))]
-FrameInterval = Annotated[int, BeforeValidator(Integer(0, 100_000))]
-TileSize = Annotated[int, BeforeValidator(Integer(100_000, 1_000_000))]
-PresetName = Annotated[str, BeforeValidator(Choice(tuple(PRESETS)))]
+Strain = Annotated[float, STRAIN]
+Shear = Annotated[float, Quantity("number", least=-1.0, most=1.0)]
+Scatter = Annotated[float, Quantity("number", least=0.0, most=0.2)]
+Fraction = Annotated[float, Quantity("number", least=0.0, most=1.0)]
+Tolerance = Annotated[float, Quantity("number", above=0.0, most=0.5)]
+Factor = Annotated[float, Quantity("number", least=1.0, most=1e12)]
+Flag = Annotated[bool, Choice((True, False))]
+Seed = Annotated[int, Integer(0, 2**32 - 1)]
+WireRepeats = Annotated[tuple[int, int], Pair(Integer(1, 10_000))]
+TileSize = Annotated[int, Integer(100_000, 1_000_000)]
+PresetName = Annotated[str, Choice(tuple(PRESETS))]
 LINKS = Links(
     r"[0-9]{1,4}-[0-9]{1,4}(/[0-9]{1,4}-[0-9]{1,4})*", "links a-b of whole numbers joined by /, such as '1-0/1-2/2-3/2-1'"
 )
-Chain = Annotated[str, BeforeValidator(LINKS)]
+Chain = Annotated[str, LINKS]
 Threading = Annotated[
     str,
-    BeforeValidator(
-        Text(r"\.{0,4096}\|[|.]{0,4096}", "'|' for a threaded and '.' for an empty guide, at least one '|', such as '|.'")
-    ),
+    Text(r"\.{0,4096}\|[|.]{0,4096}", "'|' for a threaded and '.' for an empty guide, at least one '|', such as '|.'"),
 ]
 FILE_NAME = Text(r"[^\x00-\x1f\x7f]{1,400}", "the name of a file")
-FileName = Annotated[str, BeforeValidator(FILE_NAME)]
+FileName = Annotated[str, FILE_NAME]
 Name = Annotated[
     str,
-    BeforeValidator(Text(r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]{1,100}", "a name of 1 to 100 characters that can name a directory")),
+    Text(r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]{1,100}", "a name of 1 to 100 characters that can name a directory"),
 ]
-MaterialName = Annotated[str, BeforeValidator(Choice(tuple(MATERIALS)))]
-Drive = Annotated[str, BeforeValidator(Choice(("relax", "ramp")))]
-Precision = Annotated[str, BeforeValidator(Choice(("single", "double")))]
-Kind = Annotated[str, BeforeValidator(Choice(("auto", "planar", "spatial")))]
-Boundary = Annotated[str, BeforeValidator(Choice(("gripped", "periodic")))]
-OutlineName = Annotated[str, BeforeValidator(Choice(("rectangle", "hexagon", "triangle", "disc", "polygon")))]
-Treatment = Annotated[str, BeforeValidator(Choice(TREATMENTS))]
-Interpolation = Annotated[str, BeforeValidator(Choice(("spline", "linear")))]
-Overlapping = Annotated[str, BeforeValidator(Choice(("prestress", "at rest")))]
-FrequencyList = Annotated[tuple[float, ...], BeforeValidator(Frequencies())]
-Incidence = Annotated[float, BeforeValidator(Quantity("angle", least=0.0, most=1.5))]
-Resistance = Annotated[float, BeforeValidator(Quantity("resistance", least=0.0))]
-ContactState = Annotated[str, BeforeValidator(Choice(("computed", "open", "closed")))]
-LoopShape = Annotated[str, BeforeValidator(Choice(("auto", "circular-oval", "general")))]
+MaterialName = Annotated[str, Choice(tuple(MATERIALS))]
+Drive = Annotated[str, Choice(("relax", "ramp"))]
+Treatment = Annotated[str, Choice(TREATMENTS)]
+FrequencyList = Annotated[tuple[float, ...], Frequencies()]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 from . import values
 from .keys import Table, key
 from .materials import MATERIALS
+from .values import Integer, Quantity
 
 ROOM_TEMPERATURE = 293.15  # [K]
 
@@ -30,8 +32,8 @@ class Wire(Table):
     material: values.MaterialName = key(
         "Default of Young's modulus, Poisson's ratio, density, expansion, yield stress and strength.", "tungsten"
     )
-    youngs_modulus: values.Stress = key("Young's modulus.", None, left_out="the material's")
-    poissons_ratio: values.PoissonsRatio = key(
+    youngs_modulus: Annotated[float, Quantity("stress", above=0.0)] = key("Young's modulus.", None, left_out="the material's")
+    poissons_ratio: Annotated[float, Quantity("number", above=-1.0, most=0.5)] = key(
         "Poisson's ratio; sets the twist stiffness in the spatial model, not used in the planar model.",
         None,
         left_out="the material's",
@@ -49,18 +51,18 @@ class Wire(Table):
         left_out="the material's",
     )
     tensile_strength: values.Strength = key("Tensile strength, for warnings.", None, left_out="the material's")
-    hardness: values.Hardness = key(
+    hardness: Annotated[float, Quantity("stress", above=0.0, usual="0.7 GPa")] = key(
         "Hardness of the surface (the plating, if any). The contact resistance of a report is proportional to its square"
         " root. Soft plated gold has 0.2 to 0.9 GPa, hard plated gold 1.3 to 2 GPa.",
         None,
         left_out="the hardness of the surface metal",
     )
-    diameter: values.ThinLength = key(
+    diameter: Annotated[float, Quantity("length", above=0.0, most=0.01)] = key(
         "Diameter of one wire, without plating. Default with a file of wires that has widths: the diameter of the thickest wire"
         " (`wires.widths`).",
         15e-6,
     )
-    ends: values.Ends = key(
+    ends: Annotated[int, Integer(1, 1000)] = key(
         "Number of parallel wires knitted as one yarn. Stiffness and mass add up; for contact the yarn is a round bundle of the"
         " same cross-section.",
         1,

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
-
 from ..base.errors import BadValue
 from ..base.text import either
 from . import values
 from .keys import Table, key
+from .values import Choice, Pair, Quantity, Unit
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 POLYLINES = (".csv", ".npz")
@@ -51,19 +50,16 @@ class FileOrArrays(values.Text):
         return value if isinstance(value, WireArrays) else super().__call__(value)
 
 
-WireSource = Annotated[str | WireArrays, BeforeValidator(FileOrArrays(values.FILE_NAME.pattern, values.FILE_NAME.allowed))]
-
-
 @dataclass(frozen=True, kw_only=True)
 class WiresTable(Table):
     """[wires], in place of [knit]: a file of centre lines and how it is read."""
 
-    file: WireSource = key(
+    file: Annotated[str | WireArrays, FileOrArrays(values.FILE_NAME.pattern, values.FILE_NAME.allowed)] = key(
         "File name relative to the scene: `.usd`, `.usda`, `.usdc`, `.usdz`, `.bcc`, `.pyp`, `.csv` or `.npz`. At most 256"
         " MiB and two million points. In Python also arrays: `warpknit.wires_from_arrays`.",
         compare=False,  # where it is: what is in it is compared
     )
-    unit: values.LengthUnit | None = key(
+    unit: Annotated[float, Unit("length", above=0.0, usual="mm")] | None = key(
         "Length unit of the file: required with `.bcc`, `.npz` and a `.csv` without units, not allowed with USD. A `.pyp` is in"
         " m.",
         None,
@@ -81,7 +77,7 @@ class WiresTable(Table):
         None,
         left_out="20 diameters of the wire",
     )
-    interpolation: values.Interpolation = key(
+    interpolation: Annotated[str, Choice(("spline", "linear"))] = key(
         "Interpolation between the points of polylines: a smooth curve, or straight lines with corners. Polylines are `.csv`,"
         " `.npz`, `.pyp`, linear USD curves, and `PL` of a `.bcc`.",
         "spline",
@@ -89,7 +85,7 @@ class WiresTable(Table):
     closed: values.Flag = key(
         "Join the ends of all wires of a `.csv` or `.npz`. A wire whose last point repeats its first is always closed.", False
     )
-    period: values.Period | None = key(
+    period: Annotated[tuple[float, float], Pair(Quantity("length", above=0.0, usual="3.4 mm"))] | None = key(
         "Period of a periodic mesh along weft and warp. Open wires continue in the next period; their ends must be whole"
         " periods apart. A `.pyp` contains the period.",
         None,
@@ -102,13 +98,13 @@ class WiresTable(Table):
         None,
         left_out="true if the file has widths and `wire.diameter` is left out",
     )
-    overlaps: values.Overlapping = key(
+    overlaps: Annotated[str, Choice(("prestress", "at rest"))] = key(
         "Treatment of wires that overlap as drawn. `prestress`: the shape as drawn is free of stress, and a run pushes the wires"
         " apart against their stiffness. `at rest`: the wires are first moved apart, the deepest overlaps first; this shape is"
         " free of stress.",
         "prestress",
     )
-    time: values.Number | None = key(
+    time: Annotated[float, Quantity("number")] | None = key(
         "Time code of an animated USD stage, such as the `scene.usda` of a run.", None, left_out="the first"
     )
 
