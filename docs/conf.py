@@ -90,6 +90,8 @@ def read_source(app: Sphinx, name: str, content: list[str]) -> None:
 
 def docstring(app: Sphinx, kind: str, name: str, item: object, options: object, lines: list[str]) -> None:
     """Docstrings as they stand: indented paragraphs are examples, parameters become a list, tables keep their lines."""
+    if not any(lines) and isinstance(item, property):  # of a protocol: the comment behind its signature
+        lines[:] = re.findall(r": \.\.\.  # (.*)", inspect.getsource(item.fget))
     paragraphs = re.split(r"\n\s*\n", "\n".join(lines).strip("\n"))
     names = parameters(item)
     out: list[str] = []

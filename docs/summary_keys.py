@@ -81,7 +81,6 @@ def summary_rows() -> list[tuple[str, str]]:
     fields, tables, errors = (
         commented(summary.Summary, FIELD), commented(summary.run_summary, KEY), commented(summary.Estimate, FIELD)
     )  # fmt: skip
-    fields["warnings"] = fields["other_warnings"].removeprefix("further ")
     of_measures = meanings_of_measures()
     keys = {name: fields[name] for name in TOP} | tables | {"quality.estimated_error": errors.pop("error")}
     keys |= {f"quality.estimated_errors.{name}": words for name, words in errors.items()} | {"probes": of_measures["probes"]}
@@ -94,7 +93,7 @@ def summary_rows() -> list[tuple[str, str]]:
 
 def panel_keys() -> dict[str, str]:
     """Keys of the section `panel`."""
-    found = commented(summary.report_panel, KEY) | commented(summary.cord_values, KEY)
+    found = commented(summary.panel_of, KEY) | commented(summary.cord_values, KEY)
     return dict(sorted(found.items(), key=lambda one: one[0].startswith("surface.")))
 
 

@@ -94,9 +94,8 @@ def test_a_larger_load_is_advised_only_below_yield_at_the_grips(monkeypatch: pyt
         for one in rows:
             one.stress_interior_max_Pa = one.stress_max_Pa
         rows[-1].stress_max_Pa = at_grips * LIMIT
-        text = table_of(answer_findings(found(rows, monkeypatch), LIMIT))
-        for name in ("best tension", "  valid"):
-            assert ("larger load" in text[name]) == advised and ("at the grips the wire yields" in text[name]) != advised
+        text = table_of(answer_findings(found(rows, monkeypatch), LIMIT))["best tension"]
+        assert ("larger load" in text) == advised and ("at the grips the wire yields" in text) != advised
 
 
 def test_the_margin_is_told_where_the_wire_yields_in_a_snap_through(monkeypatch: pytest.MonkeyPatch) -> None:

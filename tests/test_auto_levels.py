@@ -13,7 +13,7 @@ from warpknit import Simulation, build_model, load_scene, measure
 from warpknit.base.errors import Diverged, InputError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.measure.contact_classes import classes_of, median_force
-from warpknit.measure.events import Level, happens
+from warpknit.measure.jumps import Level, happens
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.equilibrium import Equilibrium
 from warpknit.solve.relax import FEWEST_LEVELS, Relaxation

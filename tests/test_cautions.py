@@ -20,7 +20,7 @@ from warpknit.runner import cautions as of_input
 from warpknit.runner import warnings_of as of_result
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary import Summary
-from warpknit.runner.summary_table import _earlier_stage, _mesh_findings, summary_findings
+from warpknit.runner.summary_table import _earlier_steps, _mesh_findings, summary_findings
 from warpknit.scene import Scene, load_scene, make_scene
 from warpknit.solve.model import build_model
 
@@ -44,7 +44,7 @@ def test_a_scene_without_load_is_named(load: str, says: bool) -> None:
 @pytest.mark.parametrize(("nodes", "says"), [(8, True), (12, False)])
 def test_few_nodes_are_named(nodes: int, says: bool) -> None:
     model = build_model(load_scene(SCENE, (f"model.nodes_per_loop={nodes}",)))
-    assert ("W25" in codes(of_input.cautions(model, []))) == says
+    assert ("W25" in codes(of_input.scene_cautions(model.scene, model.cloth))) == says
 
 
 @pytest.mark.parametrize(("share", "says"), [(1.01, True), (0.99, False)])
@@ -180,7 +180,7 @@ TIGHT = [
 def test_a_tight_knit_asks_for_small_increments(changes: list[str], frames: int, says: bool) -> None:
     """1.5 % or less: 10 % in seven."""
     scene = load_scene(SCENE.with_name("atlas_cell_spatial.toml"), [*changes, f"output.frames={frames}"])
-    assert ("W32" in codes(of_input.cautions(build_model(scene), []))) == says
+    assert ("W32" in codes(of_input.scene_cautions(scene, build_model(scene).cloth))) == says
 
 
 @pytest.mark.parametrize(
@@ -267,7 +267,8 @@ def test_the_table_has_a_row_of_each_stage_before_the_last(tmp_path: Path) -> No
     """Strains, tensions, share of active contacts, largest stress and temperature."""
     mesh = {"strain_weft": 0.096, "strain_warp": 0.093, "temperature_K": 293.15}
     mesh |= {"tension_weft_N_per_m": 0.2, "tension_warp_N_per_m": 0.1}
-    table = table_of(_earlier_stage(Row(stage="load", **mesh, active_percent=66.67, stress_max_Pa=224.7e6)))
+    end = Row(stage="load", **mesh, active_percent=66.67, stress_max_Pa=224.7e6)
+    table = table_of(_earlier_steps([end, Row(stage="cold")]))
     assert table["  end of load"] == "9.60 % weft, 9.30 % warp; 200 mN/m weft, 100 mN/m warp; 67 % active; 225 MPa; 20 degC"
 
 

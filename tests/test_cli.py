@@ -39,7 +39,7 @@ SUMMARY = Summary(
     stop_reason="steady",
     model=Values(kind="planar", kind_reason="the default", source="knit", boundary="periodic", nodes=216),
     solver=Values(steps=12345, wall_s=3.21, compile_s=0.0),
-    other_warnings=(ResultWarning("W04", "The wire yields."),),
+    warnings=(ResultWarning("W04", "The wire yields."),),
     stages=(END,),
 )
 

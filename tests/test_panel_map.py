@@ -167,25 +167,25 @@ def test_a_taut_cord_runs_straight_between_net_nodes() -> None:
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])
 def test_a_gripped_panel_reports_what_its_thresholds_ask_for(kind: str) -> None:
-    from warpknit.runner.summary import report_panel
+    from warpknit.runner.summary import panel_of
 
     record = stretched(kind)
     model = record.observables.model
     options = replace(model.scene.panel, tension_threshold=1e9, active_threshold=0.0, focal_length=1.0)
     reading = replace(record.observables, model=replace(model, scene=replace(model.scene, panel=options)))
-    report = report_panel(replace(record, observables=reading))
-    assert report is not None
-    assert report.summary["area_below_tension_percent"] == pytest.approx(100.0)
-    assert report.summary["area_below_active_percent"] == 0.0
-    assert report.summary["area_m2"] == model.panel.area
-    assert 0.0 < report.summary["surface"]["rms_deviation_m"] < report.summary["surface"]["pillowing_m"]
-    assert len({len(column) for column in report.tables["map"].values()}) == 1
+    tables, summary = panel_of(replace(record, observables=reading), with_map=True)
+    assert summary is not None
+    assert summary["area_below_tension_percent"] == pytest.approx(100.0)
+    assert summary["area_below_active_percent"] == 0.0
+    assert summary["area_m2"] == model.panel.area
+    assert 0.0 < summary["surface"]["rms_deviation_m"] < summary["surface"]["pillowing_m"]
+    assert len({len(column) for column in tables["map"].values()}) == 1
     rim = build_rim(model.panel, model.scene)
-    assert len(report.tables["surface"]["x_m"]) > len(rim.arc)
+    assert len(tables["surface"]["x_m"]) > len(rim.arc)
     # the tiles and the edge are drawn as strained: the tiles' far corners reach the edge of the panel
-    tiles = report.tables["map"]
+    tiles = tables["map"]
     stretch = np.diag(reading.gradient)
     assert tiles["x_m"] == pytest.approx(stretch[0] * tiles["weft_m"])
     half = 0.5 * stretch * model.panel.size
-    assert (report.tables["edge"]["x_m"].max(), report.tables["edge"]["y_m"].min()) == pytest.approx((half[0], -half[1]))
-    assert report.tables["edge"]["held"].all()
+    assert (tables["edge"]["x_m"].max(), tables["edge"]["y_m"].min()) == pytest.approx((half[0], -half[1]))
+    assert tables["edge"]["held"].all()

@@ -10,7 +10,7 @@ import pytest
 from reference.flat_panel import flat_map, held_rim
 from warpknit.measure.surface import find_surface
 from warpknit.mesh.rim import build_rim
-from warpknit.runner.summary import report_panel
+from warpknit.runner.summary import panel_of
 from warpknit.scene import load_scene
 from warpknit.scene.outline import regular
 from warpknit.solve.membrane import LIFT_TOLERANCE
@@ -69,10 +69,10 @@ def test_a_facet_hung_at_its_corners_is_flat(tmp_path: Path) -> None:
     """
     cord = ["panel.grip_pitch=10 mm", 'panel.cord={tension="50 mN", stiffness="50 N"}']
     last = solved(tmp_path, "panel.outline=hexagon", "panel.size=10 mm", *cord, "load.strain_weft=0.1", "load.strain_warp=0.1")
-    report, r = report_panel(last), last.observables
-    assert report is not None
-    surface, depth = report.summary["surface"], 0.011**2 / (4.0 * FOCAL)
-    assert report.tables["surface"]["height_m"] == pytest.approx(depth, abs=2.0 * LIFT_TOLERANCE * depth)
+    (tables, summary), r = panel_of(last, with_map=True), last.observables
+    assert summary is not None
+    surface, depth = summary["surface"], 0.011**2 / (4.0 * FOCAL)
+    assert tables["surface"]["height_m"] == pytest.approx(depth, abs=2.0 * LIFT_TOLERANCE * depth)
     drawn = float(np.linalg.norm(last.stations[:, :2], axis=1).max()) / 0.011
     assert drawn < 0.02
     assert surface["rms_deviation_m"] == pytest.approx(depth * np.sqrt(0.4), rel=2.0 * drawn + 2.0 * LIFT_TOLERANCE)
@@ -89,9 +89,9 @@ def test_a_facet_held_along_its_edge_is_a_membrane(tmp_path: Path) -> None:
     LIFT_TOLERANCE of the height, chords of the mesh between stations 3.4 mm apart, and stiff wires at the grips.
     """
     last = solved(tmp_path, "panel.outline=hexagon", "panel.size=10 mm", "load.strain_weft=0.2", "load.strain_warp=0.2")
-    report = report_panel(last)
-    assert report is not None
-    surface, summary = report.summary["surface"], report.summary
+    _, summary = panel_of(last, with_map=True)
+    assert summary is not None
+    surface = summary["surface"]
     tension = np.diag([summary["tension_median_weft_N_per_m"], summary["tension_median_warp_N_per_m"]])
     outline, spacing = regular(6, 0.012), 0.5e-3
     rim = held_rim(outline, spacing)

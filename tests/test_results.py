@@ -25,8 +25,8 @@ from warpknit.results.frame import Frame
 from warpknit.results.row import Row, read_rows
 from warpknit.results.run import Run, Series, States
 from warpknit.results.table import Table
+from warpknit.runner.history import Probes
 from warpknit.runner.monitor import Monitor
-from warpknit.runner.probes import Probes
 from warpknit.runner.run_directory import CommandResult
 from warpknit.scene import Scene
 from warpknit.studies.findings import DEFAULT_SWEEP

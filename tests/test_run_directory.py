@@ -13,12 +13,13 @@ from warpknit.base.files import held_directory
 from warpknit.compute.ranks import One
 from warpknit.results.run import load_run
 from warpknit.runner import run as run_module
-from warpknit.runner.checkpoint import FILE, Checkpoint
+from warpknit.runner.monitor import FILE, Checkpoint
 from warpknit.runner.run import run_scene
 from warpknit.runner.run_directory import check_directory, clear, make_directory
 from warpknit.scene import load_scene, make_scene, resolved_toml
 
 SUMMARY = {"run": "summary.json", "map": "map.json", "trade": "trade.json"}
+SCENE = make_scene({"name": "cell"})
 BEGUN = {"run": "checkpoint/checkpoint.npz", "map": "map.csv", "trade": "trade.csv"}
 
 
@@ -28,6 +29,7 @@ def directory(path: Path, kind: str, *, ended: bool) -> Path:
     begun.parent.mkdir(parents=True, exist_ok=True)
     begun.touch()
     (path / SUMMARY[kind]).write_text(json.dumps({"stop_reason": "finished" if ended else "interrupted"}))
+    (path / "scene.toml").write_text(resolved_toml(SCENE))
     return path
 
 
@@ -36,13 +38,13 @@ def directory(path: Path, kind: str, *, ended: bool) -> Path:
 def test_what_has_ended_is_kept_and_the_line_names_a_free_directory(kind, wanted, tmp_path):
     out = directory(tmp_path / "cell", kind, ended=True)
     with pytest.raises(RunDirectoryError) as error:
-        check_directory(out, wanted, resume=False, force=False)
+        check_directory(out, wanted, SCENE, resume=False, force=False)
     assert str(error.value).startswith(f"{out}: ") and f" {kind}" in str(error.value)
     assert f" --out {out}_{wanted} " in str(error.value) and options(error.value) == {"--out", "--force"}
     (tmp_path / f"cell_{wanted}").mkdir()
     with pytest.raises(RunDirectoryError, match=f"--out {out}_{wanted}_2 "):
-        check_directory(out, wanted, resume=False, force=False)
-    check_directory(out, wanted, resume=False, force=True)
+        check_directory(out, wanted, SCENE, resume=False, force=False)
+    check_directory(out, wanted, SCENE, resume=False, force=True)
 
 
 def test_a_report_and_a_run_in_one_directory_are_told_by_their_names(tmp_path):
@@ -50,31 +52,31 @@ def test_a_report_and_a_run_in_one_directory_are_told_by_their_names(tmp_path):
     out = directory(tmp_path / "tile", "run", ended=True)
     (out / "summary.json").write_text(json.dumps({"stop_reason": "steady", "scene": {"name": "tile"}}))
     with pytest.raises(RunDirectoryError) as error:
-        check_directory(out, "map", resume=True, force=False, command="report")
+        check_directory(out, "map", SCENE, resume=True, force=False, command="report")
     assert str(error.value).startswith(f"{out}: ") and " run of scene 'tile'" in str(error.value)
     assert f" --out {out}_report " in str(error.value) and options(error.value) == {"--out", "--force"}
     other = directory(tmp_path / "other", "map", ended=True)
     (other / "report.html").touch()
     with pytest.raises(RunDirectoryError, match="report.* --out .*_run "):
-        check_directory(other, "run", resume=False, force=False)
+        check_directory(other, "run", SCENE, resume=False, force=False)
 
 
 @pytest.mark.parametrize("resume", [False, True])
 def test_what_was_interrupted_is_not_replaced_by_something_else(resume, tmp_path):
     out = directory(tmp_path / "cell", "map", ended=False)
     with pytest.raises(RunDirectoryError, match=f" map.* --out {out}_run ") as error:
-        check_directory(out, "run", resume=resume, force=False)
+        check_directory(out, "run", SCENE, resume=resume, force=False)
     assert "--resume" not in options(error.value)
     if resume:
-        check_directory(out, "map", resume=True, force=False)
+        check_directory(out, "map", SCENE, resume=True, force=False)
     else:
         with pytest.raises(RunDirectoryError, match=" map.* --resume"):
-            check_directory(out, "map", resume=False, force=False)
+            check_directory(out, "map", SCENE, resume=False, force=False)
 
 
 def test_records_of_a_killed_run_are_kept_and_of_another_scene_on_resume_too(tmp_path):
     """A run that was killed before its first checkpoint leaves its scene and history alone."""
-    out, scene = tmp_path / "cell", make_scene({"name": "cell"})
+    out, scene = tmp_path / "cell", SCENE
     out.mkdir()
     (out / "scene.toml").write_text(resolved_toml(scene))
     (out / "history.csv").touch()
@@ -85,8 +87,8 @@ def test_records_of_a_killed_run_are_kept_and_of_another_scene_on_resume_too(tmp
     with pytest.raises(RunDirectoryError, match="resume=True"):
         load_run(out)
     assert (out / "history.csv").exists()
-    check_directory(out, "run", resume=True, force=False)
-    check_directory(out, "run", resume=False, force=True)
+    check_directory(out, "run", SCENE, resume=True, force=False)
+    check_directory(out, "run", SCENE, resume=False, force=True)
 
 
 def test_a_directory_that_cannot_be_made_is_one_line(tmp_path):
@@ -105,7 +107,7 @@ def test_the_current_directory_has_a_name_too(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "here")
     Path("notes.txt").touch()
     with pytest.raises(RunDirectoryError, match=f"notes.txt.* --out {tmp_path}/here_run "):
-        check_directory(Path("."), "run", resume=False, force=False)
+        check_directory(Path("."), "run", SCENE, resume=False, force=False)
 
 
 @pytest.mark.parametrize("progress", [{"settling": True, "search": {}, "start": {}}, {}, None])
@@ -113,9 +115,9 @@ def test_a_checkpoint_of_another_version_is_refused_in_one_line(progress, tmp_pa
     """One whose progress has other names than this version's."""
     path = tmp_path / FILE
     path.parent.mkdir()
-    np.savez(path, about=np.array(json.dumps({"scene": "s", "ranks": 1, "turn": 0, "wall_s": 0.0, "progress": progress})))
+    np.savez(path, about=np.array(json.dumps({"ranks": 1, "turn": 0, "wall_s": 0.0, "progress": progress})))
     with pytest.raises(RunDirectoryError, match=f"{FILE}: .* --force"):
-        Checkpoint(tmp_path, "s", One())
+        Checkpoint(tmp_path, One())
 
 
 @pytest.mark.parametrize("names", [("scene.toml",), ("history.csv", "summary.json"), ("figures/paper.png",)])
@@ -126,10 +128,10 @@ def test_files_of_others_are_kept_whatever_their_names(names, force, tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("{}")
     if force:
-        check_directory(tmp_path, "run", resume=False, force=True)
+        check_directory(tmp_path, "run", SCENE, resume=False, force=True)
     else:
         with pytest.raises(RunDirectoryError) as error:
-            check_directory(tmp_path, "run", resume=False, force=False)
+            check_directory(tmp_path, "run", SCENE, resume=False, force=False)
         assert options(error.value) == {"--out"} and names[0].partition("/")[0] in str(error.value)
     clear(tmp_path)
     assert all((tmp_path / name).read_text() == "{}" for name in names)

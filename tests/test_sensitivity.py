@@ -7,12 +7,11 @@ import pytest
 
 from warpknit import load_run, load_scene
 from warpknit.results.row import Row
-from warpknit.runner.changed_meshes import beside, changed_rows, changes_of
+from warpknit.runner.estimates import Sensitivity, beside, changed_rows, changes_of
 from warpknit.runner.interrupts import Interrupts
 from warpknit.runner.monitor import Monitor
 from warpknit.runner.other_model import SpatialMeans, _spatial, spatial_means
 from warpknit.runner.run import run_scene
-from warpknit.runner.sensitivity import Sensitivity
 from warpknit.scene import Scene
 from warpknit.scene.presets import PRESETS
 from warpknit.studies.sweep import run_map
@@ -84,7 +83,7 @@ def test_an_error_of_second_order_is_found_from_fewer_nodes():
     """A figure a + b/n^2: its error b/n^2 follows from that with 20 nodes."""
     scene = scene_of()
     rows = {number: row_of(1.0 + 3.0 / 28**2) for number in (0, 1)}
-    sensitivity = Sensitivity(scene, "cpu", rows, 1e-3)
+    sensitivity = Sensitivity(scene, "cpu", rows)
     change = sensitivity._change(rows, {number: row_of(1.0 + 3.0 / 20**2) for number in (0, 1)})
     assert sensitivity.estimate({"nodes": change}).nodes == pytest.approx(3.0 / 28**2 / (1.0 + 3.0 / 28**2), rel=1e-12)
 
@@ -97,7 +96,7 @@ def test_where_tension_drives_the_error_of_the_strain_has_its_name():
         ({"tension_weft": "1 N/m", "strain_warp": 0.2}, 0.0005 / 0.2005),
         ({"strain_weft": 0.1, "strain_warp": 0.2}, None),
     ):
-        found = Sensitivity(scene_of(load=load), "cpu", rows, 1e-3).estimate({})
+        found = Sensitivity(scene_of(load=load), "cpu", rows).estimate({})
         assert found.strain == (None if expected is None else pytest.approx(expected, rel=1e-9))
 
 
@@ -178,7 +177,7 @@ def test_the_wall_time_of_a_run_is_without_that_of_its_error(tmp_path, monkeypat
 
 def test_changes_that_are_not_known_are_named():
     rows = {number: row_of(1.0 + 0.1 * number) for number in (0, 1)}
-    sensitivity = Sensitivity(scene_of(), "cpu", rows, 1e-3)
+    sensitivity = Sensitivity(scene_of(), "cpu", rows)
     change = sensitivity._change(rows, rows)
     every = dict.fromkeys(("nodes", "friction_half", "friction_double"), change)
     assert sensitivity.estimate(every).warning is None
@@ -189,7 +188,7 @@ def test_changes_that_are_not_known_are_named():
 
 def test_large_meshes_run_one_after_the_other_by_the_same_results(monkeypatch):
     scene = scene_of(variants={"count": 2, "standard_error": 0.0})
-    sensitivity = Sensitivity(scene, "cpu", {number: row_of(1.0) for number in (0, 1)}, 1e-3)
+    sensitivity = Sensitivity(scene, "cpu", {number: row_of(1.0) for number in (0, 1)})
     beside = sensitivity.changes(lambda _: None)
     monkeypatch.setattr("warpknit.solve.variant_models.MOST_NODES", 200)  # two of 80
     apart = sensitivity.changes(lambda _: None)

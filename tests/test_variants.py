@@ -234,7 +234,7 @@ def test_a_mesh_that_fails_is_left_out_and_all_that_fail_end_the_run(tmp_path, m
     assert result.exit_code == 0 and result.summary is not None and result.summary.variants is not None
     means = result.summary.variants
     assert (means.count, means.failed, means.why) == (2, 1, WHY)
-    assert [warning.code for warning in result.summary.other_warnings if warning.code == "W60"] == ["W60"]
+    assert [warning.code for warning in result.summary.warnings if warning.code == "W60"] == ["W60"]
     fails |= {0, 2}
     result = run_scene(scene, out=tmp_path / "all", device="cpu")
     assert (result.exit_code, "3" in quantities(result.message)) == (3, True)

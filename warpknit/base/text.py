@@ -119,6 +119,16 @@ def between(low: str, high: str) -> str:
     return f"at {low}" if low == high else f"between {low} and {high}"
 
 
+def span(low: str, high: str) -> str:
+    """A range by its ends, with the unit once.
+
+    >>> span("500 mN/m", "600 mN/m"), span("500 mN/m", "1 N/m")
+    ('500 to 600 mN/m', '500 mN/m to 1 N/m')
+    """
+    number, _, unit = low.rpartition(" ")
+    return f"{number if high.endswith(f' {unit}') else low} to {high}"
+
+
 def place_text(x: float, y: float) -> str:
     """A place [m] in one unit; three digits of the larger coordinate, 10 nm at most.
 

@@ -24,8 +24,8 @@ from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..runner.cautions import cut_cautions, release_cautions, scene_cautions, sweep_cautions
-from ..runner.changed_meshes import changes_of, fewer_nodes
-from ..runner.sensitivity import MESHES as AGAIN
+from ..runner.estimates import MESHES as AGAIN
+from ..runner.estimates import changes_of, fewer_nodes
 from ..runner.strength import assumed_text
 from ..runner.variants import MOST, first_meshes
 from ..scene import Scene

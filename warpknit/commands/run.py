@@ -13,8 +13,8 @@ from ..base.errors import FINISHED, INTERRUPTED, Diverged, InputError, ModelErro
 from ..compute.ranks import One, Ranks
 from ..knit.lapping import KnitError
 from ..results.run import Run, load_run
+from ..runner.history import Probe
 from ..runner.interrupts import to_continue
-from ..runner.probes import Probe
 from ..runner.progress_display import Display, progress_for
 from ..runner.run import run_scene
 from ..runner.run_directory import CommandResult, directory_of

@@ -4,7 +4,7 @@ import csv
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from warpknit.base.errors import ExportError
@@ -27,8 +27,6 @@ class RunRecord:
     stop_reason: str = ""  # empty while it runs
     yield_stress: float | None = None  # [Pa]
     jumps: Sequence[Sequence[int]] = ()  # neighbouring records of different branches of equilibria
-    rows: Sequence[Row] = ()  # of its history; empty: the rows of history.csv
-    panels: Mapping[int, Mapping[str, Columns]] = field(default_factory=dict)  # tables of a panel, by record; empty: the files
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames one by one, to save memory."""
@@ -43,7 +41,7 @@ class RunRecord:
         """Columns of the history, with `jump` 1 after a snap-through."""
         path, behind = self.directory / "history.csv", {after for _, after in self.jumps}
         try:
-            rows = self.rows or read_rows(path, Row)
+            rows = read_rows(path, Row)
         except (OSError, ValueError, csv.Error) as error:
             raise _unreadable(path, error) from error
         if not rows:
@@ -52,8 +50,6 @@ class RunRecord:
 
     def panel(self, index: int) -> Mapping[str, Columns]:
         """Tables `map`, `edge` and `surface` (of a target shape) of a record; may be empty."""
-        if index in self.panels:
-            return self.panels[index]
         paths = {kind: self.directory / "panel" / f"{kind}_{index:06d}.csv" for kind in ("map", "edge", "surface")}
         return {kind: columns_of(map(vars, read_rows(path, Values))) for kind, path in paths.items() if path.is_file()}
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 
 import numpy as np
 
@@ -16,6 +17,20 @@ from ..base.hermite import hermite
 from ..results.frame import WireLayout
 
 AT_ONCE = 65536  # points
+
+
+def _in_parts(points: Callable[[WireCurve, np.ndarray, np.ndarray], np.ndarray]) -> Callable[..., np.ndarray]:
+    """(m, 3) points, some at a time: a large mesh has no memory for all at once."""
+
+    @wraps(points)
+    def found(curve: WireCurve, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+        every = np.empty((len(node), 3))
+        for begin in range(0, len(node), AT_ONCE):
+            part = slice(begin, begin + AT_ONCE)
+            every[part] = points(curve, node[part], s[part])
+        return every
+
+    return found
 
 
 @dataclass(frozen=True)
@@ -27,22 +42,18 @@ class WireCurve:
     end: np.ndarray  # (node, 3) [m] and at its second
     bump: np.ndarray  # (node, power, 3) [m]
 
+    @_in_parts
     def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Offset (m, 3) [m] from the node, at s (m,) on the segments behind nodes (m,)."""
-        return _in_parts(self._offset, node, s)
-
-    def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """(m, 3) [m] dp/ds at s (m,) on the segments behind nodes (m,)."""
-        return _in_parts(self._derivative, node, s)
-
-    def _offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
         s = s[:, None]
         h10, h01, h11 = hermite(s)
         smooth = h10 * self.begin[node] + h01 * self.edge[node] + h11 * self.end[node]
         powers = s ** np.arange(self.bump.shape[1])
         return smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
 
-    def _derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+    @_in_parts
+    def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """(m, 3) [m] dp/ds at s (m,) on the segments behind nodes (m,)."""
         s = s[:, None]
         smooth = (1 - s) * (1 - 3 * s) * self.begin[node] + 6 * s * (1 - s) * self.edge[node] + s * (3 * s - 2) * self.end[node]
         power = np.arange(self.bump.shape[1])
@@ -54,15 +65,6 @@ class WireCurve:
         nodes = np.arange(len(self.edge))
         places = [self.offset(nodes, np.full(len(nodes), k / parts)) for k in range(1, parts)]
         return np.stack(places, axis=1).astype(np.float32) if places else np.zeros((0, 0, 3), dtype=np.float32)
-
-
-def _in_parts(points: Callable[[np.ndarray, np.ndarray], np.ndarray], node: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """(m, 3) points, some at a time: a large mesh has no memory for what it takes to find all at once."""
-    found = np.empty((len(node), 3))
-    for begin in range(0, len(node), AT_ONCE):
-        part = slice(begin, begin + AT_ONCE)
-        found[part] = points(node[part], s[part])
-    return found
 
 
 @dataclass(frozen=True)

@@ -171,153 +171,78 @@ class Observables(Protocol):
     """A state of a mesh on the host, SI units, float64: `record.observables`. Shapes and units stand at each name."""
 
     # --- boundary (strain.py)
-
     @property
-    def model(self) -> MeshModel:
-        """The model of this state."""
-
+    def model(self) -> MeshModel: ...  # the model of this state
     @property
-    def gradient(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary."""
-
+    def gradient(self) -> np.ndarray: ...  # (2, 2) deformation gradient of the boundary
     @property
-    def clamp_rotation(self) -> float:
-        """[rad] rotation of the clamps relative to the boundary."""
-
+    def clamp_rotation(self) -> float: ...  # [rad] rotation of the clamps relative to the boundary
     @property
-    def stretch(self) -> np.ndarray:
-        """(2, 2) deformation gradient of the boundary without the rotation of the clamps."""
-
+    def stretch(self) -> np.ndarray: ...  # (2, 2) deformation gradient of the boundary without the rotation of the clamps
     @property
-    def length_factor(self) -> float:
-        """1 + alpha (T - T0) of the wires."""
-
+    def length_factor(self) -> float: ...  # 1 + alpha (T - T0) of the wires
     # --- loads
-
     @property
-    def nominal_stress(self) -> np.ndarray:
-        """(2, 2) [N/m] work-conjugate of `gradient`: force per rest width."""
-
+    def nominal_stress(self) -> np.ndarray: ...  # (2, 2) [N/m] work-conjugate of `gradient`: force per rest width
     @property
-    def thermal_force(self) -> float:
-        """[J] derivative of the energy by the length factor of the wires."""
-
+    def thermal_force(self) -> float: ...  # [J] derivative of the energy by the length factor of the wires
     @property
-    def edge_force(self) -> np.ndarray:
-        """Derivative of the energy by clamp displacements (clamp, 2 or 3) [N]; 3 components in the spatial model."""
-
+    def edge_force(self) -> np.ndarray: ...  # (clamp, 2 or 3) [N] derivative of the energy by clamp displacements
     @property
-    def clamp_force(self) -> np.ndarray:
-        """[clamp] [N] magnitude of the clamp forces; empty without clamps."""
-
+    def clamp_force(self) -> np.ndarray: ...  # [clamp] [N] magnitude of the clamp forces; empty without clamps
     @property
-    def unbalanced_force(self) -> float:
-        """[N] rms residual force over free nodes and bodies."""
-
+    def unbalanced_force(self) -> float: ...  # [N] rms residual force over free nodes and bodies
     # --- energies
-
     @property
-    def energies(self) -> Energies:
-        """[J] stored and kinetic energy: `stretch`, `bend`, `contact`, `kinetic`, `stored`."""
-
+    def energies(self) -> Energies: ...  # [J] stored and kinetic energy: `stretch`, `bend`, `contact`, `kinetic`, `stored`
     # --- contacts
-
     @property
-    def pair_force(self) -> np.ndarray:
-        """[pair] [N] normal force where the knit hooks wires; pairs 2b and 2b + 1 belong to body b."""
-
+    def pair_force(self) -> np.ndarray: ...  # [pair] [N] normal force where wires hook; pairs 2b and 2b + 1 are of body b
     @property
-    def penetration(self) -> float:
-        """Largest overlap over the thickness of the wire."""
-
+    def penetration(self) -> float: ...  # largest overlap over the thickness of the wire
     @property
-    def pairs_at_reach_end(self) -> int:
-        """Active pairs at the end of their sliding range: invalid forces."""
-
+    def pairs_at_reach_end(self) -> int: ...  # active pairs at the end of their sliding range: invalid forces
     @property
-    def body_near(self) -> np.ndarray | None:
-        """[body] whether its wires touch by the distance criterion of the literature."""
-
+    def body_near(self) -> np.ndarray | None: ...  # [body] whether its wires touch by the distance criterion of the literature
     @property
-    def contact_elsewhere(self) -> np.ndarray | None:
-        """`elsewhere_force` [contact] [N]; None in the planar model."""
-
+    def contact_elsewhere(self) -> np.ndarray | None: ...  # `elsewhere_force` [contact] [N]; None in the planar model
     @property
-    def elsewhere_force(self) -> np.ndarray:
-        """Forces of active contacts between stitches [contact] [N]; empty in the planar model."""
-
+    def elsewhere_force(self) -> np.ndarray: ...  # [contact] [N] active contacts between stitches; empty in the planar model
     @property
-    def elsewhere_position(self) -> np.ndarray:
-        """(contact, 3) [m] places of these contacts in the frame of `stretch`."""
-
+    def elsewhere_position(self) -> np.ndarray: ...  # (contact, 3) [m] places of these contacts in the frame of `stretch`
     @property
-    def elsewhere_wires(self) -> np.ndarray:
-        """(contact, 2) the two wires of these contacts."""
-
+    def elsewhere_wires(self) -> np.ndarray: ...  # (contact, 2) the two wires of these contacts
     @property
-    def contact_places(self) -> ContactPlaces:
-        """Places of active contacts."""
-
+    def contact_places(self) -> ContactPlaces: ...  # places of active contacts
     @property
-    def hook_contact(self) -> HookContact | None:
-        """The contact of two hooked wires; None in a mesh."""
-
+    def hook_contact(self) -> HookContact | None: ...  # the contact of two hooked wires; None in a mesh
     # --- wires
-
     @property
-    def wire_stress(self) -> WireStress:
-        """[Pa] stress in the outermost fibre: `node` [node], and `contact` [place] between nodes."""
-
+    def wire_stress(self) -> WireStress: ...  # [Pa] in the outermost fibre: `node` [node], `contact` [place] between nodes
     @property
-    def shear_stress(self) -> np.ndarray | None:
-        """[node] [Pa] shear stress by twist."""
-
+    def shear_stress(self) -> np.ndarray | None: ...  # [node] [Pa] shear stress by twist
     @property
-    def axial_strain(self) -> np.ndarray:
-        """[node] mechanical axial strain of the segments, T/EA."""
-
+    def axial_strain(self) -> np.ndarray: ...  # [node] mechanical axial strain of the segments, T/EA
     @property
-    def plastic_strain(self) -> np.ndarray:
-        """[node] plastic strain of the outermost fibre; empty, or zero, for elastic wires."""
-
+    def plastic_strain(self) -> np.ndarray: ...  # [node] plastic strain of the outermost fibre; empty, or zero, for elastic wires
     @property
-    def node_length(self) -> np.ndarray:
-        """[node] [m] wire that a node stands for."""
-
+    def node_length(self) -> np.ndarray: ...  # [node] [m] wire that a node stands for
     @property
-    def wire_length(self) -> float:
-        """[m] of all wires as knitted."""
-
+    def wire_length(self) -> float: ...  # [m] of all wires as knitted
     @property
-    def wire_mass(self) -> float:
-        """[kg] of all wires."""
-
+    def wire_mass(self) -> float: ...  # [kg] of all wires
     # --- places
-
     @property
-    def node_position(self) -> np.ndarray:
-        """(node, 3) [m] in the frame of `stretch`; z is the rest height in the planar model."""
-
+    def node_position(self) -> np.ndarray: ...  # (node, 3) [m] in the frame of `stretch`; planar: z is the rest height
     @property
-    def body_position(self) -> np.ndarray:
-        """(body, 3) [m] in the same frame."""
-
+    def body_position(self) -> np.ndarray: ...  # (body, 3) [m] in the same frame
     @property
-    def corner(self) -> np.ndarray:
-        """(3,) [m] lower corner of the mesh in that frame."""
-
+    def corner(self) -> np.ndarray: ...  # (3,) [m] lower corner of the mesh in that frame
     @property
-    def between(self) -> np.ndarray:
-        """(node, parts - 1, 3) [m] points on the curve to the next node, relative to the node (`Frame.between`)."""
-
+    def between(self) -> np.ndarray: ...  # (node, parts - 1, 3) [m] points of the curve to the next node, relative to it
     @property
-    def displacement(self) -> np.ndarray:
-        """(node, 2) [m] displacement from the affine (Cauchy-Born) prediction."""
-
+    def displacement(self) -> np.ndarray: ...  # (node, 2) [m] displacement from the affine (Cauchy-Born) prediction
     @property
-    def thickness(self) -> float | None:
-        """[m] of the mesh, from the lowest to the highest fibre."""
-
+    def thickness(self) -> float | None: ...  # [m] of the mesh, from the lowest to the highest fibre
     @property
-    def panel_map(self) -> PanelMap | None:
-        """Strain, tension, contacts and stress of each repeat; None of a mesh too small for a map."""
+    def panel_map(self) -> PanelMap | None: ...  # values of each repeat; None of a mesh too small for a map

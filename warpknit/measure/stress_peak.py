@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..knit.cloth import Cloth
-from .observables import MeshModel, Observables
+from .observables import Observables
 
 HEAD, FOOT = 1.0, 0.2  # [C]
 
@@ -51,9 +51,9 @@ def peak_node(r: Observables) -> int:
     return int(stress.contact_node[place]) if place >= 0 and stress.contact[place] > stress.node[node] else node
 
 
-def wire_of(model: MeshModel, node: int) -> int:
-    """The wire of a node."""
-    return int(np.searchsorted(model.layout().wire_start, node, side="right") - 1)
+def peak_wire(r: Observables) -> int:
+    """The wire of `peak_node`."""
+    return int(np.searchsorted(r.model.layout().wire_start, peak_node(r), side="right") - 1)
 
 
 def peak_position(r: Observables) -> np.ndarray:
@@ -70,7 +70,7 @@ def peak_part(r: Observables) -> str | None:
     model, node = r.model, peak_node(r)
     if model.cloth is None:
         return None
-    wire = wire_of(model, node)
+    wire = peak_wire(r)
     first, end = model.layout().wire_start[wire : wire + 2]
     panel = model.panel
     begin = panel.wire_begin[wire] if len(panel.wire_begin) else 0.0

@@ -97,23 +97,19 @@ def find_surface(
     wanted = np.sum(point**2, axis=1) / (4.0 * focal_length)
     if sheet is not None:
         return PanelSurface(point, triangle, np.concatenate([stations[:, 2], sheet.now[is_inside, 2]]), wanted)
-    return PanelSurface(point, triangle, _membrane_height(map_, rim, gradient, stations, rest, point, triangle, wanted), wanted)
+    cord = rim.cord_forces(gradient, stations)[1] if rim.is_free else None
+    tension = _tension_at(map_, rest[triangle].mean(axis=1))
+    return PanelSurface(point, triangle, _membrane_height(point, triangle, tension, wanted, rim.given, cord), wanted)
 
 
 def _membrane_height(
-    map_: PanelMap,
-    rim: Rim,
-    gradient: np.ndarray,
-    stations: np.ndarray,
-    rest: np.ndarray,
-    point: np.ndarray,
-    triangle: np.ndarray,
-    wanted: np.ndarray,
+    point: np.ndarray, triangle: np.ndarray, tension: np.ndarray, wanted: np.ndarray, given: np.ndarray, cord: np.ndarray | None
 ) -> np.ndarray:
-    """[point] [m] heights under the tension of the map; the first points are the stations of the rim."""
-    nodes, n_edge = len(point), len(rim.arc)
-    # tension of the nearest tile with a value
-    tension = _tension_at(map_, rest[triangle].mean(axis=1))
+    """[point] [m] heights under a tension (triangle, 2, 2) [N/m]; the first points are the stations of the rim.
+
+    given: [station] whether it is held; cord: [station] [N] tension of the cord behind it, None without cords.
+    """
+    nodes, n_edge = len(point), len(given)
     area = triangle_areas(point, triangle)
     corner = point[triangle]
     opposite = np.roll(corner, -1, axis=1) - np.roll(corner, -2, axis=1)  # edge opposite each corner
@@ -121,18 +117,16 @@ def _membrane_height(
     slope = np.stack([opposite[..., 1], -opposite[..., 0]], axis=-1) / signed[:, None, None]
     element = np.einsum("tia,tab,tjb->tij", slope, tension, slope) * area[:, None, None]
     rows, columns = np.repeat(triangle, 3, axis=1), np.tile(triangle, (1, 3))
-    matrix = sparse.coo_matrix(
-        (element.reshape(len(triangle), 9).ravel(), (rows.ravel(), columns.ravel())), (nodes, nodes)
-    ).tocsr()
-    if rim.is_free:
+    matrix = sparse.coo_matrix((element.ravel(), (rows.ravel(), columns.ravel())), (nodes, nodes)).tocsr()
+    if cord is not None:
         here, there = np.arange(n_edge), (np.arange(n_edge) + 1) % n_edge
         length = np.hypot(*(point[there] - point[here]).T)
-        pull = rim.cord_forces(gradient, stations)[1] / length
+        pull = cord / length
         entries = np.concatenate([pull, pull, -pull, -pull])
         places = (np.concatenate([here, there, here, there]), np.concatenate([here, there, there, here]))
         matrix = matrix + sparse.csr_matrix((entries, places), (nodes, nodes))
     held = np.zeros(nodes, dtype=bool)
-    held[:n_edge] = rim.given
+    held[:n_edge] = given
     used = np.zeros(nodes, dtype=bool)
     used[triangle] = True
     free = np.nonzero(~held & used)[0]

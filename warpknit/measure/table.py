@@ -19,7 +19,7 @@ from .. import measure as m
 from ..base.text import short_repr
 from ..knit.cloth import CLASS_NAMES
 from . import contact_classes, stress_peak
-from .observables import Observables
+from .observables import HookContact, Observables
 
 
 @dataclass(frozen=True)
@@ -84,27 +84,33 @@ def _mean_force(r: Observables) -> float:
     return float(force.mean()) if len(force) else 0.0
 
 
-def _near(of: Callable[[np.ndarray], Any]) -> Callable[[Observables], Any]:
-    return lambda r: None if r.body_near is None else of(r.body_near)
+def _largest(values: np.ndarray) -> float:
+    return float(values.max(initial=0.0))
 
 
-def _elsewhere(of: Callable[[np.ndarray], Any]) -> Callable[[Observables], Any]:
-    return lambda r: None if r.contact_elsewhere is None else of(r.contact_elsewhere)
+def _part(name: str, of: Callable[[Any], Any]) -> Callable[[Observables], Any]:
+    """A value of a quantity that a mesh or a model may not have; None without it."""
+
+    def value(r: Observables) -> Any:
+        return None if (part := getattr(r, name)) is None else of(part)
+
+    return value
 
 
-def _hook(name: str) -> Callable[[Observables], Any]:
-    """A value of the contact of two hooked wires."""
-    return lambda r: None if r.hook_contact is None else float(getattr(r.hook_contact, name))
-
-
-def _pressed_at(axis: int) -> Callable[[Observables], Any]:
-    return lambda r: None if r.hook_contact is None else float(r.hook_contact.body[axis])
-
-
-def _slide(r: Observables) -> float | None:
-    """[m] sliding distance of a hook's contact along its wire, summed in runner/history.py."""
-    return None if r.hook_contact is None else 0.0
-
+# of the contact of two hooked wires
+HOOK: dict[str, Callable[[HookContact], float]] = {
+    "displacement_m": lambda hook: hook.displacement,
+    "drive_force_N": lambda hook: hook.drive_force,
+    "force_left_N": lambda hook: hook.force_left,
+    "force_right_N": lambda hook: hook.force_right,
+    "arc_left_m": lambda hook: hook.arc_left,
+    "arc_right_m": lambda hook: hook.arc_right,
+    "slide_left_m": lambda _: 0.0,  # sliding distances are summed in runner/history.py
+    "slide_right_m": lambda _: 0.0,
+    "ground_force_N": lambda hook: hook.ground_force,
+    "body_x_m": lambda hook: float(hook.body[0]),
+    "body_y_m": lambda hook: float(hook.body[1]),
+}
 
 # Columns of history.csv stand in the order of the lines.
 MEASURES: tuple[Measure, ...] = (
@@ -131,23 +137,19 @@ MEASURES: tuple[Measure, ...] = (
     Measure("bodies", lambda r: m.contacts(r).bodies, summary="contacts"),
     Measure("active_bodies", lambda r: m.contacts(r).active_bodies, summary="contacts"),
     Measure("active_bodies_percent", lambda r: m.contacts(r).active_bodies_percent, map="details"),
-    Measure(
-        "active_rhombus_percent",
-        lambda r: _rhombus(r)["active_percent"],
-        history=True,
-        map="details",
-        may_be_empty=True,
-    ),
+    Measure("active_rhombus_percent", lambda r: _rhombus(r)["active_percent"], history=True, map="details", may_be_empty=True),
     Measure("at_reach_end", lambda r: r.pairs_at_reach_end, summary="contacts"),
     Measure("force_max_N", m.largest_contact_force, summary="contacts"),
     Measure("force_mean_N", _mean_force, summary="contacts"),
     Measure("contact_force_sum_N", lambda r: float(r.pair_force.sum() + 2.0 * r.elsewhere_force.sum())),
     Measure("threshold_N", lambda r: m.active_threshold(r.model), summary="contacts"),
-    Measure("near_bodies", _near(lambda near: int(near.sum())), summary="contacts"),
-    Measure("near_percent", _near(lambda near: 100.0 * float(near.mean()) if len(near) else 0.0), summary="contacts"),
-    Measure("elsewhere", _elsewhere(len), summary="contacts"),
-    Measure("contacts_elsewhere", _elsewhere(len), history=True),
-    Measure("elsewhere_force_max_N", _elsewhere(lambda force: float(force.max(initial=0.0))), history=True, summary="contacts"),
+    Measure("near_bodies", _part("body_near", lambda near: int(near.sum())), summary="contacts"),
+    Measure(
+        "near_percent", _part("body_near", lambda near: 100.0 * float(near.mean()) if len(near) else 0.0), summary="contacts"
+    ),
+    Measure("elsewhere", _part("contact_elsewhere", len), summary="contacts"),
+    Measure("contacts_elsewhere", _part("contact_elsewhere", len), history=True),
+    Measure("elsewhere_force_max_N", _part("contact_elsewhere", _largest), history=True, summary="contacts"),
     Measure("central_rhombus", _rhombus, summary="contacts"),
     # tensions, force per current width
     Measure("tension_weft_N_per_m", lambda r: m.mesh_tension(r)[0], history=True, summary="mesh", map="map"),
@@ -158,16 +160,11 @@ MEASURES: tuple[Measure, ...] = (
     Measure("stress_max_Pa", m.largest_stress, history=True, summary="wire", map="map"),
     Measure("stress_max_part", stress_peak.peak_part, history=True, summary="wire"),
     Measure("stress_max_node", stress_peak.peak_node, history=True, summary="wire"),
-    Measure(
-        "stress_max_wire",
-        lambda r: stress_peak.wire_of(r.model, stress_peak.peak_node(r)),
-        history=True,
-        summary="wire",
-    ),
+    Measure("stress_max_wire", stress_peak.peak_wire, history=True, summary="wire"),
     Measure("stress_max_x_m", lambda r: float(stress_peak.peak_position(r)[0]), history=True, summary="wire"),
     Measure("stress_max_y_m", lambda r: float(stress_peak.peak_position(r)[1]), history=True, summary="wire"),
     Measure("stress_p99_Pa", m.exceeded_stress, summary="wire"),
-    Measure("shear_stress_max_Pa", lambda r: None if r.shear_stress is None else float(r.shear_stress.max()), summary="wire"),
+    Measure("shear_stress_max_Pa", _part("shear_stress", _largest), summary="wire"),
     Measure("yield_stress_Pa", lambda r: r.model.scene.wire.yield_stress, summary="wire"),
     Measure("yield_stress_assumed", lambda r: "wire.yield_stress" in r.model.scene.assumed, summary="wire"),
     Measure("yield_fraction", m.yield_share, summary="wire", map="map"),
@@ -207,17 +204,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("areal_mass_kg_per_m2", m.areal_mass, summary="mesh"),
     Measure("thickness_m", lambda r: r.thickness, summary="mesh"),
     # two hooked wires
-    Measure("displacement_m", _hook("displacement"), history=True, summary="hook"),
-    Measure("drive_force_N", _hook("drive_force"), history=True, summary="hook"),
-    Measure("force_left_N", _hook("force_left"), history=True, summary="hook"),
-    Measure("force_right_N", _hook("force_right"), history=True, summary="hook"),
-    Measure("arc_left_m", _hook("arc_left"), history=True, summary="hook"),
-    Measure("arc_right_m", _hook("arc_right"), history=True, summary="hook"),
-    Measure("slide_left_m", _slide, history=True, summary="hook"),
-    Measure("slide_right_m", _slide, history=True, summary="hook"),
-    Measure("ground_force_N", _hook("ground_force"), history=True, summary="hook"),
-    Measure("body_x_m", _pressed_at(0), history=True, summary="hook"),
-    Measure("body_y_m", _pressed_at(1), history=True, summary="hook"),
+    *(Measure(name, _part("hook_contact", of), history=True, summary="hook") for name, of in HOOK.items()),
 )
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from warpknit.base.text import alike, counted, engineering
+from warpknit.base.text import counted, engineering
 from warpknit.results.warning_kinds import KINDS
 
 __all__ = ["Finding", "ResultTable", "ResultWarning"]
@@ -19,26 +19,22 @@ WITH_CODE = re.compile(r"(W\d\d) (.*)", re.DOTALL)
 class Finding:
     """One finding of a result: a line of the table of a command, of a report or a notebook.
 
-        Finding("largest stress", 1.48e8, "Pa", where=", 31 % of yield", sure=" (assumed)").text
+        Finding("largest stress", 1.48e8, "Pa", where=", 31 % of yield (assumed)").text
 
-    value: a number, or the numbers in weft and warp; or words, without a unit.
+    value: a number; or words, without a unit.
     """
 
     name: str
-    value: float | tuple[float, ...] | str
+    value: float | str
     unit: str = ""  # SI; numbers are shown with a prefix
-    where: str = ""  # where, when or beside what, as it stands behind the value
-    sure: str = ""  # how sure, as it stands behind that
+    where: str = ""  # where, when, beside what and how sure, as it stands behind the value
     short: bool = False  # whether it belongs to the short table; --verbose shows all
 
     @property
     def text(self) -> str:
-        """Value, place and certainty in words."""
-        if isinstance(self.value, tuple):
-            shown = " / ".join(alike(self.value, self.unit))
-        else:
-            shown = self.value if isinstance(self.value, str) else engineering(self.value, self.unit)
-        return f"{shown}{self.where}{self.sure}"
+        """Value and place in words."""
+        shown = self.value if isinstance(self.value, str) else engineering(self.value, self.unit)
+        return f"{shown}{self.where}"
 
 
 @dataclass(frozen=True)

@@ -86,23 +86,16 @@ class WireLayout:
             ("body_class", np.int64, (-1,)),
         ):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=kind).reshape(shape))
-        for name in ("diameter", "body_radius"):
-            object.__setattr__(self, name, float(getattr(self, name)))
-        object.__setattr__(self, "curve_parts", int(self.curve_parts))
         if self.wire_start.size < 2 or self.wire_start[0] != 0 or np.any(np.diff(self.wire_start) < 1):
             raise ValueError("wire_start: must begin with 0 and increase")
         if not self.wire_closing.size:
             object.__setattr__(self, "wire_closing", np.outer(self.wire_closed, (0.0, self.period[1])))
         if not self.wire_diameter.size:
             object.__setattr__(self, "wire_diameter", np.full(self.wire_count, self.diameter))
-        if self.wire_diameter.size != self.wire_count:
-            raise ValueError(f"wire_diameter: {self.wire_diameter.size} values for {self.wire_count} wires")
-        if len(self.wire_closing) != self.wire_count:
-            raise ValueError(f"wire_closing: {len(self.wire_closing)} values for {self.wire_count} wires")
-        if self.wire_closed.size != self.wire_count:
-            raise ValueError(f"wire_closed: {self.wire_closed.size} values for {self.wire_count} wires")
-        if self.body_class.size not in (0, self.body_count):
-            raise ValueError(f"body_class: {self.body_class.size} values for {self.body_count} bodies")
+        for name in ("wire_diameter", "wire_closing", "wire_closed", "body_class"):
+            count, given = self.body_count if name == "body_class" else self.wire_count, len(getattr(self, name))
+            if given != count and (given or name != "body_class"):  # classes may be unknown
+                raise ValueError(f"{name}: {given} values, not {count}")
         for name, count in (("body_wires", self.wire_count), ("rhombus_bodies", self.body_count)):
             values = getattr(self, name)
             if np.any((values < 0) | (values >= count)):
@@ -210,10 +203,6 @@ class Frame:
     contact_share: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # [place, 2]  of the length of each wire
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "index", int(self.index))
-        object.__setattr__(self, "stage", str(self.stage))
-        for name in ("load_factor", "strain_weft", "strain_warp", "shear", "temperature"):
-            object.__setattr__(self, name, float(getattr(self, name)))
         nodes, bodies, elsewhere = (len(x) for x in (self.node_position, self.body_position, self.elsewhere_position))
         places = len(self.contact_force)
         for name, shape in (
@@ -261,12 +250,10 @@ class Frame:
 
     def require_layout(self, layout: WireLayout) -> None:
         """Raise ValueError where the counts differ from the layout's."""
-        for name, given, expected in (
-            ("nodes", self.node_position.shape[0], layout.node_count),
-            ("bodies", self.body_position.shape[0], layout.body_count),
-        ):
-            if given != expected:
-                raise ValueError(f"frame {self.index}: {given} {name}, but the layout has {expected}")
+        nodes, bodies = len(self.node_position), len(self.body_position)
+        if (nodes, bodies) != (layout.node_count, layout.body_count):
+            expected = f"{layout.node_count} and {layout.body_count}"
+            raise ValueError(f"frame {self.index}: {nodes} nodes and {bodies} bodies, but the layout has {expected}")
         if np.any((self.elsewhere_wires < 0) | (self.elsewhere_wires >= layout.wire_count)):
             raise ValueError(f"frame {self.index}: elsewhere_wires must lie in 0 .. {layout.wire_count - 1}")
         if layout.curve_parts > 1 and self.between.shape[1] != layout.curve_parts - 1:

@@ -7,6 +7,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -30,9 +31,6 @@ if TYPE_CHECKING:
 
 PICTURES = ("contact_map.png", "mesh.png", "hook.png", "trade.png", "curves.png")  # of figures/, the first that is there
 PICTURE_WIDTH, PICTURE_COLOURS = 480, 128  # pixels, in a notebook
-if TYPE_CHECKING:
-    from ..export.run_record import RunRecord
-
 AXES = ("x", "y", "z")  # weft, warp, normal
 PLACES = ("stage", "load_factor")  # columns that say where in the load history a record is
 # of a frame: dimensions after the record, and unit; the number of contacts between stitches varies
@@ -61,28 +59,28 @@ class States(Sequence[Frame]):
     @overload
     def __getitem__(self, which: slice) -> list[Frame]: ...
     def __getitem__(self, which: int | slice) -> Frame | list[Frame]:
-        try:
-            chosen = range(len(self))[which]
-        except IndexError as error:
+        if isinstance(which, slice):
+            return [self[index] for index in range(len(self))[which]]
+        if self._record is None or not -len(self) <= which < len(self):
             instead = f"use {-len(self)} to {len(self) - 1}" if len(self) else "a map or an empty run has none"
-            raise IndexError(f"states: {which} is not one of {len(self)} states; {instead}") from error
-        return [self._read(index) for index in chosen] if isinstance(chosen, range) else self._read(chosen)
+            raise IndexError(f"states: {which} is not one of {len(self)} states; {instead}")
+        with _of_directory():
+            return self._record.frame(which)
 
     def __len__(self) -> int:
         return 0 if self._record is None else len(self._record.states)
 
-    def __iter__(self) -> Iterator[Frame]:
-        return map(self._read, range(len(self)))
-
-    def _read(self, index: int) -> Frame:
-        assert self._record is not None
-        try:
-            return self._record.frame(index)
-        except ExportError as error:
-            raise RunDirectoryError(str(error)) from error
-
     def __repr__(self) -> str:
         return f"<{len(self)} states>"
+
+
+@contextmanager
+def _of_directory() -> Iterator[None]:
+    """Errors of a record as those of its directory."""
+    try:
+        yield
+    except ExportError as error:
+        raise RunDirectoryError(str(error)) from error
 
 
 class Series(Mapping[str, np.ndarray]):
@@ -142,12 +140,7 @@ class Run:
         warnings         limits to the use of the results
         history          columns of history.csv by name, [record]; `to_pandas()`
         tables           every CSV file by name; of a map `tables["map"]`
-        states           recorded states, by index; each a `Frame` with
-            node_position (node, 3) [m], node_stress [node] [Pa], body_position (body, 3) [m],
-            pair_force [pair] [N] where wires hook, pair_active [pair], body_force [body] [N], body_active [body],
-            elsewhere_position (contact, 3) [m], elsewhere_force [contact] [N], elsewhere_wires (contact, 2) between stitches,
-            contact_force [place] [N], contact_wires (place, 2), contact_share (place, 2) of every contact of a periodic mesh,
-            stage, load_factor, strain_weft, strain_warp, shear, temperature [K]
+        states           recorded states, by index; each a `Frame`: node_position (node, 3) [m], pair_force [pair] [N], ...
         observables      columns of the history and arrays of the states over all records, [record, ...]; `to_xarray()`
         layout           a `WireLayout`: which nodes make a wire, which wires a body hooks, the class of a contact
         answers          of a report or a run, as in answers.json
@@ -222,10 +215,8 @@ class Run:
         """Layout and states, one a record. Raises RunDirectoryError where they are damaged or one is missing."""
         from ..export.run_record import read_run
 
-        try:
+        with _of_directory():
             record = read_run(self.directory)
-        except ExportError as error:
-            raise RunDirectoryError(str(error)) from error
         there = {path.name for path in record.states}
         for name in (f"state_{index:06d}.npz" for index in range(max(len(there), self._records))):
             if name not in there:
@@ -244,22 +235,18 @@ class Run:
     @cached_property
     def card(self) -> Tree | None:
         """The material card of a report (material_card.json); None where there is none."""
-        path = self.directory / "material_card.json"
-        return _read_json(path) if path.is_file() else None
+        return _read_json(self.directory / "material_card.json")
 
     @cached_property
     def fit(self) -> Tree | None:
         """Fit of the scene to measured data (fit.json): factor, rms_error, notes; or None."""
-        path = self.directory / "fit.json"
-        return _read_json(path) if path.is_file() else None
+        return _read_json(self.directory / "fit.json")
 
     @cached_property
     def answers(self) -> Tree | None:
         """The answers of a report (answers.json) or of a run (in its summary); None where there are none."""
         path = self.directory / "answers.json"
-        if not path.is_file():
-            return self.summary.get("answers")
-        return None if path.read_bytes() == b"null" else _read_json(path)
+        return _read_json(path) if path.is_file() else self.summary.get("answers")
 
     @property
     def figures(self) -> list[Path]:
@@ -315,13 +302,13 @@ def _smaller(picture: Path) -> bytes:
     return data.getvalue()
 
 
-def _read_json(path: Path) -> Tree:
-    """The table in a JSON file. Raises RunDirectoryError."""
+def _read_json(path: Path) -> Tree | None:
+    """The table in a JSON file; None where there is none. Raises RunDirectoryError."""
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        table = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
     except (OSError, ValueError) as error:
         raise RunDirectoryError(f"{path}: unreadable ({error}); {AGAIN}") from error
-    if not isinstance(table, dict):
+    if not isinstance(table, dict | None):
         raise RunDirectoryError(f"{path}: not a file of a run; {AGAIN}")
     return table
 
@@ -363,11 +350,9 @@ def load_run(out: str | os.PathLike[str]) -> Run:
     """
     directory = directory_of(out, "load_run")
     for name in SUMMARIES:
-        path = directory / name
-        if path.is_file():
-            summary = _read_json(path)
+        if (summary := _read_json(directory / name)) is not None:
             if not {"scene", "stop_reason", "warnings"} <= set(summary):
-                raise RunDirectoryError(f"{path}: not the summary of a run; {AGAIN}")
+                raise RunDirectoryError(f"{directory / name}: not the summary of a run; {AGAIN}")
             return Run(directory, summary)
     if holds_killed_run(directory) or any((directory / name).is_file() for name in TABLES):
         raise RunDirectoryError(f"{directory}: the run has not ended; wait for it, or continue it with resume=True")

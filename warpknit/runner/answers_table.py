@@ -19,19 +19,18 @@ from ..base.text import (
     percent,
     place_text,
     sides_text,
+    span,
 )
 from ..mechanics.driven_strain import TOLERANCE
 from ..results.finding import Finding
 from ..results.row import Row, Values
-from .answers import HEATED, SERVICE_TENSIONS, Answers, ClassAnswer, Closing, Heat, Service
-from .best_tension import Best
+from .answers import HEATED, SAME, SERVICE_TENSIONS, Answers, Best, ClassAnswer, Closing, Heat, Service
 from .branches import Event
 from .history import mean_tension
 
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain
 LEAST_STRESS = 1e-9  # of the elastic limit: less is round-off
-SAME = 1e-9  # of a tension: round-off of a state found twice
 OPEN = "open"
 PEAK_ON_THE_WAY = 1.02  # of the stress at begin and end of a change of temperature: it is shown too
 
@@ -46,10 +45,10 @@ def answer_findings(answers: Answers, yield_stress: float, *, failed: bool = Fal
     if failed:
         reached += ", beyond which the relaxation did not converge"
     of_mean = " (mean tension)" if " weft" in _tension(answers.largest_tension) else ""
-    yield Finding("classes closed", _classes(answers.contacts), sure=of_mean, short=True)
+    yield Finding("classes closed", _classes(answers.contacts), where=of_mean, short=True)
     for one in answers.contacts:
         name = f"  class {one.name}" if len(answers.contacts) > 1 else "  contacts"
-        yield Finding(name, f"{_closing(one, reached)} ({_pairs(one)})")
+        yield Finding(name, f"{_closing(one, reached)} ({counted(one.pairs, 'pair')})")
     for point in answers.service:
         several = sum(one.tension_N_per_m == point.tension_N_per_m for one in answers.service) > 1
         where = f", in {point.stage!r}" if several else ""
@@ -99,15 +98,15 @@ def _mean(state: Row) -> str:
 
 def _service(point: Service, reached: str) -> str:
     """Share of active contacts at a service tension; of both records around it if they differ."""
-    there, why = point.state, point.get("why", "")
     if sides := point.jump or point.get("between"):
-        low, high = sides
         where = "snap-through" if point.jump else "more load levels, output.frames, narrow it"
-        share = between(*(percent(0.01 * one.active_percent) for one in (low, high)))
-        return f"{share} (records at {both(_tension(low), _tension(high))}; {where})"
-    if there is None or point.active_percent is None:
-        return why or f"not reached; {reached}"
-    return f"{percent(0.01 * point.active_percent)}, {_pair_of(there)}" + (f", {why}" if why else "")
+        share = between(*(percent(0.01 * one.active_percent) for one in sides))
+        return f"{share} (records at {both(*map(_tension, sides))}; {where})"
+    if point.state is None or point.active_percent is None:
+        return point.get("why") or f"not reached; {reached}"
+    tension = _tension(point.state)
+    mean = f"mean of {tension}, " if " weft" in tension else ""
+    return f"{percent(0.01 * point.active_percent)}, {mean}{_strain(point.state)}"
 
 
 def _inside(answers: Answers) -> str:
@@ -145,12 +144,6 @@ def _tension(state: Row, digits: int = 3) -> str:
     return sides_text([value if abs(value) > least else 0.0 for value in both], "N/m", digits)
 
 
-def _pair_of(state: Row) -> str:
-    """Strain of a state, after its weft and warp tensions if they differ."""
-    tension = _tension(state)
-    return f"mean of {tension}, {_strain(state)}" if " weft" in tension else _strain(state)
-
-
 def _strain(state: Row) -> str:
     return f"strain {of_sides([percent(state[f'strain_{side}']) for side in ('weft', 'warp')])}"
 
@@ -164,19 +157,7 @@ def _closing(one: ClassAnswer, reached: str) -> str:
     if (opens := closes.opens) is None:
         return found
     heated = opens.temperature_K != closes.between[1].temperature_K
-    stage = f" in {opens.stage!r}" if opens.stage != closes.stage else ""
-    again = f", closed {len(one.closed)} times" if len(one.closed) > 1 else ""
-    at = f" and {celsius(opens.temperature_K)}" if heated else ""
-    return f"{found}, open again at {_tension(opens)}{at}{stage}{again}"
-
-
-def _pairs(one: ClassAnswer) -> str:
-    """Number of pairs of a class; shares at closing and at the end, if they differ."""
-    closes, pairs = one.closes, counted(one.pairs, "pair")
-    if closes is None or closes.closed_percent == 100.0:
-        return pairs
-    there, last = (f"{share:.0f} %" for share in (closes.closed_percent, one.active_percent))
-    return f"{there} of {pairs}" if there == last else f"{there} of {pairs} there, {last} at the end"
+    return f"{found}, open again at {_tension(opens)}" + (f" and {celsius(opens.temperature_K)}" if heated else "")
 
 
 def _where(one: Event) -> str:
@@ -186,16 +167,11 @@ def _where(one: Event) -> str:
         return f"at {_tension(one)}, {_strain(one)}"
     if one.slack and not one.jump:
         return f"below {_tension(high)} (the mesh is slack up to {_strain(high)})"
-    tensions, strain = _both(low, high), both(_strain(low), _strain(high)).replace("and strain ", "and ")
-    return f"{'between' if ' and ' in tensions else 'at'} {tensions}, {strain}{', a snap-through' if one.jump else ''}"
-
-
-def _both(low: Row, high: Row) -> str:
-    """The tensions of two records; their temperatures where these differ and the tensions do not."""
-    shown = [_tension(one) for one in (low, high)]
-    if shown[0] == shown[1] and low.temperature_K != high.temperature_K:
-        return f"{celsius(low.temperature_K)} and {celsius(high.temperature_K)} at {shown[0]}"
-    return both(*shown)
+    shown = between(_tension(low), _tension(high))
+    if shown.startswith("at ") and low.temperature_K != high.temperature_K:
+        shown = f"between {celsius(low.temperature_K)} and {celsius(high.temperature_K)} {shown}"
+    strain = both(_strain(low), _strain(high)).replace("and strain ", "and ")
+    return f"{shown}, {strain}{', a snap-through' if one.jump else ''}"
 
 
 def _yield(answers: Answers, limit: float, reached: str) -> str:
@@ -245,30 +221,30 @@ def _change(begin: Row, end: Row) -> str:
 
 
 def _best(answers: Answers, limit: float, failed: bool) -> Iterator[Finding]:
-    best = answers.best
-    is_short = failed and answers.first_yield_interior is None
-    top = _tension(answers.largest_tension)
-    unknown = f"; not known beyond {top}, where the relaxation did not converge" if is_short else ""
+    best, unknown = answers.best, ""
+    if failed and answers.first_yield_interior is None:
+        unknown = f"; not known beyond {_tension(answers.largest_tension)}, where the relaxation did not converge"
     if best is None:
         yield Finding("best tension", f"none: no record has active contacts under tension below yield{unknown}", short=True)
         return
+    low, high, here = best.low, best.high, mean_tension(best)
     away = " away from the grips" if is_at_grips(best.stress_max_Pa, best.stress_with_grips_Pa) else ""
-    beyond = _beyond(best, limit, failed)
-    stage = f" in {best.stage!r}" if best.stages > 1 else ""
+    of_mean, stage = " (mean)" if " weft" in _tension(best) else "", f" in {best.stage!r}" if best.stages > 1 else ""
     active = f"{percent(0.01 * best.active_percent, 0)} active (the most under this load)"
+    valid = f"valid from {'at most ' * best.open_low}{_mean(low)} to {'at least ' * best.open_high}{_mean(high)}"
+    if low == high:
+        larger = "at the grips the wire yields" if best.stress_with_grips_Pa > limit else "a larger load may be better"
+        beyond = "beyond it the relaxation did not converge" if failed else larger
+        valid = f"{beyond if best.grows else 'valid in one record only'}{unknown}"
     found = f"{active}, {engineering(best.stress_max_Pa, 'Pa')}{away}"
-    of_mean = " (mean)" if " weft" in _tension(best) else ""
-    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {_validity(best, beyond)}", short=True)
+    yield Finding("best tension", f"{_mean(best)}{of_mean}{stage}: {found}", where=f"; {valid}", short=True)
     share = f"stress{away} at {percent(best.stress_over_limit, 0)} of yield"
     ahead = ahead_texts(best, answers.first_yield_interior, best.next_jump, _inside(answers))
     yield Finding("  margin", "; ".join((share, *([_at_grips(answers, best)] if away else []), *ahead)))
-    low, high = best.low, best.high
     if low == high:
-        more = f"; {beyond}" if best.grows else ""
-        yield Finding("  valid", f"in one record, {_tension(best)}{more}{unknown}")
         return
     lowest, highest = (
-        f"{_tension(end)} ({percent(mean_tension(end) / mean_tension(best) - 1.0, 0, signed=True)}"
+        f"{_tension(end)} ({percent(mean_tension(end) / here - 1.0, 0, signed=True)}"
         + (f"; {_sides(best, name)}" if best[f"{name}_between"] else "") + ")"
         for name, end in (("low", low), ("high", high))
     )  # fmt: skip
@@ -279,26 +255,9 @@ def _best(answers: Answers, limit: float, failed: bool) -> Iterator[Finding]:
     snaps = "; ".join(between(*map(_tension, jump)) for jump in best.jumps)
     yield Finding("  valid", f"from {lowest} to {highest}{f'; snap-through {snaps}' if snaps else ''}{unknown}")
     error = answers.tension_error_percent
-    nearest = min(abs(mean_tension(one) / mean_tension(best) - 1.0) for one in (low, high))
-    if error is not None and nearest < 0.01 * error:
-        yield Finding(
-            "  accuracy", f"tensions at this preset are within {error:g} %, more than this range: set solver.preset = 'reference'"
-        )
-
-
-def _beyond(best: Best, limit: float, failed: bool) -> str:
-    """What is known beyond a range that ends with the load. limit [Pa]: elastic limit, which counts at the grips here."""
-    if failed:
-        return "beyond it the relaxation did not converge"
-    return "at the grips the wire yields" if best.stress_with_grips_Pa > limit else "a larger load may be better"
-
-
-def _validity(best: Best, beyond: str) -> str:
-    """The range of tensions about the best one in few words."""
-    if best.low != best.high:
-        lowest = "at most " * best.open_low + _mean(best.low)
-        return f"valid from {lowest} to {'at least ' * best.open_high}{_mean(best.high)}"
-    return beyond if best.grows else "valid in one record only"
+    if error is not None and min(abs(mean_tension(one) / here - 1.0) for one in (low, high)) < 0.01 * error:
+        text = f"tensions at this preset are within {error:g} %, more than this range: set solver.preset = 'reference'"
+        yield Finding("  accuracy", text)
 
 
 def _sides(best: Best, name: str) -> str:
@@ -327,8 +286,7 @@ def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None
 
 def _span(low: Row, high: Row) -> str:
     """The mean tensions of two states: 4.0 to 4.3 N/m."""
-    first, second = alike([mean_tension(low), mean_tension(high)], "N/m")
-    return f"{first.split()[0] if first.split()[1] == second.split()[1] else first} to {second}"
+    return span(*alike([mean_tension(low), mean_tension(high)], "N/m"))
 
 
 def _times(there: Row, here: Row) -> str:

@@ -31,20 +31,15 @@ BEYOND_ERROR = 1.01  # least length of wire over the longest one, beyond the err
 FULLY_PLASTIC = 16.0 / (3.0 * math.pi)  # moment of a round section that yields throughout, over first yield
 
 
-def cautions(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Warnings, one line each."""
-    yield from scene_cautions(model.scene, model.cloth)
-    if model.scene.solver.drive == "ramp" and rows:
-        yield from _about_ramp(rows)
-
-
 def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
     """Warnings that need no result, one line each. cloth: of the scene, None of a hook or of wires from a file."""
     if scene.is_empty:
         yield ResultWarning("W21", "The scene file is empty.")
     if scene.even_chains:
         yield ResultWarning("W22", f"Chains in even numbers count half needles: {', '.join(scene.even_chains)}.")
-    yield from _about_bars(scene)
+    for first, second in combinations(range(len(scene.knit.bars)), 2):
+        if scene.knit.bars[first] == scene.knit.bars[second]:
+            yield ResultWarning("W23", f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires.")
     yield from _about_constants(scene)
     if scene.hook is None and scene.sweep is None and not any(_is_loaded(scene, stage) for stage in scene.stages):
         yield ResultWarning("W24", "No load is given.")
@@ -68,13 +63,6 @@ def cut_cautions(model: MeshModel) -> Iterator[ResultWarning]:
         pieces = f"{np.count_nonzero(is_short)} of {len(length)} wires"
         text = f"{pieces} ({percent(share, 0)} of the wire length) are shorter than a loop."
         yield ResultWarning("W20", text)
-
-
-def _about_bars(scene: Scene) -> Iterator[ResultWarning]:
-    """Bars that are given twice."""
-    for first, second in combinations(range(len(scene.knit.bars)), 2):
-        if scene.knit.bars[first] == scene.knit.bars[second]:
-            yield ResultWarning("W23", f"knit.bars[{first}] and knit.bars[{second}] are the same: every loop has both wires.")
 
 
 def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
@@ -122,11 +110,9 @@ def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterat
     most = wire.yield_stress * wire.ends * math.pi * radius**2 * cloth.wire_per_area
     largest = max((load.tension_weft or 0.0) + (load.tension_warp or 0.0) for load in loads)
     if largest > most:
-        yield ResultWarning(
-            "W26",
-            f"The tensions of weft and warp add up to {engineering(largest, 'N/m')}; straight wires at their elastic limit of"
-            f" {engineering(wire.yield_stress, 'Pa')} carry {engineering(most, 'N/m')}.",
-        )
+        limit, carried, given = engineering(wire.yield_stress, "Pa"), engineering(most, "N/m"), engineering(largest, "N/m")
+        text = f"The tensions of weft and warp add up to {given}; straight wires at their elastic limit of {limit} carry"
+        yield ResultWarning("W26", f"{text} {carried}.")
 
 
 def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
@@ -145,10 +131,8 @@ def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterato
         shear = load.shear if weft and warp else 0.0
         needed = least_length(cloth, np.array([[weft, shear], [0.0, warp]]), enough=most)
         if needed > most:
-            yield ResultWarning(
-                "W27",
-                f"The strain of {load.name!r} needs wires {needed / longest:.3g} times as long as straight wires at break.",
-            )
+            text = f"The strain of {load.name!r} needs wires {needed / longest:.3g} times as long as straight wires at break."
+            yield ResultWarning("W27", text)
             return
 
 
@@ -175,29 +159,21 @@ def _about_constants(scene: Scene) -> Iterator[ResultWarning]:
             yield ResultWarning("W31", text)
 
 
-def _largest_change(scene: Scene) -> float:
-    """Largest change of strain in a stage; of stages by tension 0."""
-    strains = [np.zeros(2), *(np.array([stage.strain_weft or 0.0, stage.strain_warp or 0.0]) for stage in scene.stages)]
-    return max(float(np.abs(after - before).max()) for before, after in pairwise(strains))
-
-
 def _about_increments(scene: Scene) -> Iterator[ResultWarning]:
-    largest, frames = _largest_change(scene), scene.output.frames
+    """Warning on strain increments of a tight knit that are too large."""
+    strains = [np.zeros(2), *(np.array([stage.strain_weft or 0.0, stage.strain_warp or 0.0]) for stage in scene.stages)]
+    largest, frames = max(float(np.abs(after - before).max()) for before, after in pairwise(strains)), scene.output.frames
     if not isinstance(frames, str) and largest > FOLLOWED_INCREMENT * frames * (1.0 + 1e-6) and is_tight(scene):
-        yield ResultWarning(
-            "W32",
-            f"Load increments of {percent(largest / frames)} may skip to another equilibrium of a tight knit.",
-            f"Set output.frames = {math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)} or more, or 'auto'.",
-        )
+        text = f"Load increments of {percent(largest / frames)} may skip to another equilibrium of a tight knit."
+        least = math.ceil(largest / FOLLOWED_INCREMENT - 1e-6)
+        yield ResultWarning("W32", text, f"Set output.frames = {least:g} or more, or 'auto'.")
 
 
-def _about_ramp(rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    moving = max((row.energy_kinetic_J / row.stored for row in rows if row.load_factor > 0.1 and row.stored > 0.0), default=0.0)
+def ramp_cautions(rows: Sequence[Row]) -> Iterator[ResultWarning]:
+    """Warnings on a ramp that is not quasi-static."""
     if not rows[-1].steady and rows[-1].load_factor == 1.0:
         text = f"The ramp did not reach equilibrium (residual {rows[-1].residual:.2g}), so the result is not static."
         yield ResultWarning("W34", text)
-    if moving > QUASI_STATIC:
-        text = (
-            f"The load is too fast for a quasi-static result: kinetic energy reached {percent(moving, 0)} of the stored energy."
-        )
-        yield ResultWarning("W35", text)
+    if (moving := rows[-1].kinetic_to_internal) > QUASI_STATIC:
+        text = f"The load is too fast for a quasi-static result: kinetic energy reached {percent(moving, 0)} of the stored"
+        yield ResultWarning("W35", f"{text} energy.")

@@ -1,47 +1,54 @@
-"""Estimated errors of finished runs. One that was interrupted while they were found finds them on `--resume`."""
+"""Estimated errors of finished runs. One that was interrupted while they were found finds them on `--resume`.
+
+Errors of means over meshes: by their number, and by changes of nodes, friction and an overshoot of the load. Each change runs on
+two of the meshes, here or by a process beside the run. It is compared with the same two, so that their scatter drops out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
-from ..base.errors import INTERRUPTED, ModelError, OutOfResources
-from ..knit.lapping import KnitError
-from ..measure import tension_scale
-from ..results.finding import ResultWarning
-from ..results.row import Row, read_rows, write_json
-from ..scene import Scene
-from ..solve.variant_models import VariantModels
-from .changed_meshes import Beside
-from .interrupts import Interrupted, Interrupts
-from .other_model import spatial_means
-from .progress_display import Display
-from .run_directory import CommandResult
-from .sensitivity import Sensitivity
-from .summary import Estimate, Summary
+import numpy as np
 
-Check = Callable[[Any], None]  # is called at every convergence check, may raise to stop
-Estimator = Callable[[Check], Estimate]
+from warpknit.base.errors import INTERRUPTED, ModelError, OutOfResources
+from warpknit.base.processes import start_process
+from warpknit.base.text import listed
+from warpknit.knit.lapping import KnitError
+from warpknit.mechanics.numerics import thread_count
+from warpknit.results.finding import ResultWarning
+from warpknit.results.row import Row, Values, read_rows, write_json
+from warpknit.runner.history import row_of
+from warpknit.runner.interrupts import Interrupted, Interrupts
+from warpknit.runner.other_model import spatial_means
+from warpknit.runner.progress_display import Display
+from warpknit.runner.run_directory import CommandResult
+from warpknit.runner.summary import Estimate, Summary
+from warpknit.runner.variants import mesh_values_of
+from warpknit.scene import Scene
+from warpknit.scene.options import Stage
+from warpknit.solve.variant_models import VariantModels, last_records
+
+COARSENING = 1.4  # nodes a loop of the run over the comparison's
+NODES = "nodes"
+FRICTIONS = {"friction_half": 0.5, "friction_double": 2.0}  # factors by which it is uncertain
+INTERVAL = 0.1  # [s] between calls of the monitor while another process runs the meshes
+MESHES = 2  # by which a change is measured
+ORDER = 2  # of the errors of discretisation: they fall with the square of the nodes
+WORDS = {NODES: "fewer nodes", "friction_half": "half the friction", "friction_double": "twice the friction"}
 COMPLETE = "interrupted; the results are complete"  # message of a run whose error is not known
 NOT_ESTIMATED = "W45"
-SMALL_TENSION = 1e-3  # of the scale of tensions: smaller differences do not count
 
-
-@dataclass(frozen=True)
-class MeansEstimator:
-    """Estimates errors of means, from changes of two of the meshes."""
-
-    scene: Scene
-    device: str
-    rows: dict[int, Row]  # the last one of each mesh
-    small_tension: float  # [N/m]
-    beside: Beside | None = None
-
-    def __call__(self, check: Check) -> Estimate:
-        sensitivity = Sensitivity(self.scene, self.device, self.rows, self.small_tension, self.beside)
-        return sensitivity.estimate(sensitivity.changes(check))
+Check = Callable[[int], None]  # is called with the time steps so far, may raise to stop
+ChangedRows = dict[str, dict[int, Row]]  # the last row of each mesh, by change and number
+Estimator = Callable[[Check], Estimate]
 
 
 def how_sure(scene: Scene, estimator: Estimator | None, interrupts: Interrupts) -> tuple[int, str, Estimate]:
@@ -63,23 +70,202 @@ def how_sure(scene: Scene, estimator: Estimator | None, interrupts: Interrupts) 
         return 0, "", replace(estimate, warning=estimate.warning or ResultWarning(NOT_ESTIMATED, lacks))
 
 
+def estimated(
+    out: Path, scene: Scene, summary: Summary, estimator: Estimator | None, interrupts: Interrupts, display: Display
+) -> CommandResult[Summary | None]:
+    """A finished run with its estimated error."""
+    if estimator is not None:
+        display.stage("estimated error", number=1, of=1)
+    code, message, estimate = how_sure(scene, estimator, interrupts)
+    if code or message != summary.message or estimate != Estimate():
+        variants = summary.variants
+        if variants is not None and estimate.changes is not None:
+            variants = variants.changed(changes=estimate.changes)
+        warnings = [one for one in summary.warnings if one.code != NOT_ESTIMATED]
+        warnings += [] if estimate.warning is None else [estimate.warning]
+        spatial = estimate.spatial_model
+        summary = replace(
+            summary, message=message, estimate=estimate, variants=variants, warnings=warnings, spatial_model=spatial
+        )
+        write_json(out / "summary.json", summary.json())
+    return CommandResult(code, summary, message, goes_on=scene.reflection is not None)
+
+
 def estimated_again(scene: Scene, out: Path, summary: Summary, device: str, display: Display) -> CommandResult[Summary | None]:
     """A finished run with its estimated error, which an interrupt left out."""
     estimator, variants = None, summary.variants
     if variants is not None and variants.count > 1 and scene.variants.sensitivity:
-        rows = {int(row.variant): row for row in read_rows(out / "variants.csv", Row)}
-        median: Any = VariantModels(scene, device).model(variants.median)
-        small = SMALL_TENSION * tension_scale(replace(median, scene=scene))
-        estimator = MeansEstimator(scene, device, rows, small)
-    display.stage("estimated error", number=1, of=1)
-    code, message, estimate = how_sure(scene, estimator, Interrupts())
-    if variants is not None and estimate.changes is not None:
-        variants = variants.changed(changes=estimate.changes)
-    kept = tuple(one for one in summary.other_warnings if one.code != NOT_ESTIMATED)
-    more = () if estimate.warning is None else (estimate.warning,)
-    summary = replace(
-        summary, message=message, estimate=estimate, variants=variants, other_warnings=(*kept, *more),
-        spatial_model=estimate.spatial_model,
-    )  # fmt: skip
-    write_json(out / "summary.json", summary.json())
-    return CommandResult(code, summary, message)
+        estimator = Sensitivity(scene, device, {row.variant: row for row in read_rows(out / "variants.csv", Row)})
+    return estimated(out, scene, summary, estimator, Interrupts(), display)
+
+
+# --- of means
+
+
+class Sensitivity:
+    """Estimates errors of means: runs the changes of a scene on two meshes that have been run."""
+
+    def __init__(self, scene: Scene, device: str, rows: Mapping[int, Row], beside: Beside | None = None) -> None:
+        """rows: the last one of each mesh, by number; beside: has begun with the changes."""
+        self.scene, self.device, self._beside = scene, device, beside
+        self.numbers = list(rows)[:MESHES]
+        self.rows = {number: rows[number] for number in self.numbers}
+        self.seen = mesh_values_of(scene, list(rows.values()))
+
+    def __call__(self, check: Check) -> Estimate:
+        return self.estimate(self.changes(check))
+
+    def changes(self, check: Check) -> dict[str, Values]:
+        """Changes of the means by name, where all meshes run to the end.
+
+        By figure, as fractions of the means; of `active_percent` of all contacts.
+        """
+        found = None if self._beside is None else self._beside.rows(self.numbers, check)
+        if found is None:
+            found = changed_rows(self.scene, self.device, self.numbers, check)
+        before = {name: self.rows if name == NODES else found.get(NODES, {}) for name in found}
+        changes = {name: self._change(before[name], rows) for name, rows in found.items()}
+        return {name: change for name, change in changes.items() if change is not None}
+
+    def _change(self, before: Mapping[int, Row], after: Mapping[int, Row]) -> Values | None:
+        """From the rows of some meshes to other rows of the same; None where no mesh is in both."""
+        if not (both := before.keys() & after.keys()):
+            return None
+        first, second = (mesh_values_of(self.scene, [rows[k] for k in sorted(both)]).values for rows in (before, after))
+        relative = (second - first).mean(axis=0) / self.seen.scale
+        return Values(**dict(zip(self.seen.names, relative.tolist(), strict=True)))
+
+    def estimate(self, changes: Mapping[str, Values]) -> Estimate:
+        """Estimated errors of the means: of their number of meshes, of nodes and of friction, root of the sum of squares.
+
+        With a warning of changes that are not known, as none of their meshes runs to the end.
+        """
+        seen = self.seen
+        parts = {"standard_error": seen.values.std(axis=0, ddof=1) / math.sqrt(len(seen.values)) / seen.scale}
+        values = {name: np.array([change[figure] for figure in seen.names]) for name, change in changes.items()}
+        if NODES in values:
+            parts["nodes"] = np.abs(values[NODES]) / self._change_of_error
+        if friction := [values[name] for name in FRICTIONS if name in values]:
+            parts["friction"] = np.sqrt(np.mean(np.square(friction), axis=0))
+        weft, warp, active, stress = np.sqrt(sum(part**2 for part in parts.values())).tolist()
+        tension = max(weft, warp)
+        strains = [error for error, name in zip((weft, warp), seen.names, strict=False) if name.startswith("strain")]
+        largest = {name: float(part.max()) for name, part in parts.items()}
+        return Estimate(
+            max(tension, active, stress), 100.0 * active, tension, stress=stress, standard_error=largest["standard_error"],
+            nodes=largest.get("nodes"), friction=largest.get("friction"), warning=self._lacking(changes),
+            strain=max(strains, default=None), changes=Values(**changes),
+        )  # fmt: skip
+
+    def _lacking(self, changes: Mapping[str, Values]) -> ResultWarning | None:
+        names = [WORDS[name] for name in changes_of(self.scene) if name in WORDS and name not in changes]
+        if not names:
+            return None
+        return ResultWarning("W45", f"The estimated error leaves out {listed(names)}, with which no mesh converged.")
+
+    @property
+    def _change_of_error(self) -> float:
+        """Change of a figure with fewer nodes over the scene's error (Richardson)."""
+        return float((self.scene.model.nodes_per_loop / fewer_nodes(self.scene)) ** ORDER - 1.0)
+
+
+def changes_of(scene: Scene) -> dict[str, Scene]:
+    """Scenes by what they change: the nodes a loop, and with these, which cost less, one thing more each."""
+    friction, overshoot, nodes = scene.contact.friction, scene.variants.overshoot, fewer_nodes(scene)
+    coarse = replace(scene, model=replace(scene.model, nodes_per_loop=nodes))
+    found = {NODES: coarse}
+    if friction > 0.0:
+        for name, factor in FRICTIONS.items():
+            found[name] = replace(coarse, contact=replace(scene.contact, friction=factor * friction))
+    if overshoot > 0.0:
+        found["overshoot"] = replace(coarse, stages=(_overshot(scene.stages[0], overshoot), *scene.stages))
+    return found
+
+
+def fewer_nodes(scene: Scene) -> int:
+    """Nodes a loop of the comparison."""
+    return round(scene.model.nodes_per_loop / COARSENING)
+
+
+def _overshot(stage: Stage, overshoot: float) -> Stage:
+    """The first load step, further by a share of its strains and tensions."""
+    names = ("strain_weft", "strain_warp", "tension_weft", "tension_warp")
+    driven = {name: (1.0 + overshoot) * value for name in names if (value := getattr(stage, name)) is not None}
+    return replace(stage, name="overshoot", **driven)
+
+
+def changed_rows(scene: Scene, device: str, numbers: list[int], check: Check) -> ChangedRows:
+    """Rows of the meshes `numbers` with each change; of those whose loops fit, and that run to the end."""
+    meshes, models = [], []
+    for name, changed in changes_of(scene).items():
+        variants = VariantModels(changed, device)
+        for number in numbers:
+            with suppress(KnitError, ModelError):
+                models.append(variants.model(number))
+                meshes.append((name, number))
+    found: ChangedRows = {}
+    for place, record in last_records(models, check):
+        name, number = meshes[place]
+        found.setdefault(name, {})[number] = row_of(record)
+    return found
+
+
+# --- beside the run
+
+
+class Beside:
+    """Rows of changed meshes from another process."""
+
+    def __init__(self, pipe: Connection, numbers: list[int]) -> None:
+        self._pipe, self._numbers = pipe, numbers
+
+    def rows(self, numbers: list[int], check: Check) -> ChangedRows | None:
+        """Rows of the meshes; None of others than were begun, and where the process has failed."""
+        if numbers != self._numbers:
+            return None
+        with suppress(EOFError, OSError):
+            while not self._pipe.poll(INTERVAL):
+                check(0)
+            rows: ChangedRows = self._pipe.recv()
+            return rows
+        return None
+
+
+@contextmanager
+def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | None]:
+    """Begin with the changes of meshes; None on a GPU or a single core, which both would share."""
+    started = None
+    if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
+        with suppress(OSError):
+            started = start_process(__spec__.name)
+    if started is None:
+        yield None
+        return
+    process, pipe = started
+    with process, pipe:
+        try:
+            with suppress(OSError):
+                pipe.send((scene, numbers))
+            yield Beside(pipe, numbers)
+        finally:
+            process.kill()
+
+
+def main(arguments: list[str]) -> None:
+    """Send the rows of what comes through the pipe, until the run closes it."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # meant for the run
+        signal.signal(number, signal.SIG_IGN)
+    os.environ["WARPKNIT_THREADS"] = "1"  # the run has the other cores
+    pipe = Connection(int(arguments[0]))
+
+    def check(_steps: int) -> None:
+        if pipe.poll():
+            raise EOFError
+
+    with suppress(Exception):  # the run then finds them itself, and reports why not
+        scene, numbers = pipe.recv()
+        pipe.send(changed_rows(scene, "cpu", numbers, check))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

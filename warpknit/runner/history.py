@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+import numbers
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from .. import measure
+from ..base.errors import InputError
 from ..measure import MeshModel, table
 from ..measure.jumps import STORED_FLOOR
 from ..measure.table import Record
 from ..results.row import Row, write_rows
+
+Probe = Callable[[Record], float | None]  # a measure of one's own, as a further column
 
 SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over the next row's, while the mesh is slack
 
@@ -91,12 +97,10 @@ def is_slack(before: Row, after: Row) -> bool:
 def stages_of(rows: Sequence[Row]) -> Iterator[list[Row]]:
     """The rows of each stage, after the last row of the stage before."""
     begin = 0
-    while begin < len(rows) - 1:
-        end = begin + 1
-        while end + 1 < len(rows) and rows[end + 1].stage == rows[end].stage:
-            end += 1
-        yield list(rows[begin : end + 1])
-        begin = end
+    for end in range(1, len(rows)):
+        if end + 1 == len(rows) or rows[end + 1].stage != rows[end].stage:
+            yield list(rows[begin : end + 1])
+            begin = end
 
 
 def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray]:
@@ -107,8 +111,46 @@ def work_terms(rows: Sequence[Row], area: float) -> tuple[np.ndarray, np.ndarray
     return force, place
 
 
-def write_history(path: Path, rows: Sequence[Row]) -> None:
-    """Write all rows, atomically: measures of the first one that are columns, ranges of several meshes (variants.py), probes."""
+def write_history(path: Path, rows: Sequence[Row], *before: str) -> None:
+    """Write all rows, atomically: columns `before`, measures of the first row, ranges of several meshes, and probes."""
     columns = [line.name for line in table.MEASURES if line.history and line.name in rows[0]]
     columns += [name for name in vars(rows[0]) if name.startswith(("p10_", "p90_")) and name[4:] in columns]
-    write_rows(path, [row.changed(**row.probes) for row in rows], [*columns, *rows[0].probes])
+    write_rows(path, [row.changed(**row.probes) for row in rows], [*before, *columns, *rows[0].probes])
+
+
+class Probes:
+    """Named functions of a `Record`. None, nan and infinity are no value: the cell of the history stays empty.
+
+    Raises `InputError` for a name that a column has, or for what is no number.
+    """
+
+    def __init__(self, functions: Mapping[str, Probe] | None = None) -> None:
+        if not isinstance(functions, Mapping | None):
+            raise InputError(f"probes: {functions!r} is not a dict; give functions of a record by name, {{'name': function}}")
+        self._functions = dict(functions or {})
+        taken = {line.name for line in table.MEASURES}
+        for name, function in self._functions.items():
+            if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
+                raise InputError(f"probes: {name!r} cannot name a column; give one line of text that is no column of history.csv")
+            if not callable(function):
+                raise InputError(f"probes: {name}: {function!r} is not a function; give a function of a record")
+
+    @property
+    def names(self) -> list[str]:
+        """Ordered names."""
+        return list(self._functions)
+
+    def values(self, record: Record) -> dict[str, float | None]:
+        """Values of a record by name."""
+        return {name: self._number(name, function(record), record) for name, function in self._functions.items()}
+
+    @staticmethod
+    def _number(name: str, value: object, record: Record) -> float | None:
+        if value is None:
+            return None
+        if hasattr(value, "item"):  # an array of one element, or a number of NumPy
+            with suppress(ValueError, RuntimeError):
+                value = value.item()
+        if not isinstance(value, numbers.Real):
+            raise InputError(f"probes: {name}: {value!r} at record {record.index} is not a number; return one, or None")
+        return float(value) if math.isfinite(value) else None

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,19 +18,17 @@ from ..base.files import write_table
 from ..compute.memory import available_memory
 from ..measure import MeshModel
 from ..measure.table import Record
-from ..results.frame import Frame, WireLayout, drawn_layout, state_file
-from ..results.row import Columns, Row, write_json
+from ..results.frame import Frame, WireLayout, drawn_layout
+from ..results.row import Row, write_json
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from .branches import with_work
-from .checkpoint import Checkpoint
-from .estimates import Estimator, how_sure
-from .history import row_of, with_slides, with_sums, write_history
-from .monitor import LoopResult, Monitor
-from .probes import Probes
+from .estimates import Estimator, estimated
+from .history import Probes, row_of, with_slides, with_sums, write_history
+from .monitor import Checkpoint, LoopResult, Monitor
 from .progress_display import Display
 from .run_directory import CommandResult, write_scene
-from .summary import Estimate, PanelValues, Summary, cord_summary, report_panel, run_summary
+from .summary import Estimate, Summary, panel_of, run_summary
 from .variants import Means
 
 if TYPE_CHECKING:
@@ -97,10 +96,8 @@ class Recorder:
         self.error_estimator = error_estimator
         self.probes = probes or Probes()
         self.rows: list[Row] = []
-        self.panels: dict[int, Mapping[str, Columns]] = {}  # tables of the panel at the ends of stages, by record
         self.variants: Means | None = None  # how single meshes lie about the mean, where there are several
         self._last: Record | None = None
-        self._wall: float | None = None  # [s] of a loop that has ended, without the estimate of its error
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
         self.monitor = Monitor(
@@ -135,7 +132,6 @@ class Recorder:
             code, message = loop.exit_code, loop.message
             is_unconverged = loop.reason == "steady" and not self.rows[-1].steady
             reason = "finished" if is_unconverged else loop.reason
-            self._wall = self.monitor.wall
             summary = self._write_summary(reason, message)
             self.frames.close(complete=code == 0)
             self._reserve.unlink(missing_ok=True)
@@ -143,17 +139,10 @@ class Recorder:
                 for name in NEEDED_TO_GO_ON:
                     shutil.rmtree(self.out / name, ignore_errors=True)
             if self.rows:
-                self._export(summary)
+                self._export()
         if code:
             return CommandResult(code, summary, message)
-        estimator = self.estimator
-        if estimator is not None:
-            self.display.stage("estimated error", number=1, of=1)
-        code, interrupted, estimate = how_sure(self.scene, estimator, self.monitor.interrupts)
-        message = interrupted or message
-        if code or estimate != Estimate():
-            summary = self._write_summary(reason, message, estimate)
-        return CommandResult(code, summary, message, goes_on=self.scene.reflection is not None)
+        return estimated(self.out, self.scene, summary, self.estimator, self.monitor.interrupts, self.display)
 
     # --- records ---
 
@@ -175,7 +164,9 @@ class Recorder:
         if self.rows and row.is_hook:
             row = with_slides(row, self.rows[-1])
         rows = with_work([*self.rows, row], self.simulation.model)
-        panel = self._write_panel(record) if record.load_factor == 1.0 else cord_summary(record)
+        tables, panel = panel_of(record, with_map=record.load_factor == 1.0)
+        for name, table in tables.items():
+            write_table(self.out / "panel" / f"{name}_{record.index:06d}.csv", table)
         rows[-1] = with_sums(rows, self.model).changed(panel=panel)
         write_history(self.out / "history.csv", rows)
         self.rows = rows
@@ -186,16 +177,6 @@ class Recorder:
         """The rows so far, for a checkpoint, whose frames are on the disk then."""
         self.frames.flush()
         return {"rows": [vars(row) for row in self.rows]}
-
-    def _write_panel(self, record: Record) -> PanelValues | None:
-        """Write the maps of a panel at the end of a stage; return its part of the summary."""
-        report = report_panel(record)
-        if report is None:
-            return cord_summary(record)
-        self.panels[record.index] = report.tables
-        for name, table in report.tables.items():
-            write_table(self.out / "panel" / f"{name}_{record.index:06d}.csv", table)
-        return report.summary
 
     def _reserve_memory(self) -> None:
         """Raise `OutOfResources` before a library fails for lack of memory."""
@@ -210,17 +191,16 @@ class Recorder:
         """Time steps so far."""
         return self.simulation.progress.steps
 
-    def _write_summary(self, reason: str, message: str, estimate: Estimate | None = None) -> Summary:
+    def _write_summary(self, reason: str, message: str) -> Summary:
         summary = run_summary(
             self.model,
             self.rows,
             stop_reason=reason,
-            wall=self.monitor.wall if self._wall is None else self._wall,
+            wall=self.monitor.wall,
             compile_time=self.compile_time,
             steps=self.steps,
             message=message,
             notes=self.simulation.notes,
-            estimate=estimate,
             variants=self.variants,
         )
         write_json(self.out / "summary.json", summary.json())
@@ -265,17 +245,15 @@ class Recorder:
 
     # --- exports ---
 
-    def _export(self, summary: Summary) -> None:
+    def _export(self) -> None:
         """Draw the figures and write the VTK files that the scene asks for."""
-        from ..export import RunRecord, export_record
+        from ..export import export_record
+        from ..export.knit_figure import knit_figure
+        from ..export.run_record import read_run
 
-        scene, limit = self.scene, self.rows[-1].yield_stress_Pa
-        states = tuple(state_file(self.out, row.index) for row in self.rows)
-        about = (scene.name, scene.hash, summary.version, summary.stop_reason, limit, summary.jumps)
-        run = RunRecord(self.out, self.model.layout(), states, *about, self.rows, self.panels)
-        for to in ("png",) * scene.output.figures + ("vtk",) * scene.output.vtk:
+        output, run = self.scene.output, read_run(self.out)
+        run = replace(run, states=run.states[: len(self.rows)])  # a killed run may have left later ones
+        for to in ("png",) * output.figures + ("vtk",) * output.vtk:
             export_record(run, to)
-        if scene.output.figures and self.model.cloth is not None:
-            from ..export.knit_figure import knit_figure
-
+        if output.figures and self.model.cloth is not None:
             knit_figure(self.model.cloth, self.scene.wire.thickness, self.out / "figures" / "knit.png")

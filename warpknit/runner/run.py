@@ -16,28 +16,18 @@ from ..base.errors import RunDirectoryError
 from ..base.files import held_directory
 from ..compute.device import compile_times, find_device
 from ..compute.ranks import One, Ranks
-from ..mechanics.protocols import Model
 from ..mesh.layout import mesh_nodes
 from ..results.row import Values, read_rows
-from ..scene import Scene, resolved_toml
+from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.simulate import Simulation
-from .checkpoint import Checkpoint, has_checkpoint
 from .estimates import COMPLETE, estimated_again
-from .monitor import Monitor
-from .probes import Probe, Probes
+from .history import Probe, Probes
+from .monitor import Checkpoint, Monitor, has_checkpoint
 from .progress_display import Display
 from .recorder import ErrorEstimator, Recorder
-from .run_directory import (
-    CommandResult,
-    check_directory,
-    clear,
-    finished_summary,
-    holds_killed_run,
-    make_directory,
-    refuse_other_scene,
-)
+from .run_directory import CommandResult, check_directory, clear, make_directory
 from .summary import Summary
 from .variants_recorder import MeshGroups, VariantsRecorder
 
@@ -67,7 +57,7 @@ def run_scene(
     """
     ranks, own = ranks or One(), Probes(probes)
     refuse(scene, "run", ranks=ranks.count)
-    finished = ranks.from_first(lambda: _finished_run(scene, out, resume, force, own.names))
+    finished, continues = ranks.from_first(lambda: _earlier_run(scene, out, resume, force, own.names))
     if finished is not None and (finished.message != COMPLETE or not ranks.is_first):
         return CommandResult(0, finished)
     name = find_device(device, ranks.place, lambda: mesh_nodes(scene))
@@ -77,10 +67,8 @@ def run_scene(
     if ranks.count > 1 and device is not None and name != "cpu":
         _log.warning("warning W62: --device %s puts all %d ranks on one GPU; leave it out to use all GPUs of the machine",
                      name, ranks.count)  # fmt: skip
-    checkpoint = None
-    if resume and ranks.from_first(lambda: has_checkpoint(out)):
-        checkpoint = Checkpoint(out, scene.hash, ranks)
-    elif resume:
+    checkpoint = Checkpoint(out, ranks) if continues else None
+    if resume and checkpoint is None:
         _log.warning("warning W63: --resume: %s has no checkpoint; a new run begins", out)
     several = MeshGroups(scene, name, checkpoint) if scene.variants.count > 1 else None
     model = build_model(scene, name, ranks) if several is None else several.simulation.model
@@ -88,7 +76,8 @@ def run_scene(
         _log.warning("warning W64: run without mpirun: a mesh of %s nodes is slower on %d ranks",
                      f"{model.global_model.node_count:,}", ranks.count)  # fmt: skip
     with compile_times() as times:
-        simulation = _simulation(model, checkpoint) if several is None else several.simulation
+        progress_so_far = checkpoint.progress[0] if checkpoint else None
+        simulation = Simulation(model, progress=progress_so_far) if several is None else several.simulation
         simulation.compile()
         if checkpoint is not None:
             checkpoint.restore(simulation)
@@ -110,24 +99,20 @@ def run_scene(
         return Recorder(simulation, *where, error_estimator, own).run()
 
 
-def _finished_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> Summary | None:
-    """The finished run in `out` on --resume, else None. Raises `RunDirectoryError` where `out` cannot be used.
+def _earlier_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> tuple[Summary | None, bool]:
+    """The finished run in `out` on --resume, and whether there is a checkpoint to continue. Raises `RunDirectoryError`.
 
     An interrupted run may still write its checkpoint: --resume and --force wait for it, a new run does not.
     """
     if out.is_dir():
         with _locked(out, LOCK_TIMEOUT if resume or force else 0.0):
             pass
-    if resume and (finished := finished_summary(out, "summary.json", scene, "run")) is not None:
-        if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
-            raise RunDirectoryError(
-                f"{out}: contains the finished run without the probe {min(missing)}; run it again with --force"
-            )
-        return Summary.of(finished)
-    check_directory(out, "run", resume=resume, force=force, resolved=resolved_toml(scene))
-    if resume and not force and holds_killed_run(out):
-        refuse_other_scene(out, "run", resolved_toml(scene))
-    return None
+    finished, continues = check_directory(out, "run", scene, resume=resume, force=force)
+    if finished is None:
+        return None, continues and has_checkpoint(out)
+    if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
+        raise RunDirectoryError(f"{out}: contains the finished run without the probe {min(missing)}; run it again with --force")
+    return Summary.of(finished), False
 
 
 @contextlib.contextmanager
@@ -140,7 +125,3 @@ def _locked(out: Path, patience: float) -> Iterator[None]:
         except BlockingIOError as error:
             raise RunDirectoryError(f"{out}: another run is writing there; give another directory with --out") from error
         yield
-
-
-def _simulation(model: Model, checkpoint: Checkpoint | None) -> Simulation:
-    return Simulation(model, progress=checkpoint.progress[0] if checkpoint else None)

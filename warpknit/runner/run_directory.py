@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from ..base import toml
-from ..base.errors import RunDirectoryError
+from ..base.errors import InputError, RunDirectoryError
 from ..base.files import write_aside
 from ..base.text import listed
-from ..scene.scene import RESOLVED, Scene, resolved_toml
+from ..scene import Scene, load_scene
+from ..scene.scene import RESOLVED, resolved_toml
 from ..scene.units import shown
 from ..scene.wire_file import WireArrays
 
@@ -58,61 +59,60 @@ class CommandResult(Generic[Result]):
     goes_on: bool = True  # whether an interrupted one has more to compute
 
 
-def finished_summary(out: Path, name: str, scene: Scene, command: str) -> Tree | None:
-    """The summary `name` of the finished result in `out`, or None. command: that asks for it.
+def check_directory(
+    out: Path, kind: str, scene: Scene, *, resume: bool, force: bool, command: str | None = None
+) -> tuple[Tree | None, bool]:
+    """Summary of a finished run, map or trade (`kind`) of the scene in `out`, on --resume; and whether to continue one there.
 
-    Raises RunDirectoryError where it is of another scene.
+    command: that asks, where it is not `kind`: a report, which makes a map. Raises RunDirectoryError with the options to use,
+    where `out` has other results or other files.
     """
-    summary = read_summary(out, name)
-    if summary is None:
-        return None
-    if summary.get("scene", {}).get("hash") != scene.hash:
-        held, other = _finished(out, name), _other_keys(out, resolved_toml(scene))
-        of_scene = other or " of another scene, or with other --set, --preset or --error"
-        raise RunDirectoryError(f"{out}: contains the {held}{of_scene}; {_alternatives(out, command, held)}")
-    return summary
+    if out.exists() and not out.is_dir():
+        raise RunDirectoryError(f"--out: {out} is a file; give a directory")
+    state, held, summary = _held_results(out)
+    other = _difference(out, scene) if held else ""
+    if resume and held == kind and not other:
+        return (summary, False) if state == "finished" else (None, True)
+    if force:
+        return None, False
+    free = f"--out {_free_beside(out, command or kind)}"
+    if held:
+        what = f"{state} {held}" + (" with its report" if held == "map" and (out / "report.html").exists() else "")
+        name = summary.get("scene", {}).get("name")
+        of_scene = ("" if name is None else f" of scene {name!r}") + other
+        goes_on = "continue it with --resume, " if state == "interrupted" and held == kind and not other else ""
+        options = f"{goes_on}give {free} to keep both, or --force to replace the {what}"
+        raise RunDirectoryError(f"{out}: contains {'an' if state == 'interrupted' else 'a'} {what}{of_scene}; {options}")
+    kept = sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) if out.is_dir() else []
+    if kept and not _holds_results(out):
+        foreign = next((name for name in kept if name not in OUTPUT_NAMES), kept[0])
+        raise RunDirectoryError(f"{out}: contains other files ({foreign}); give {free} for another directory")
+    return None, False
 
 
-def continues_earlier(
-    out: Path, table: str, kind: str, resolved: str, *, resume: bool, force: bool, command: str | None = None
-) -> bool:
-    """Whether to continue the map or trade (`kind`) of the scene `resolved` in `out`; table: its name.
-
-    command: that asks, where it is not `kind`: a report, which makes a map.
-
-    Raises RunDirectoryError where `out` cannot be used.
-    """
-    is_begun = (out / table).exists()
-    check_directory(out, kind, resume=resume, force=force, command=command, resolved=resolved)
-    if not (resume and is_begun):
-        return False
-    refuse_other_scene(out, kind, resolved, command)
-    return True
+def _held_results(out: Path) -> tuple[str, str, Tree]:
+    """State and kind of the results in `out`: a finished, interrupted or killed run, map or trade; and its summary."""
+    for name, kind in SUMMARIES.items():
+        if (summary := read_summary(out, name)) is not None:
+            return "finished", kind, summary
+    for name, kind in TABLES.items():
+        if (out / name).exists():
+            return "interrupted", kind, {}
+    return ("killed", "run", {}) if holds_killed_run(out) else ("", "", {})
 
 
-def refuse_other_scene(out: Path, kind: str, resolved: str, command: str | None = None) -> None:
-    """Refuse to continue results (`kind`) in `out` of another scene than `resolved`; command: for the message.
-
-    Raises RunDirectoryError.
-    """
-    kept = out / "scene.toml"
-    if not kept.is_file() or kept.read_text(encoding="utf-8") != resolved:
-        other = _other_keys(out, resolved) or " of another scene"
-        raise RunDirectoryError(f"{out}: contains the {kind}{other}; {_alternatives(out, command or kind, kind)}")
-
-
-def _other_keys(out: Path, resolved: str) -> str:
-    """Keys that differ from scene.toml in `out`; or empty.
-
-    resolved: the scene with every default.
-    """
+def _difference(out: Path, scene: Scene) -> str:
+    """How the scene of the results in `out` differs from another, in words; empty where it has the same values."""
     try:
-        kept, asked = (_flat(toml.loads(text)) for text in ((out / "scene.toml").read_text(encoding="utf-8"), resolved))
-    except (OSError, ValueError):
+        kept = load_scene(out / "scene.toml")
+    except (InputError, OSError, ValueError):
+        return " of another scene"
+    if kept.hash == scene.hash:
         return ""
-    keys = [key for key in dict.fromkeys((*asked, *kept)) if kept.get(key) != asked.get(key)]
+    one, other = (_flat(toml.loads(resolved_toml(each))) for each in (scene, kept))
+    keys = [key for key in dict.fromkeys((*one, *other)) if one.get(key) != other.get(key)]
     more = [] if len(keys) <= MOST_KEYS else [f"{len(keys) - MOST_KEYS} more keys"]
-    return f" with another {listed([*keys[:MOST_KEYS], *more])}" if keys else ""
+    return f" with another {listed([*keys[:MOST_KEYS], *more])}" if keys else " of another scene"
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
@@ -140,43 +140,6 @@ def open_directory(out: Path, scene: Scene, *, keep: bool) -> None:
     write_scene(out, scene)
 
 
-def check_directory(out: Path, wanted: str, *, resume: bool, force: bool, command: str | None = None, resolved: str = "") -> None:
-    """Refuse a directory with results that a run, map or trade (`wanted`) cannot continue.
-
-    command: that asks, where it is not `wanted`. resolved: its scene with every default, for the message. Raises
-    RunDirectoryError with the options to use.
-    """
-    command = command or wanted
-    if out.exists() and not out.is_dir():
-        raise RunDirectoryError(f"--out: {out} is a file; give a directory")
-    if force:
-        return
-    if finished := [name for name in SUMMARIES if read_summary(out, name) is not None]:
-        held = _finished(out, finished[0])
-        scene = _read_json(out / finished[0]).get("scene", {}).get("name")
-        of_scene = ("" if scene is None else f" of scene {scene!r}") + (_other_keys(out, resolved) if resolved else "")
-        raise RunDirectoryError(f"{out}: contains a {held}{of_scene}; {_alternatives(out, command, held)}")
-    unfinished = [kind for name, kind in TABLES.items() if (out / name).exists()]
-    for kind in unfinished:
-        if kind != wanted:
-            raise RunDirectoryError(
-                f"{out}: contains an interrupted {kind}; {_alternatives(out, command, f'interrupted {kind}')}"
-            )
-        if not resume:
-            raise RunDirectoryError(
-                f"{out}: contains an interrupted {kind}; continue it with --resume, or start over with --force"
-            )
-    if not resume and holds_killed_run(out):
-        held = "run that was killed before its first checkpoint"
-        raise RunDirectoryError(f"{out}: contains a {held}; {_alternatives(out, command, held)}")
-    kept = sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) if out.is_dir() else []
-    if kept and not _holds_results(out):
-        foreign = next((name for name in kept if name not in OUTPUT_NAMES), kept[0])
-        raise RunDirectoryError(
-            f"{out}: contains other files ({foreign}); give --out {_free_beside(out, command)} for another directory"
-        )
-
-
 def _holds_results(out: Path) -> bool:
     """Whether a directory holds results of a run, map or trade, by characteristic files."""
     if any((out / name).exists() for name in TABLES) or any("stop_reason" in _read_json(out / name) for name in SUMMARIES):
@@ -190,17 +153,6 @@ def _holds_results(out: Path) -> bool:
 def holds_killed_run(out: Path) -> bool:
     """Whether `out` has records of a run without a summary or a checkpoint."""
     return (out / "history.csv").exists() and not any((out / name).exists() for name in (*SUMMARIES, *TABLES))
-
-
-def _finished(out: Path, name: str) -> str:
-    """Finished result in `out`, in words, by its summary `name`; also a map's report."""
-    kind = SUMMARIES[name]
-    return f"finished {kind}" + (" with its report" if kind == "map" and (out / "report.html").exists() else "")
-
-
-def _alternatives(out: Path, command: str, held: str) -> str:
-    """The options of a command: another directory, or replacing what is `held` in this one."""
-    return f"give --out {_free_beside(out, command)} to keep both, or --force to replace the {held}"
 
 
 def _free_beside(out: Path, wanted: str) -> Path:

@@ -62,8 +62,7 @@ class Summary:
     solver: Values
     device: str = ""  # device of the run
     message: str = ""  # why a run stopped early
-    model_warnings: tuple[ResultWarning, ...] = ()  # why the model is not valid for this mesh, most serious first
-    other_warnings: tuple[ResultWarning, ...] = ()  # further limits to the use of this result
+    warnings: Sequence[ResultWarning] = ()  # limits to the use of this result
     stages: tuple[Row, ...] = ()  # the same groups at the end of each load step, with its `name`
     estimate: Estimate = field(default_factory=Estimate)
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between
@@ -92,8 +91,8 @@ class Summary:
             "device": self.device,
             "stop_reason": self.stop_reason,
             "message": self.message,
-            "warnings": plain(self.model_warnings + self.other_warnings),
-            "model": plain(self.model.changed(warnings=self.model_warnings)),
+            "warnings": plain(self.warnings),
+            "model": plain(self.model),
             "solver": plain(self.solver),
             **last,
             **({} if self.variants is None else {"variants": plain(self.variants)}),
@@ -106,14 +105,13 @@ class Summary:
     @classmethod
     def of(cls, tree: Tree) -> Summary:
         """The result that `json` gave."""
-        of_model, quality = tree["model"].get("warnings", []), tree.get("quality", {})
+        quality, of_model = tree.get("quality", {}), [ResultWarning.of(text) for text in tree["model"].get("warnings", [])]
         return cls(
             scene=Values(**tree["scene"]),
             stop_reason=tree["stop_reason"],
-            model=Values(**tree["model"]),
+            model=Values(**tree["model"] | {"warnings": of_model}),
             solver=Values(**tree["solver"]),
-            model_warnings=tuple(map(ResultWarning.of, of_model)),
-            other_warnings=tuple(ResultWarning.of(text) for text in tree["warnings"] if text not in of_model),
+            warnings=[ResultWarning.of(text) for text in tree["warnings"]],
             stages=tuple(map(_row_of_sections, tree["stages"])),
             estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
             device=tree["device"],
@@ -151,16 +149,14 @@ def run_summary(
     steps: int,
     message: str = "",
     notes: Sequence[str] = (),
-    estimate: Estimate | None = None,
     variants: Means | None = None,
 ) -> Summary:
     """The result of a run from its rows. `notes` come from the drive."""
-    estimate, scene, panel, jumps = estimate or Estimate(), model.scene, model.panel, jumps_of(model, rows)
+    scene, panel, jumps = model.scene, model.panel, jumps_of(model, rows)
     stages = tuple(ends_of(rows))
     last = next((stage for stage in scene.stages if stages and stage.name == stages[-1].stage), scene.stages[0])
-    warnings = warnings_of(model, rows)
+    warnings, of_model = warnings_of(model, rows), list(model.warnings(stages))
     if variants is not None:
-        variants = variants if estimate.changes is None else variants.changed(changes=estimate.changes)
         jumps = []
         warnings = [warning for warning in warnings if warning.code not in OF_ONE_PATH]
         warnings += variant_warnings(variants, scene.variants.standard_error)
@@ -174,8 +170,7 @@ def run_summary(
         device=model.device,
         stop_reason=stop_reason,
         message=message,
-        model_warnings=tuple(model.warnings(stages)),
-        other_warnings=(*warnings, *([estimate.warning] if estimate.warning else [])),
+        warnings=[*of_model, *warnings],
         model=Values(
             kind=scene.model.kind,  # planar or spatial
             friction=scene.contact.friction,  # friction coefficient
@@ -183,7 +178,7 @@ def run_summary(
             kind_reason=scene.kind_reason,  # reason: chosen in the scene, the default, or a feature of the planar model only
             source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",  # table of the scene that
             # gives the wires: `knit`, `hook` or `wires`
-            warnings=None,  # why the model is not valid for this mesh, most serious first; also in `warnings`
+            warnings=of_model,  # why the model is not valid for this mesh, most serious first; also in `warnings`
             boundary=scene.model.boundary,  # `periodic`, `gripped` or the boundary of wires from a file
             precision=model.precision.name,  # `single` or `double`
             wires=len(panel.wire_first),  # wires of the mesh
@@ -215,20 +210,10 @@ def run_summary(
             notes=list(notes),  # load levels that needed more than one increment, and overlaps as knitted
         ),
         stages=stages,
-        estimate=estimate,
         jumps=[(before.index, after.index) for before, after in jumps],
         variants=variants,
-        spatial_model=estimate.spatial_model,
         answers=answers_of(model, rows, jumps),
     )
-
-
-@dataclass(frozen=True)
-class PanelReport:
-    """Tables and summary of one recorded state of a panel."""
-
-    tables: dict[str, Columns]  # of panel/map_*.csv, edge_*.csv and, of a panel with a target shape, surface_*.csv
-    summary: PanelValues
 
 
 def _map_table(m: PanelMap, mean_gradient: np.ndarray) -> Columns:
@@ -267,56 +252,39 @@ def cord_values(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[st
     }
 
 
-def cord_summary(record: Record) -> PanelValues | None:
-    """Summary of the edge of a mesh on cords, else None."""
-    model = record.observables.model
-    if model.scene.panel.cord is None:
-        return None
-    rim = build_rim(model.panel, model.scene)
-    cords = cord_values(rim, record.observables.stretch, _stations(record, rim))
-    return {"outline": model.scene.panel.outline, "area_m2": model.panel.area, **cords}
-
-
-def _stations(record: Record, rim: Rim) -> np.ndarray:
-    """(station, 2 or 3) [m] displacement of the rim, zero where it is fixed."""
-    return record.stations if len(record.stations) else np.zeros((len(rim.arc), 3))
-
-
-def report_panel(record: Record) -> PanelReport | None:
-    """The report of a gripped panel; None for a mesh without a map."""
+def panel_of(record: Record, *, with_map: bool) -> tuple[dict[str, Columns], PanelValues | None]:
+    """Tables `map`, `edge` and, with a target shape, `surface` of a panel; and its summary, None without a map or cords."""
     r = record.observables
-    panel_map = r.panel_map
-    if panel_map is None:
-        return None
-    model = r.model
-    options = model.scene.panel
-    least = np.minimum(panel_map.tension[..., 0, 0], panel_map.tension[..., 1, 1])[panel_map.known]
+    model, options = r.model, r.model.scene.panel
+    panel_map = r.panel_map if with_map else None
+    if panel_map is None and options.cord is None:
+        return {}, None
+    rim = build_rim(model.panel, model.scene)
+    stations = record.stations if len(record.stations) else np.zeros((len(rim.arc), 3))  # zero where the rim is fixed
     values: PanelValues = {
         "outline": options.outline,  # `panel.outline`
         "area_m2": model.panel.area,  # area as knitted
-        "tension_median_weft_N_per_m": float(np.median(panel_map.tension[panel_map.known][:, 0, 0])),  # median of the repeats;
-        # the mean of `mesh` includes the short taut wires at the grips
-        "tension_median_warp_N_per_m": float(np.median(panel_map.tension[panel_map.known][:, 1, 1])),  # the same in warp
-        "tension_least_N_per_m": float(least.min()),  # smallest tension of a repeat in weft or warp
-        "tension_threshold_N_per_m": options.tension_threshold,  # `panel.tension_threshold`
-        "area_below_tension_percent": None,  # share of the area with a tension below this threshold
-        "active_threshold_percent": options.active_threshold,  # `panel.active_threshold`
-        "area_below_active_percent": None,  # share of the area with fewer active contacts than this threshold
     }
-    with np.errstate(invalid="ignore"):
-        if options.tension_threshold is not None:
-            slack = np.minimum(panel_map.tension[..., 0, 0], panel_map.tension[..., 1, 1]) < options.tension_threshold
-            values["area_below_tension_percent"] = 100.0 * panel_map.area_share(slack)
-        if options.active_threshold is not None:
-            values["area_below_active_percent"] = 100.0 * panel_map.area_share(
-                panel_map.active_percent < options.active_threshold
-            )
-    rim = build_rim(model.panel, model.scene)
-    stations = _stations(record, rim)
+    if panel_map is None:
+        return {}, values | cord_values(rim, r.stretch, stations)
+    known, tension = panel_map.known, panel_map.tension
+    least = np.minimum(tension[..., 0, 0], tension[..., 1, 1])
+    values |= {
+        "tension_median_weft_N_per_m": float(np.median(tension[known][:, 0, 0])),  # median of the repeats;
+        # the mean of `mesh` includes the short taut wires at the grips
+        "tension_median_warp_N_per_m": float(np.median(tension[known][:, 1, 1])),  # the same in warp
+        "tension_least_N_per_m": float(least[known].min()),  # smallest tension of a repeat in weft or warp
+        "tension_threshold_N_per_m": options.tension_threshold,  # `panel.tension_threshold`
+        "area_below_tension_percent": _share_below(panel_map, least, options.tension_threshold),  # share of the area with a
+        # tension below this threshold
+        "active_threshold_percent": options.active_threshold,  # `panel.active_threshold`
+        "area_below_active_percent": _share_below(panel_map, panel_map.active_percent, options.active_threshold),  # share of the
+        # area with fewer active contacts than this threshold
+    }
     values |= cord_values(rim, r.stretch, stations)
+    middle = model.panel.low + 0.5 * model.panel.size
     tables: dict[str, Columns] = {"map": _map_table(panel_map, r.stretch)}
     if options.focal_length is not None:
-        middle = model.panel.low + 0.5 * model.panel.size
         surface = find_surface(panel_map, rim, r.stretch, stations, middle, options.focal_length)
         x, y = surface.point.T
         tables["surface"] = {"x_m": x, "y_m": y, "height_m": surface.height, "deviation_m": surface.deviation}
@@ -325,9 +293,16 @@ def report_panel(record: Record) -> PanelReport | None:
             "rms_deviation_m": surface.rms_deviation,  # root mean square deviation from the paraboloid
             "rms_best_fit_m": surface.rms_best_fit,  # the same after the best shift and tilt
             "pillowing_m": surface.pillowing,  # largest deviation from the paraboloid
-            "slope_max": float(np.hypot(*surface.point.T).max() / (2.0 * options.focal_length)),  # slope of the paraboloid at
-            # the edge
+            "slope_max": float(np.hypot(x, y).max() / (2.0 * options.focal_length)),  # slope of the paraboloid at the edge
         }
     position = (rim.place - model.panel.low - 0.5 * model.panel.size) @ r.stretch.T + stations[:, :2]
     tables["edge"] = {"x_m": position[:, 0], "y_m": position[:, 1], "held": rim.given.astype(int)}
-    return PanelReport(tables, values)
+    return tables, values
+
+
+def _share_below(panel_map: PanelMap, values: np.ndarray, threshold: float | None) -> float | None:
+    """[%] share of the area with `values` (column, row) below a threshold; None without one."""
+    if threshold is None:
+        return None
+    with np.errstate(invalid="ignore"):
+        return 100.0 * panel_map.area_share(values < threshold)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import click
 
-from ..base.text import celsius, duration, engineering, is_at_grips, percent, short_percent, sides_text
+from ..base.text import celsius, duration, engineering, is_at_grips, of_sides, percent, short_percent, sides_text, span
 from ..results.finding import Finding, ResultTable
 from ..results.row import Row, Values
 from ..scene.options import DEFAULT, GIVEN
@@ -25,22 +28,23 @@ LEAST_SPREAD = 5e-3  # of the mean of a figure: a smaller range is not shown
 TIMED = "for steps, checks and files"  # part of the wall time; the others are the model and compilation
 STATES = {"steady": "converged", "finished": "finished, not in equilibrium", "diverged": "did not converge"}
 FOR_LOAD = 58  # columns of the load in the first line
+LEAST_COLUMNS = 40  # for the texts, on a terminal
 
 
 def summary_table(result: Summary, directory: Path, reflection: Iterable[Finding] = ()) -> ResultTable:
     """Table of a run with its measures and its reflection."""
     findings = (*summary_findings(result), *reflection, Finding("results", str(directory), short=True))
-    return ResultTable(findings, result.model_warnings + result.other_warnings)
+    return ResultTable(findings, tuple(result.warnings))
 
 
 def summary_findings(result: Summary) -> Iterator[Finding]:
     """The rows of the table of a run."""
     end, model, answers, variants = result.end, result.model, result.answers, result.variants
     diverged = result.stop_reason == "diverged"
-    state, invalid = STATES.get(result.stop_reason, result.stop_reason), result.model_warnings
+    state, invalid = STATES.get(result.stop_reason, result.stop_reason), model.get("warnings")
     valid = f", not valid ({', '.join(warning.code for warning in invalid)})" if invalid else ""
     yield heading(result.scene.name, result.scene.get("load", ""), state + valid)
-    yield from _earlier_steps(result)
+    yield from _earlier_steps(result.stages)
     if diverged and answers is not None:
         yield Finding("load not reached", unreached_text(answers), short=True)
     here, between = PLACES.get(model.source, PLACES["wires"])
@@ -56,10 +60,12 @@ def summary_findings(result: Summary) -> Iterator[Finding]:
     if variants is not None:
         yield from _variants_findings(variants)
     if result.estimate.error is not None:
-        yield Finding("estimated error", _error_text(result), where=_error_parts(result.estimate), short=True)
+        yield _error_finding(result.estimate)
     if result.spatial_model is not None:
         yield _spatial_finding(result.spatial_model)
-    yield from model_findings(model, _cost(result))
+    meshes = "" if variants is None else f" in each of {variants.count} meshes"
+    cost = f"{model.nodes:,} nodes{meshes}, {result.solver.steps:,} steps, {duration(result.solver.wall_s, 3)}"
+    yield from model_findings(model, cost)
     yield from _solver_findings(result)
 
 
@@ -68,19 +74,16 @@ def heading(name: str, text: str, state: str) -> Finding:
     return Finding(name, f"{text:{FOR_LOAD}}  {state}".strip(), short=True)
 
 
-def _earlier_steps(result: Summary) -> Iterator[Finding]:
-    """The load steps before the last one."""
-    if len(result.stages) > 1:
-        yield Finding("load step", result.end.stage, where=f", the last of {len(result.stages)}", short=True)
-        for stage in result.stages[:-1]:
-            yield from _earlier_stage(stage)
-
-
-def _cost(result: Summary) -> str:
-    """Size and cost of a run."""
-    steps, wall = f"{result.solver.steps:,} steps", duration(result.solver.wall_s, 3)
-    meshes = "" if result.variants is None else f" in each of {result.variants.count} meshes"
-    return f"{result.model.nodes:,} nodes{meshes}, {steps}, {wall}"
+def _earlier_steps(stages: Sequence[Row]) -> Iterator[Finding]:
+    """The load steps before the last one; only their number of two hooked wires."""
+    if len(stages) > 1:
+        yield Finding("load step", stages[-1].stage, where=f", the last of {len(stages)}", short=True)
+    for end in stages[:-1]:
+        if not end.is_hook:
+            strains = ", ".join(f"{percent(end[f'strain_{side}'], 2)} {side}" for side in SIDES)
+            active, stress = percent(0.01 * end.active_percent, 0), engineering(end.stress_max_Pa, "Pa")
+            text = f"{strains}; {sides_text(end.tension, 'N/m')}; {active} active; {stress}; {celsius(end.temperature_K)}"
+            yield Finding(f"  end of {end.stage}", text, short=True)
 
 
 def _solver_findings(result: Summary) -> Iterator[Finding]:
@@ -105,20 +108,15 @@ def _spatial_finding(other: SpatialMeans) -> Finding:
     return Finding("in the spatial model", text, short=True)
 
 
-def _error_text(result: Summary) -> str:
-    """The estimated error of each figure; of the strain where tension drives."""
-    estimate = result.estimate
-    parts = {"tension" if estimate.strain is None else "strain": estimate.tension, "stress": estimate.stress}
-    found = [f"{name} {short_percent(value)}" for name, value in parts.items() if value is not None]
-    active = [] if estimate.active_percent is None else [f"active {round(estimate.active_percent, 2):.2g} points"]
-    return ", ".join(found + active)
-
-
-def _error_parts(estimate: Estimate) -> str:
-    """The parts of the estimated error of means."""
+def _error_finding(estimate: Estimate) -> Finding:
+    """The estimated error of each figure, of the strain where tension drives; and its parts, of means."""
+    figures = {"tension" if estimate.strain is None else "strain": estimate.tension, "stress": estimate.stress}
     parts = {"friction": estimate.friction, "nodes": estimate.nodes, "number of meshes": estimate.standard_error}
-    found = [f"{name} up to {short_percent(value)}" for name, value in parts.items() if value is not None]
-    return f" ({', '.join(found)})" if found else ""
+    found = [f"{name} {short_percent(value)}" for name, value in figures.items() if value is not None]
+    if estimate.active_percent is not None:
+        found.append(f"active {round(estimate.active_percent, 2):.2g} points")
+    of_means = ", ".join(f"{name} up to {short_percent(value)}" for name, value in parts.items() if value is not None)
+    return Finding("estimated error", ", ".join(found), where=f" ({of_means})" if of_means else "", short=True)
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:
@@ -147,12 +145,8 @@ def _range(variants: Means, names: Sequence[str]) -> str:
     found = [variants[name] for name in names if name in variants]
     if not any(one.p90 - one.p10 > LEAST_SPREAD * abs(one.mean) for one in found):
         return ""
-    texts = []
-    for name, one in zip(names, found, strict=False):
-        low, high = _shown(name, one.p10), _shown(name, one.p90)
-        number, _, unit = low.rpartition(" ")
-        texts.append(f"{number if high.endswith(f' {unit}') else low} to {high}")
-    return ", ".join(" ".join(one) for one in zip(texts, SIDES, strict=True)) if len(texts) == len(SIDES) else texts[0]
+    texts = [span(_shown(name, one.p10), _shown(name, one.p90)) for name, one in zip(names, found, strict=False)]
+    return of_sides(texts) if len(texts) == len(SIDES) else texts[0]
 
 
 def _shown(name: str, value: float) -> str:
@@ -208,23 +202,13 @@ def _stress_findings(end: Row, has_grips: bool, variants: Means | None) -> Itera
         yield Finding("  yielded", short_percent(plastic), where=where, short=True)
 
 
-def _earlier_stage(end: Row) -> Iterator[Finding]:
-    """The row of a load step before the last one; none of two hooked wires."""
-    if end.is_hook:
-        return
-    strains = ", ".join(f"{percent(end[f'strain_{side}'], 2)} {side}" for side in SIDES)
-    text = f"{strains}; {sides_text(end.tension, 'N/m')}; {percent(0.01 * end.active_percent, 0)} active"
-    yield Finding(
-        f"  end of {end.stage}", f"{text}; {engineering(end.stress_max_Pa, 'Pa')}; {celsius(end.temperature_K)}", short=True
-    )
-
-
 def model_findings(model: Values, cost: str) -> Iterator[Finding]:
     """Kind of model with cost and reason, and the friction of its wires."""
     yield Finding(f"{model.kind} model", cost, short=True)
     yield Finding("  reason", model.kind_reason, short=model.kind_reason not in (GIVEN, DEFAULT))
     if friction := model.get("friction"):
-        yield Finding("  friction", f"{friction:.3g}", sure=assumed_note("contact.friction", bool(model.get("friction_assumed"))))
+        assumed = assumed_note("contact.friction", model.get("friction_assumed", False))
+        yield Finding("  friction", f"{friction:.3g}", where=assumed)
 
 
 def _hook_findings(hook: Row) -> Iterator[Finding]:
@@ -245,19 +229,12 @@ def _hook_findings(hook: Row) -> Iterator[Finding]:
 
 
 def print_table(findings: Iterable[Finding]) -> None:
-    """Print names and texts to stdout."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console, lines = Console(highlight=False, markup=False), [(finding.name, finding.text) for finding in findings]
-    if not console.is_terminal:
-        width = max((len(heading) for heading, _text in lines), default=0)
-        for heading, text in lines:
-            click.echo(f"{heading:{width}}  {text}")
-        return
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for heading, text in lines:
-        table.add_row(heading, text, style="yellow" if heading[1:].isdigit() else None)
-    console.print(table)
+    """Print names and texts to stdout; on a terminal in two columns, warnings in colour."""
+    lines = [(finding.name, finding.text) for finding in findings]
+    width, columns = max((len(name) for name, _ in lines), default=0), shutil.get_terminal_size().columns
+    for name, text in lines:
+        line = f"{name:{width}}  {text}"
+        if sys.stdout.isatty():
+            behind = " " * (width + 2)
+            line = textwrap.fill(line, max(columns, width + LEAST_COLUMNS), subsequent_indent=behind, break_on_hyphens=False)
+        click.secho(line, fg="yellow" if name[1:].isdigit() else None)

@@ -14,6 +14,7 @@ from ..base.text import percent
 from ..knit.cloth import CLASS_NAMES
 from ..results.finding import ResultWarning
 from ..results.row import Row, Values
+from ..scene import Scene
 from ..scene.options import Variants
 
 # figures with a reported scatter
@@ -25,6 +26,7 @@ FIGURES = (
 CLOSING = tuple(f"force_{name}_N" for name in CLASS_NAMES)  # by which contacts of a class close: in half of the meshes
 PLACES = ("stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")  # of one mesh: they have no mean
 PERCENTILES = (10.0, 90.0)
+SMALL_TENSION = 1e-3  # of EI/C^3, the scale of tensions
 EARLY, MOST = 0.4, 4  # of the requested standard error, where half of the meshes are enough; largest multiple
 # codes of warnings that one path depends on the way, on which means over meshes do not depend
 OF_ONE_PATH = {"W18", "W19", "W32"}
@@ -108,6 +110,12 @@ def mesh_values(by_tension: Sequence[bool], ends: Sequence[Row], scale: float) -
     names += ["active_percent", "stress_max_Pa"]
     values = np.array([[row[name] for name in names] for row in ends], dtype=float)
     return MeshValues(tuple(names), values, np.array([*sides, 100.0, max(stress, 1.0)]))
+
+
+def mesh_values_of(scene: Scene, ends: Sequence[Row]) -> MeshValues:
+    """`mesh_values` of a run; smaller tensions than a share of EI/C^3 do not count."""
+    scale = SMALL_TENSION * (scene.wire.bending_stiffness / scene.knit.course_spacing**3)
+    return mesh_values(scene.stages[-1].by_tension, ends, scale)
 
 
 def wanted(count: int, standard_error: float, found: int, error: float) -> int:

@@ -5,31 +5,26 @@ Beside them DIR has variants.csv: the rows of each mesh. While it runs, variants
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..base.errors import Diverged, ModelError
-from ..measure import table, tension_scale
 from ..measure.table import Record
 from ..mesh.layout import smaller_scene
 from ..results.frame import Frame, state_file
-from ..results.row import Row, Values, write_rows
+from ..results.row import Row, Values
 from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 from .branches import with_work
-from .changed_meshes import Beside, beside
-from .checkpoint import Checkpoint
-from .estimates import SMALL_TENSION, Estimator, MeansEstimator
+from .estimates import MESHES, Beside, Estimator, Sensitivity, beside
 from .history import row_of, with_sums, write_history
-from .monitor import LoopResult
+from .monitor import Checkpoint, LoopResult
 from .recorder import Recorder, frame_of, open_frames
 from .run_directory import CommandResult
-from .sensitivity import MESHES as CHANGED
 from .summary import Summary
-from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values, spreads, wanted
+from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values_of, spreads, wanted
 
 
 class MeshGroups:
@@ -123,7 +118,7 @@ class VariantsRecorder(Recorder):
     def run(self) -> CommandResult[Summary | None]:
         if not self.scene.variants.sensitivity:
             return super().run()
-        with beside(self.scene, self.meshes.models.device, self.meshes.begun[:CHANGED]) as self._beside:
+        with beside(self.scene, self.meshes.models.device, self.meshes.begun[:MESHES]) as self._beside:
             return super().run()
 
     def _loop(self) -> LoopResult:
@@ -170,12 +165,7 @@ class VariantsRecorder(Recorder):
         }
 
     def _mesh_values(self, whole: dict[int, list[Row]]) -> MeshValues:
-        return mesh_values(self.scene.stages[-1].by_tension, [rows[-1] for rows in whole.values()], self._small_tension)
-
-    @property
-    def _small_tension(self) -> float:
-        """Tension [N/m] whose differences count as differences of tension."""
-        return SMALL_TENSION * tension_scale(self.model)
+        return mesh_values_of(self.scene, [rows[-1] for rows in whole.values()])
 
     def _following(self) -> Simulation | None:
         """More meshes, where the means are not known well enough."""
@@ -191,24 +181,17 @@ class VariantsRecorder(Recorder):
     def _write_mean(self, whole: dict[int, list[Row]], *, complete: bool) -> None:
         """Write the mean row, the rows of each mesh, and the median mesh's states."""
         seen = self._mesh_values(whole)
-        numbers, members = list(whole), list(whole.values())
-        self.model = self.meshes.of_scene(self.meshes.models.model(numbers[seen.median]))
-        self.rows = [mean_row(rows, seen.median) for rows in zip(*members, strict=True)]
-        columns = [line.name for line in table.MEASURES if line.history and line.name in self.rows[0]]
-        every = [row for rows in members for row in rows]
-        names = ["variant", *columns, *self.rows[0].probes]
-        write_rows(self.out / "variants.csv", [row.changed(**row.probes) for row in every], names)
+        median = list(whole)[seen.median]
+        self.model = self.meshes.of_scene(self.meshes.models.model(median))
+        self.rows = [mean_row(rows, seen.median) for rows in zip(*whole.values(), strict=True)]
+        write_history(self.out / "variants.csv", [row for rows in whole.values() for row in rows], "variant")
         self.model.layout().save(self.out / "layout.npz")
-        median = numbers[seen.median]
         with open_frames(self.scene, self.model.layout(), self.out) as frames:
-            for frame in self._frames_of(median, len(self.rows)):
-                frames.add_frame(frame)
+            for index in range(len(self.rows)):
+                frames.add_frame(Frame.load(state_file(self._member_directory(median), index)))
             frames.close(complete=complete)
         write_history(self.out / "history.csv", self.rows)
         self.variants = self._means(seen, whole, median)
-
-    def _frames_of(self, number: int, count: int) -> Iterator[Frame]:
-        return (Frame.load(state_file(self._member_directory(number), index)) for index in range(count))
 
     def _means(self, seen: MeshValues, whole: dict[int, list[Row]], median: int) -> Means:
         failed, refused = self.meshes.failed, self.meshes.models.refused
@@ -229,7 +212,7 @@ class VariantsRecorder(Recorder):
         if self.variants is None or self.variants.count == 1 or not self.scene.variants.sensitivity:
             return None
         whole = {number: rows[-1] for number, rows in self._whole_members().items()}
-        return MeansEstimator(self.scene, self.meshes.models.device, whole, self._small_tension, self._beside)
+        return Sensitivity(self.scene, self.meshes.models.device, whole, self._beside)
 
     # --- while it runs
 

@@ -15,9 +15,9 @@ from ..results.finding import ResultWarning
 from ..results.row import Row
 from .answers import zero_tension
 from .branches import jumps_of, tensions_text
-from .cautions import cautions, cut_cautions
+from .cautions import cut_cautions, ramp_cautions, scene_cautions
 from .history import ends_of, missing_steps
-from .strength import limit_text, strength_text
+from .strength import exceeded_text, strength_text
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
@@ -40,10 +40,10 @@ def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
         *_overstressed(model, rows, stages),
         *(short_wires or cut_cautions(model)),
         *_compressed(model, rows),
-        *cautions(model, rows),
-        *_slack_membrane(stages),
+        *scene_cautions(model.scene, model.cloth),
+        *(ramp_cautions(rows) if rows and model.scene.solver.drive == "ramp" else []),
+        *_about_stages(stages),
         *([] if short_wires else _unevenly_pulled(model, stages)),
-        *_out_of_range(stages),
         *_contacts_as_knitted(model, rows),
         *_lost_contact([row for row in rows if row.is_hook]),
         *_changed_branch(model, rows),
@@ -54,16 +54,15 @@ def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
 def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
     wire = model.scene.wire
     largest = max((row.stress_max_Pa for row in rows), default=0.0)
-    interior = max((end.stress_interior_max_Pa for end in stages), default=largest)
-    is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
-    where = f"; away from the grips {engineering(interior, 'Pa')}" if is_gripped and is_at_grips(interior, largest) else ""
-    stressed = f"The largest wire stress, {engineering(largest, 'Pa')}, is above the"
-    if largest > wire.tensile_strength:
-        yield ResultWarning("W04", f"{stressed} {strength_text(model.scene)}{where}.")
-    elif largest > wire.yield_stress:
-        plastic = f"; {_yielding(stages)}" if wire.plastic else ""
-        advice = None if wire.plastic else "Set wire.plastic = true to compute the permanent set, or reduce the load."
-        yield ResultWarning("W04", f"{stressed} {limit_text(model.scene)}{where}{plastic}.", advice)
+    if exceeded := exceeded_text(model.scene, largest):
+        interior = max((end.stress_interior_max_Pa for end in stages), default=largest)
+        is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
+        where = f"; away from the grips {engineering(interior, 'Pa')}" if is_gripped and is_at_grips(interior, largest) else ""
+        yields = largest <= wire.tensile_strength
+        plastic = f"; {_yielding(stages)}" if yields and wire.plastic else ""
+        text = f"The largest wire stress, {engineering(largest, 'Pa')}, is {exceeded}{where}{plastic}."
+        elastic = "Set wire.plastic = true to compute the permanent set, or reduce the load."
+        yield ResultWarning("W04", text, elastic if yields and not wire.plastic else None)
 
 
 def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -92,9 +91,7 @@ def fragment_share(end: Row, side: str) -> float:
 
 def _yielding(stages: Sequence[Row]) -> str:
     """How much of a plastic wire yields."""
-    share = max((end.plastic_fraction or 0.0 for end in stages), default=None)
-    if share is None:
-        return "wires yield in bending"
+    share = max((end.plastic_fraction or 0.0 for end in stages), default=0.0)
     if share == 0.0:
         return "it yields in bending alone, which stays below"
     strain = max(end.plastic_strain_max or 0.0 for end in stages)
@@ -102,33 +99,35 @@ def _yielding(stages: Sequence[Row]) -> str:
 
 
 def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    tensions = [np.zeros(2) if row.is_hook else np.array([row.tension_weft_N_per_m, row.tension_warp_N_per_m]) for row in rows]
+    tensions = [np.zeros(2) if row.is_hook else np.array(row.tension) for row in rows]
     largest = max((float(np.abs(tension).max()) for tension in tensions), default=0.0)
+    pushing = min(PUSHED * largest, -zero_tension(model))
     for row, tension in zip(rows, tensions, strict=True):
         imposed = ~_driven_by_tension(model, row.stage)
         if np.any(imposed & (np.array([row.strain_weft, row.strain_warp]) < SHORTER)):
             yield ResultWarning("W06", f"The mesh is compressed, where a real mesh would {model.when_compressed}.")
             return
-        # the tension of a ramp has inertia in it
-        if model.scene.solver.drive == "relax" and np.any(
-            pushed := imposed & (tension < min(PUSHED * largest, -zero_tension(model)))
-        ):
+        pushed = imposed & (tension < pushing)
+        if model.scene.solver.drive == "relax" and np.any(pushed):  # the tension of a ramp has inertia in it
             sides = " and ".join(side for side, is_pushed in zip(("weft", "warp"), pushed, strict=True) if is_pushed)
-            shown = sides_text(tension.tolist(), "N/m")
-            yield ResultWarning(
-                "W07", f"The mesh pushes along {sides} ({shown}), where a real mesh would {model.when_compressed}."
-            )
+            text = f"The mesh pushes along {sides} ({sides_text(tension.tolist(), 'N/m')}), where a real mesh would"
+            yield ResultWarning("W07", f"{text} {model.when_compressed}.")
             return
 
 
-def _slack_membrane(stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    membrane_residual = max((end.membrane_left_out for end in stages), default=0.0)
-    if membrane_residual > 0.0:
-        yield ResultWarning(
-            "W08",
-            "The equilibrium as a membrane did not converge; stress may be out of balance by"
-            f" {percent(membrane_residual)} of the tension.",
-        )
+def _about_stages(stages: Sequence[Row]) -> Iterator[ResultWarning]:
+    """Warnings about the ends of load steps: membranes out of balance, steep panels, contacts at the end of their range."""
+    if (left := max((end.membrane_left_out for end in stages), default=0.0)) > 0.0:
+        text = f"stress may be out of balance by {percent(left)} of the tension."
+        yield ResultWarning("W08", f"The equilibrium as a membrane did not converge; {text}")
+    surfaces = [(end.get("panel") or {}).get("surface", {}) for end in stages]
+    steep = max((surface.get("slope_max", 0.0) for surface in surfaces), default=0.0)
+    if steep > STEEP:
+        text = f"The slope of the paraboloid reaches {steep:.2g} at the edge; the shape is computed for small slopes."
+        yield ResultWarning("W10", text)
+    if ends := max((end.at_reach_end for end in stages), default=0):
+        text = f"{counted(ends, 'active contact')} at the end of the sliding range: these forces are not valid."
+        yield ResultWarning("W11", text)
 
 
 def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -143,45 +142,29 @@ def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[Result
             return
 
 
-def _out_of_range(stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    surfaces = [(end.get("panel") or {}).get("surface", {}) for end in stages]
-    steep = max((surface.get("slope_max", 0.0) for surface in surfaces), default=0.0)
-    if steep > STEEP:
-        text = f"The slope of the paraboloid reaches {steep:.2g} at the edge; the shape is computed for small slopes."
-        yield ResultWarning("W10", text)
-    if ends := max((end.at_reach_end for end in stages), default=0):
-        yield ResultWarning(
-            "W11", f"{counted(ends, 'active contact')} at the end of the sliding range: these forces are not valid."
-        )
-
-
 def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    if release := _release(model, rows):
-        yield ResultWarning("W12", *release)
-    elif model.scene.wires is not None:
-        yield from _prestressed(model, rows)
-    elif rows and rows[0].active_pairs:
-        released = model.scene.wire.set_fraction < 1.0
-        tension = sides_text(rows[0].tension, "N/m")
-        active = counted(rows[0].active_pairs, "active pair")
+    """Warning on the mesh before any load: released by `wire.set_fraction`, prestressed, or with active contacts."""
+    if not rows:
+        return
+    scene, first = model.scene, rows[0]
+    wire, stress = scene.wire, engineering(first.stress_max_Pa, "Pa")
+    is_released = wire.set_fraction != 1.0 and first.load_factor == 0.0 and first.steady
+    breaks, closed = is_released and first.stress_max_Pa > wire.tensile_strength, _contraction(model, rows) if is_released else ""
+    if breaks or closed:
+        above = f", above the {strength_text(scene)}" if breaks else ""
+        least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / first.stress_max_Pa)) / 100.0
+        text = f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {stress} before any load{above}{closed}."
+        advice = f"Set wire.set_fraction = {least:g} or more." if least > wire.set_fraction else None
+        yield ResultWarning("W12", text, advice)
+    elif scene.wires is not None:
+        largest = max(abs(one) for row in rows for one in row.tension)
+        if first.load_factor == 0.0 and max(map(abs, first.tension)) > max(PRESTRESS * largest, zero_tension(model)):
+            text = f"The mesh is prestressed before loading: {sides_text(first.tension, 'N/m')}, wire stress {stress}."
+            yield ResultWarning("W13", text)
+    elif first.active_pairs:
+        tension, active = sides_text(first.tension, "N/m"), counted(first.active_pairs, "active pair")
         text = f"The mesh as knitted has {active}, with {tension} at zero strain."
-        yield ResultWarning("W14", text, "Raise wire.set_fraction." if released else None)
-
-
-def _release(model: MeshModel, rows: Sequence[Row]) -> tuple[str, str] | None:
-    """Effect of `wire.set_fraction` before any load, and advice; None if harmless."""
-    wire = model.scene.wire
-    if wire.set_fraction == 1.0 or not rows or rows[0].load_factor > 0.0 or not rows[0].steady:
-        return None
-    stress, closed = rows[0].stress_max_Pa, _contraction(model, rows)
-    breaks = stress > wire.tensile_strength
-    if not breaks and not closed:
-        return None
-    above = f", above the {strength_text(model.scene)}" if breaks else ""
-    least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / stress)) / 100.0
-    text = f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {engineering(stress, 'Pa')} before any load"
-    more = f"Set wire.set_fraction = {least:g} or more." if least > wire.set_fraction else "Raise wire.set_fraction."
-    return f"{text}{above}{closed}.", more
+        yield ResultWarning("W14", text, "Raise wire.set_fraction." if wire.set_fraction < 1.0 else None)
 
 
 def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
@@ -189,24 +172,12 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
     if len(rows) < 2 or rows[1].is_hook:
         return ""
     row = rows[1]
-    strain, tension = np.array([row.strain_weft, row.strain_warp]), np.array([row.tension_weft_N_per_m, row.tension_warp_N_per_m])
+    strain, tension = np.array([row.strain_weft, row.strain_warp]), np.array(row.tension)
     shorter = _driven_by_tension(model, row.stage) & (strain < CLOSED) & (tension > EVEN_LOAD * tension.max())
     sides = [
         f"{percent(-strain[k])} in {('weft', 'warp')[k]} at {engineering(tension[k], 'N/m')}" for k in np.flatnonzero(shorter)
     ]
     return f", and shortens the mesh by {' and '.join(sides)}" if sides else ""
-
-
-def _prestressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Warning on wires of a file with tension before they are loaded."""
-    if not rows or rows[0].load_factor > 0.0:
-        return
-    tension = [rows[0].tension_weft_N_per_m, rows[0].tension_warp_N_per_m]
-    largest = max(max(abs(row.tension_weft_N_per_m), abs(row.tension_warp_N_per_m)) for row in rows)
-    if max(map(abs, tension)) > max(PRESTRESS * largest, zero_tension(model)):
-        stress = engineering(rows[0].stress_max_Pa, "Pa")
-        text = f"The mesh is prestressed before loading: {sides_text(tension, 'N/m')}, wire stress {stress}."
-        yield ResultWarning("W13", text)
 
 
 def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
@@ -223,15 +194,11 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWar
     """Warning on the first snap-through between levels, with the number of others. By the rule that marks the cells of a map."""
     if found := jumps_of(model, rows):
         a, b = found[0]
-        more = len(found) - 1
-        others = f", and at {counted(more, 'more place')}" if more else ""
+        others = f", and at {counted(len(found) - 1, 'more place')}" if len(found) > 1 else ""
         there = f"mean tension {tensions_text(a, b)}"
         if a.temperature_K != b.temperature_K:
             there = f"{celsius(a.temperature_K)} and {celsius(b.temperature_K)}"
-        yield ResultWarning(
-            "W18",
-            f"Snap-through to another equilibrium between {_between(a, b)} ({there}){others}.",
-        )
+        yield ResultWarning("W18", f"Snap-through to another equilibrium between {_between(a, b)} ({there}){others}.")
 
 
 def _between(a: Row, b: Row) -> str:
@@ -248,11 +215,9 @@ def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) ->
     share = np.array(missing_steps(rows, model)) / max(row.stored for row in rows)
     if abs(share.sum()) > UNBALANCED:
         k = int(np.argmax(np.sign(share.sum()) * share))
-        yield ResultWarning(
-            "W19",
-            f"Work and stored energy differ by {percent(share.sum(), 0)} ({percent(share[k], 0)} between"
-            f" {_between(rows[k], rows[k + 1])}): a snap-through, or too few load levels.",
-        )
+        most = f"{percent(share[k], 0)} between {_between(rows[k], rows[k + 1])}"
+        text = f"Work and stored energy differ by {percent(share.sum(), 0)} ({most}): a snap-through, or too few load levels."
+        yield ResultWarning("W19", text)
 
 
 def _driven_by_tension(model: MeshModel, name: str) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..base.errors import Diverged, NoProgress, NotCarried, StepLimitExceeded
 from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, strip_prefix
 from ..measure import energy_scale
-from ..measure.events import Level, happens, level_of
+from ..measure.jumps import Level, happens, level_of
 from ..measure.strain import clamp_rotation, rotation, stretch
 from ..measure.table import Record
 from ..mechanics.numerics import FOLLOWED_INCREMENT
@@ -92,7 +92,7 @@ class Relaxation(Drive):
     """Equilibria of the load levels of `output.frames`; the first stage starts with the unloaded state.
 
     `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
-    (side_by_side.py) share it. `refined_levels` adds levels where something happens (measure/events.py).
+    (side_by_side.py) share it. `refined_levels` adds levels where something happens (measure/jumps.py).
     """
 
     rate_key = "output.frames"

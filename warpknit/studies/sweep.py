@@ -33,9 +33,9 @@ from ..runner.monitor import DISPLAY_INTERVAL
 from ..runner.other_model import FIGURES as COMPARED
 from ..runner.other_model import spatial_means
 from ..runner.progress_display import Display
-from ..runner.run_directory import CommandResult, continues_earlier, finished_summary, open_directory
+from ..runner.run_directory import CommandResult, check_directory, open_directory
 from ..runner.variants import first_meshes, mesh_values, wanted
-from ..scene import Scene, resolved_toml
+from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.variant_models import MOST_NODES, VariantModels
@@ -103,10 +103,9 @@ def run_map(
     refuse(scene, "map", device=None if device is None else find_device(device))
     if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
         raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
-    if resume and (finished := finished_summary(out, "map.json", scene, command)) is not None:
+    finished, keep = check_directory(out, "map", scene, resume=resume, force=force, command=command)
+    if finished is not None:
         return CommandResult(0, MapSummary.of(finished))
-    resolved = resolved_toml(scene)
-    keep = continues_earlier(out, "map.csv", "map", resolved, resume=resume, force=force, command=command)
     variants = VariantModels(scene) if scene.variants.count > 1 else None
     first = build_model(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
     needed, available = required_memory(first.scene, first.node_count), available_memory()

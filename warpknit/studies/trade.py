@@ -24,9 +24,9 @@ from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Row, Values, read_rows, valued, write_json, write_rows
 from ..runner.interrupts import Interrupted, Interrupts
 from ..runner.progress_display import Display
-from ..runner.run_directory import CommandResult, Tree, continues_earlier, finished_summary, open_directory
+from ..runner.run_directory import CommandResult, Tree, check_directory, open_directory
 from ..runner.summary_table import heading, model_findings
-from ..scene import Scene, resolved_toml
+from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.model import build_model, kind_of
 from . import points
@@ -85,10 +85,9 @@ def run_trade(
     # friction has another default in another model
     of_reference: Overrides = (("model.kind", against), ("contact.friction", scene.contact.friction)) if against else ()
     load(of_reference, None)  # refused before anything is written
-    if resume and (finished := finished_summary(out, "trade.json", scene, "trade")) is not None:
+    finished, keep = check_directory(out, "trade", scene, resume=resume, force=force)
+    if finished is not None:
         return CommandResult(0, TradeSummary.of(finished))
-    resolved = resolved_toml(scene)
-    keep = continues_earlier(out, "trade.csv", "trade", resolved, resume=resume, force=force)
     name = find_device(device, nodes=lambda: mesh_nodes(scene))
     base = build_model(scene, name)
     open_directory(out, scene, keep=keep)
