@@ -266,7 +266,11 @@ def positions(r: Observables) -> tuple[np.ndarray, np.ndarray]:
 def frame(r: Observables, *, index: int, stage: str, load_factor: float, temperature: float) -> Frame:
     """The recorded state for the exports."""
     node, body = positions(r)
-    f = r.stretch
+    f, places = r.stretch, {}
+    if r.model.scene.model.boundary == "periodic" and r.model.cloth is not None:
+        found = r.contact_places
+        share = found.arc / found.wire_length[found.wire]
+        places = {"contact_force": found.force, "contact_wires": found.wire, "contact_share": share}
     return Frame(
         index=index,
         stage=stage,
@@ -284,14 +288,5 @@ def frame(r: Observables, *, index: int, stage: str, load_factor: float, tempera
         elsewhere_position=r.elsewhere_position - r.corner,
         elsewhere_force=r.elsewhere_force,
         elsewhere_wires=r.elsewhere_wires,
-        **_contacts(r),
+        **places,
     )
-
-
-def _contacts(r: Observables) -> dict[str, np.ndarray]:
-    """The contacts of a periodic mesh, as in a frame."""
-    if r.model.scene.model.boundary != "periodic" or r.model.cloth is None:
-        return {}
-    places = r.contact_places
-    share = places.arc / places.wire_length[places.wire]
-    return {"contact_force": places.force, "contact_wires": places.wire, "contact_share": share}

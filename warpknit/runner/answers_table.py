@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ..base.text import (
@@ -79,16 +79,16 @@ def _closed_at(closes: Closing | None) -> str:
     """Mean tension at which a class closes, in few words."""
     if closes is None:
         return OPEN
-    if closes.as_knitted:
-        found = "as knitted"
-    elif closes.resolved:
-        found = f"at {_mean(closes)}"
-    elif closes.slack and not closes.jump:
-        found = f"below {_mean(closes.between[1])}"
-    else:
-        low, high = (_mean(one) for one in sorted(closes.between, key=mean_tension))
-        found = between(low, high)
+    found = "as knitted" if closes.as_knitted else _place_of(closes, _mean)
     return found if closes.opens is None else f"{found} (open again)"
+
+
+def _place_of(one: Event, shown: Callable[[Row], str]) -> str:
+    """Tension of an event, `shown` in words; of both records if they are far apart."""
+    if one.resolved:
+        return f"at {shown(one)}"
+    low, high = one.between
+    return f"below {shown(high)}" if one.slack and not one.jump else between(shown(low), shown(high))
 
 
 def _mean(state: Row) -> str:
@@ -161,13 +161,12 @@ def _closing(one: ClassAnswer, reached: str) -> str:
 
 
 def _where(one: Event) -> str:
-    """Record of an event; both records if they are far apart, or around a snap-through."""
-    low, high = one.between
+    """Tension and strain of an event; of both records if they are far apart, or around a snap-through."""
+    shown, (low, high) = _place_of(one, _tension), one.between
     if one.resolved:
-        return f"at {_tension(one)}, {_strain(one)}"
+        return f"{shown}, {_strain(one)}"
     if one.slack and not one.jump:
-        return f"below {_tension(high)} (the mesh is slack up to {_strain(high)})"
-    shown = between(_tension(low), _tension(high))
+        return f"{shown} (the mesh is slack up to {_strain(high)})"
     if shown.startswith("at ") and low.temperature_K != high.temperature_K:
         shown = f"between {celsius(low.temperature_K)} and {celsius(high.temperature_K)} {shown}"
     strain = both(_strain(low), _strain(high)).replace("and strain ", "and ")

@@ -94,16 +94,11 @@ class MeshGroups:
 
     @property
     def share(self) -> float:
-        """Of the meshes begun, what is done."""
-        levels, stages = self.simulation.drives[0].scene.output.levels, len(self.scene.stages)
-
-        def done(progress: Progress) -> float:
-            level = max(0, progress.level - (progress.stage_index == 0))
-            return min(1.0, (progress.stage_index + (level + progress.level_share) / levels) / stages)
-
-        now = [1.0 if world in self.simulation.failures else done(drive.progress)
-               for world, drive in enumerate(self.simulation.drives)]  # fmt: skip
-        return (len(self.begun) - len(self.group) + sum(now)) / len(self.begun)
+        """Of the loads of the meshes begun, what is done."""
+        running = self.simulation.drives
+        done = [(drive.progress.stage_index + drive.progress.load_factor) / len(self.scene.stages) for drive in running]
+        done = [1.0 if world in self.simulation.failures else min(1.0, share) for world, share in enumerate(done)]
+        return (len(self.begun) - len(self.group) + sum(done)) / len(self.begun)
 
 
 class VariantsRecorder(Recorder):
