@@ -25,7 +25,7 @@ from warpknit.results.frame import Frame
 from warpknit.results.row import Row, read_rows
 from warpknit.results.run import Run, Series, States
 from warpknit.results.table import Table
-from warpknit.runner.history import Probes
+from warpknit.runner.history import probe_value
 from warpknit.runner.monitor import Monitor
 from warpknit.runner.run_directory import CommandResult
 from warpknit.scene import Scene
@@ -106,7 +106,7 @@ def test_answers_are_those_of_a_report_or_of_a_run(finished: Run, tmp_path: Path
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2.0), np.array([2.0]), np.int64(2)])
 def test_a_probe_gives_a_number_of_any_kind(value: object) -> None:
-    assert Probes({"mine": lambda record: value}).values(SimpleNamespace(index=0)) == {"mine": 2.0}
+    assert probe_value("mine", lambda record: value, SimpleNamespace(index=0)) == 2.0
 
 
 def test_a_probe_is_a_column_and_a_key_of_the_summary(finished: Run) -> None:

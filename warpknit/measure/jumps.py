@@ -35,11 +35,6 @@ NOTABLE = 0.05  # of the largest value: smaller changes are not counted
 SCATTER = 1e-3  # of the larger of weft and warp: smaller changes are the scatter of equilibria
 
 
-def is_unbalanced(energy: float, stored: float, floor: float) -> bool:
-    """Whether such an energy without work [J] is a snap-through, relative to the stored energy; floor [J]."""
-    return stored > floor and abs(energy) > UNBALANCED * stored
-
-
 def energy_gap(force: np.ndarray, place: np.ndarray, energy: np.ndarray) -> np.ndarray:
     """Change of energy beyond the possible work (state - 1,) [J], from each state to the next.
 
@@ -83,10 +78,9 @@ def jumps(
     of one kind each, such as tensions, (state, side), that change evenly along a branch. floor [J]: stored energies below it
     count as zero.
     """
-    found = np.zeros(len(path) - 1, dtype=bool)
-    for k, gap in enumerate(energy_gap(force, place, stored + dissipated)):
-        found[k] = is_unbalanced(float(gap), float(max(stored[k], stored[k + 1])), floor)
-    loaded = np.maximum(stored[:-1], stored[1:]) > floor  # values of an unloaded mesh are rounding errors
+    largest = np.maximum(stored[:-1], stored[1:])
+    loaded = largest > floor  # values of an unloaded mesh are rounding errors
+    found = loaded & (np.abs(energy_gap(force, place, stored + dissipated)) > UNBALANCED * largest)
     for sides in values:
         larger = np.abs(sides).max(axis=1)
         least = SCATTER * np.fmax(larger[:-1], larger[1:])

@@ -23,10 +23,13 @@ Probe = Callable[[Record], float | None]  # a measure of one's own, as a further
 SLACK_STRAIN, SLACK_TENSION = 0.02, 0.1  # strain between two rows, and tension over the next row's, while the mesh is slack
 
 
-def row_of(record: Record) -> Row:
-    """The row of a record; `with_sums` adds what depends on the rows before."""
+def row_of(record: Record, probes: Mapping[str, Probe] | None = None) -> Row:
+    """The row of a record, with its probes if any; `with_sums` adds what depends on the rows before."""
     found = ((line, line.value(record)) for line in table.MEASURES)
-    return Row(**{line.name: value for line, value in found if value is not None or line.may_be_empty})
+    values = {line.name: value for line, value in found if value is not None or line.may_be_empty}
+    if probes is not None:
+        values["probes"] = {name: probe_value(name, probe, record) for name, probe in probes.items()}
+    return Row(**values)
 
 
 def ends_of(rows: Sequence[Row]) -> list[Row]:
@@ -118,39 +121,28 @@ def write_history(path: Path, rows: Sequence[Row], *before: str) -> None:
     write_rows(path, [row.changed(**row.probes) for row in rows], [*before, *columns, *rows[0].probes])
 
 
-class Probes:
-    """Named functions of a `Record`. None, nan and infinity are no value: the cell of the history stays empty.
+# --- probes
 
-    Raises `InputError` for a name that a column has, or for what is no number.
-    """
 
-    def __init__(self, functions: Mapping[str, Probe] | None = None) -> None:
-        if not isinstance(functions, Mapping | None):
-            raise InputError(f"probes: {functions!r} is not a dict; give functions of a record by name, {{'name': function}}")
-        self._functions = dict(functions or {})
-        taken = {line.name for line in table.MEASURES}
-        for name, function in self._functions.items():
-            if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
-                raise InputError(f"probes: {name!r} cannot name a column; give one line of text that is no column of history.csv")
-            if not callable(function):
-                raise InputError(f"probes: {name}: {function!r} is not a function; give a function of a record")
+def checked_probes(functions: Mapping[str, Probe] | None) -> dict[str, Probe]:
+    """Named functions of a `Record`. Raises `InputError` for a name that a column has, and for what is no function."""
+    if not isinstance(functions, Mapping | None):
+        raise InputError(f"probes: {functions!r} is not a dict; give functions of a record by name, {{'name': function}}")
+    taken = {line.name for line in table.MEASURES}
+    for name, function in (functions or {}).items():
+        if not isinstance(name, str) or not name.strip() or not name.isprintable() or name in taken:
+            raise InputError(f"probes: {name!r} cannot name a column; give one line of text that is no column of history.csv")
+        if not callable(function):
+            raise InputError(f"probes: {name}: {function!r} is not a function; give a function of a record")
+    return dict(functions or {})
 
-    @property
-    def names(self) -> list[str]:
-        """Ordered names."""
-        return list(self._functions)
 
-    def values(self, record: Record) -> dict[str, float | None]:
-        """Values of a record by name."""
-        return {name: self._number(name, function(record), record) for name, function in self._functions.items()}
-
-    @staticmethod
-    def _number(name: str, value: object, record: Record) -> float | None:
-        if value is None:
-            return None
-        if hasattr(value, "item"):  # an array of one element, or a number of NumPy
-            with suppress(ValueError, RuntimeError):
-                value = value.item()
-        if not isinstance(value, numbers.Real):
-            raise InputError(f"probes: {name}: {value!r} at record {record.index} is not a number; return one, or None")
-        return float(value) if math.isfinite(value) else None
+def probe_value(name: str, probe: Probe, record: Record) -> float | None:
+    """Value of a record; None, an empty cell of the history, for nan and infinity too. Raises `InputError` for no number."""
+    value: object = probe(record)
+    if hasattr(value, "item"):  # an array of one element, or a number of NumPy
+        with suppress(ValueError, RuntimeError):
+            value = value.item()
+    if not isinstance(value, numbers.Real | None):
+        raise InputError(f"probes: {name}: {value!r} at record {record.index} is not a number; return one, or None")
+    return float(value) if value is not None and math.isfinite(value) else None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from .branches import with_work
 from .estimates import Estimator, estimated
-from .history import Probes, row_of, with_slides, with_sums, write_history
+from .history import Probe, row_of, with_slides, with_sums, write_history
 from .monitor import Checkpoint, LoopResult, Monitor
 from .progress_display import Display
 from .run_directory import CommandResult, write_scene
@@ -85,7 +85,7 @@ class Recorder:
         compile_time: float,
         checkpoint: Checkpoint | None,
         error_estimator: ErrorEstimator | None = None,
-        probes: Probes | None = None,
+        probes: Mapping[str, Probe] | None = None,
     ) -> None:
         self.model: MeshModel = simulation.model.global_model
         self.scene: Scene = self.model.scene
@@ -94,7 +94,7 @@ class Recorder:
         self.display = display
         self.compile_time = compile_time
         self.error_estimator = error_estimator
-        self.probes = probes or Probes()
+        self.probes = dict(probes or {})
         self.rows: list[Row] = []
         self.variants: Means | None = None  # how single meshes lie about the mean, where there are several
         self._last: Record | None = None
@@ -159,7 +159,7 @@ class Recorder:
     def _write_record(self, record: Record) -> None:
         """Write state, USD frame, maps and last the row of a record."""
         self._reserve_memory()
-        row = row_of(record).changed(probes=self.probes.values(record))
+        row = row_of(record, self.probes)
         self.frames.add_frame(frame_of(record))
         if self.rows and row.is_hook:
             row = with_slides(row, self.rows[-1])
@@ -208,10 +208,10 @@ class Recorder:
 
     def _take_up(self, rows: list[Row]) -> None:
         """Go on behind the rows of a checkpoint."""
-        began = list(rows[0].probes) if rows else self.probes.names
-        if began != self.probes.names:
+        names = list(self.probes)
+        if rows and (began := list(rows[0].probes)) != names:
             raise RunDirectoryError(
-                f"{self.out}: the run began with the probes {began}, not {self.probes.names}; give the first ones, or --force"
+                f"{self.out}: the run began with the probes {began}, not {names}; give the first ones, or --force"
             )
         self.rows = rows
         if rows:  # those behind it are solved again

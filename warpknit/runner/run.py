@@ -23,7 +23,7 @@ from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.simulate import Simulation
 from .estimates import COMPLETE, estimated_again
-from .history import Probe, Probes
+from .history import Probe, checked_probes
 from .monitor import Checkpoint, Monitor, has_checkpoint
 from .progress_display import Display
 from .recorder import ErrorEstimator, Recorder
@@ -55,9 +55,9 @@ def run_scene(
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
-    ranks, own = ranks or One(), Probes(probes)
+    ranks, own = ranks or One(), checked_probes(probes)
     refuse(scene, "run", ranks=ranks.count)
-    finished, continues = ranks.from_first(lambda: _earlier_run(scene, out, resume, force, own.names))
+    finished, continues = ranks.from_first(lambda: _earlier_run(scene, out, resume, force, list(own)))
     if finished is not None and (finished.message != COMPLETE or not ranks.is_first):
         return CommandResult(0, finished)
     name = find_device(device, ranks.place, lambda: mesh_nodes(scene))

@@ -132,7 +132,7 @@ class VariantsRecorder(Recorder):
         self._reserve_memory()
         number = self.meshes.group[record.world]
         model = self.meshes.models.model(number)
-        row = row_of(record).changed(variant=number, probes=self.probes.values(record))
+        row = row_of(record, self.probes).changed(variant=number)
         frame_of(record).save(state_file(self._member_directory(number), record.index))
         rows = with_work([*self.members.get(number, []), row], model)
         rows[-1] = with_sums(rows, model).changed(panel=None)
