@@ -67,7 +67,7 @@ class MeshGroups:
         return replace(model, scene=self.scene)
 
     def _next(self, more: int) -> Simulation:
-        numbers = self.models.take(more, self._fits)
+        numbers = self.models.take(more, lambda models, model: len(side_by_side([*models, model])) == 1)
         self.begun += numbers
         return self._simulation(numbers)
 
@@ -81,11 +81,6 @@ class MeshGroups:
     def note_failures(self) -> None:
         """Keep the errors of the meshes that run."""
         self.failed |= {self.group[world]: str(error) for world, error in self.simulation.failures.items()}
-
-    @staticmethod
-    def _fits(models: list[Any], model: Any) -> bool:
-        """Whether a mesh can run beside others."""
-        return len(side_by_side([*models, model])) == 1
 
     @property
     def steps(self) -> int:
