@@ -242,27 +242,22 @@ def _best(answers: Answers, limit: float, failed: bool) -> Iterator[Finding]:
     yield Finding("  margin", "; ".join((share, *([_at_grips(answers, best)] if away else []), *ahead)))
     if low == high:
         return
-    lowest, highest = (
-        f"{_tension(end)} ({percent(mean_tension(end) / here - 1.0, 0, signed=True)}"
-        + (f"; {_sides(best, name)}" if best[f"{name}_between"] else "") + ")"
-        for name, end in (("low", low), ("high", high))
-    )  # fmt: skip
-    if best.open_low:
-        lowest = f"{lowest}, the first record,"
-    if best.open_high:
-        highest = f"{highest}, {'beyond which the relaxation did not converge' if failed else 'the end of the load'}"
+
+    def end_of(name: str, last: str) -> str:
+        end, sides = best[name], best[f"{name}_between"]
+        outside = "" if sides is None else f"; {_tension(sides[name == 'high'])} is outside"
+        snap = ", a snap-through" * best[f"{name}_jump"]
+        text = f"{_tension(end)} ({percent(mean_tension(end) / here - 1.0, 0, signed=True)}{outside}{outside and snap})"
+        return f"{text}, {last}" if best[f"open_{name}"] else text
+
+    lowest = end_of("low", "the first record,")
+    highest = end_of("high", "beyond which the relaxation did not converge" if failed else "the end of the load")
     snaps = "; ".join(between(*map(_tension, jump)) for jump in best.jumps)
     yield Finding("  valid", f"from {lowest} to {highest}{f'; snap-through {snaps}' if snaps else ''}{unknown}")
     error = answers.tension_error_percent
     if error is not None and min(abs(mean_tension(one) / here - 1.0) for one in (low, high)) < 0.01 * error:
         text = f"tensions at this preset are within {error:g} %, more than this range: set solver.preset = 'reference'"
         yield Finding("  accuracy", text)
-
-
-def _sides(best: Best, name: str) -> str:
-    """Record beyond an end of the range of the best tension."""
-    tensions = [_tension(one) for one in best[f"{name}_between"]]
-    return f"{tensions[0] if name == 'low' else tensions[1]} is outside{', a snap-through' if best[f'{name}_jump'] else ''}"
 
 
 def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None, inside: str = "") -> Iterator[str]:
