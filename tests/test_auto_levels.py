@@ -41,7 +41,7 @@ def closings(scene: Scene) -> tuple[dict[str, tuple[float, float]], int]:
     model = build_model(scene)
     threshold = measure.active_threshold(model)
     shares: list[float] = []
-    closed: dict[str, list[bool]] = {one.name: [] for one in classes_of(model)}
+    closed: dict[str, list[bool]] = {name: [] for name in classes_of(model)}
     for record in Simulation(model).run():
         shares.append(record.load_factor)
         for name, series in closed.items():

@@ -25,7 +25,7 @@ from ..scene import Wire
 from .observables import MeshModel, Observables
 from .observables import WireStress as WireStress
 from .strain import clamp_rotation as clamp_rotation
-from .strain import couple_of, rotation, true_stress
+from .strain import rotation, true_stress
 from .strain import stretch as stretch
 
 
@@ -103,7 +103,8 @@ def clamp_couple(r: Observables) -> float:
 
     F = R^T U, so the derivative of F by the angle is F turned by a right angle clockwise.
     """
-    return couple_of(r.nominal_stress, r.gradient)
+    clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    return float(np.sum(r.nominal_stress * (clockwise @ r.gradient)))
 
 
 def mean_boundary_force(r: Observables) -> float:

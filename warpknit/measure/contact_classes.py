@@ -5,21 +5,11 @@ Where an equilibrium breaks the symmetry of the mesh, a part of a class is close
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..knit.cloth import CLASS_NAMES
 from . import pair_active
 from .observables import MeshModel, Observables
-
-
-@dataclass(frozen=True)
-class ContactClass:
-    """A class of contact of a mesh."""
-
-    name: str  # A, B, ...
-    pairs: int
 
 
 def class_of_pair(model: MeshModel) -> np.ndarray:
@@ -29,12 +19,10 @@ def class_of_pair(model: MeshModel) -> np.ndarray:
     return np.repeat(model.cloth.classes[model.panel.body_clasp], 2)
 
 
-def classes_of(model: MeshModel) -> list[ContactClass]:
-    """The classes of contact of a mesh; none of two hooked wires."""
-    if model.scene.hook is not None:
-        return []
-    counts = np.bincount(class_of_pair(model))
-    return [ContactClass(CLASS_NAMES[number], int(count)) for number, count in enumerate(counts) if count]
+def classes_of(model: MeshModel) -> dict[str, int]:
+    """Number of pairs in each class of contact of a mesh, by its name A, B, ...; none of two hooked wires."""
+    counts = np.bincount(class_of_pair(model)).tolist() if model.scene.hook is None else []
+    return {CLASS_NAMES[number]: count for number, count in enumerate(counts) if count}
 
 
 def active_percent(r: Observables, name: str) -> float | None:

@@ -113,7 +113,7 @@ def level_of(r: Observables, share: float, dissipated: float) -> Level:
     """Compared values of a state at a share of the load; dissipated [J]: nan if energies do not count."""
     scene, threshold = r.model.scene, m.active_threshold(r.model)
     if scene.hook is None:
-        passed = [(median_force(r, one.name) or 0.0) > threshold for one in classes_of(r.model)]
+        passed = [(median_force(r, name) or 0.0) > threshold for name in classes_of(r.model)]
     else:
         passed = m.pair_active(r).tolist()
     passed += [stress > scene.wire.yield_stress for stress in (m.largest_stress(r), m.interior_stress(r))]

@@ -1,4 +1,4 @@
-"""Deformation gradients and stresses of a mesh as a membrane: clamp rotation, stretch, true stress, couple.
+"""Deformation gradients and stresses of a mesh as a membrane: clamp rotation, stretch, true stress.
 
 Clamps keep their direction in the model and the boundary turns the other way, F = R^T U with U upper triangular; what is
 measured of the mesh as a whole is turned back, to the frame in which the boundary is strained by U.
@@ -56,13 +56,6 @@ def true_stress(nominal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     [[1.0, 0.0], [0.0, 0.5]]
     """
     return np.asarray(nominal @ np.swapaxes(gradient, -1, -2) / np.linalg.det(gradient)[..., None, None])
-
-
-def couple_of(nominal: np.ndarray, gradient: np.ndarray) -> float:
-    """[N/m] counter-clockwise couple on the clamps per rest area: derivative of the energy by their rotation,
-    for a nominal stress (2, 2) [N/m] at a deformation gradient (2, 2)."""
-    clockwise = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    return float(np.sum(nominal * (clockwise @ gradient)))
 
 
 class Boundary:

@@ -149,7 +149,7 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     """
     if not rows or model.scene.hook is not None:
         return None
-    run, scene, classes = Rows(rows, jumps, model.scene.output.load_tolerance), model.scene, classes_of(model)
+    run, scene = Rows(rows, jumps, model.scene.output.load_tolerance), model.scene
     threshold, limit = measure.active_threshold(model), scene.wire.yield_stress
     given, asked = scene.output.service_tension, _asked_tension(scene.stages)
     wanted = SERVICE_TENSIONS if given is None else (given,)
@@ -163,13 +163,13 @@ def answers_of(model: MeshModel, rows: Sequence[Row], jumps: Sequence[Jump] = ()
     return Answers(
         contacts=[
             ClassAnswer(
-                name=one.name,
-                pairs=one.pairs,
-                active_percent=rows[-1][f"active_{one.name}_percent"],
-                closes=closing(run, one.name, threshold, yields),
-                closed=closed_ranges(rows, one.name, threshold),
+                name=name,
+                pairs=pairs,
+                active_percent=rows[-1][f"active_{name}_percent"],
+                closes=closing(run, name, threshold, yields),
+                closed=closed_ranges(rows, name, threshold),
             )
-            for one in classes
+            for name, pairs in classes_of(model).items()
         ],
         service=[one for one in service if given is not None or one.state or one.jump or one.tension_N_per_m <= (asked or 0.0)],
         first_yield=first_yield(run, limit, "stress_max_Pa"),
