@@ -22,7 +22,7 @@ from ..runner.summary_table import summary_table
 from ..scene import Scene, load_scene
 from ..studies.contact_map import MapSummary, map_table
 from .finding import ResultTable
-from .frame import Frame, WireLayout
+from .frame import Frame, WireLayout, state_file
 from .table import AGAIN, Table, found, html_table, units
 
 if TYPE_CHECKING:
@@ -217,10 +217,8 @@ class Run:
 
         with _of_directory():
             record = read_run(self.directory)
-        there = {path.name for path in record.states}
-        for name in (f"state_{index:06d}.npz" for index in range(max(len(there), self._records))):
-            if name not in there:
-                path = self.directory / "states" / name
+        for path in (state_file(self.directory, index) for index in range(max(len(record.states), self._records))):
+            if not path.is_file():
                 raise RunDirectoryError(f"{path}: no such file; {AGAIN}")
         return record
 

@@ -51,32 +51,30 @@ ChangedRows = dict[str, dict[int, Row]]  # the last row of each mesh, by change 
 Estimator = Callable[[Check], Estimate]
 
 
-def how_sure(scene: Scene, estimator: Estimator | None, interrupts: Interrupts) -> tuple[int, str, Estimate]:
-    """Exit code, message and estimated error of a finished run, whose results are complete; an interrupt leaves them so."""
-    estimate = Estimate()
+def estimated(
+    out: Path, scene: Scene, summary: Summary, estimator: Estimator | None, interrupts: Interrupts, display: Display
+) -> CommandResult[Summary | None]:
+    """A finished run with its estimated error; an interrupt leaves its results complete."""
+    code, message, estimate = 0, "", Estimate()
+    if estimator is not None:
+        display.stage("estimated error", number=1, of=1)
+
+    def check(_progress: object) -> None:
+        interrupts.check()
+
     try:
         with interrupts.handled():
             interrupts.check()
             if estimator is not None:
-                estimate = estimator(lambda _progress: interrupts.check())
-            spatial = spatial_means(scene, lambda _progress: interrupts.check())
-        return 0, "", replace(estimate, spatial_model=spatial)
+                estimate = estimator(check)
+            estimate = replace(estimate, spatial_model=spatial_means(scene, check))
     except Interrupted:
+        code, message = INTERRUPTED, COMPLETE
         if estimator is not None and estimate == Estimate():
             estimate = Estimate(warning=ResultWarning(NOT_ESTIMATED, "The error was not estimated: interrupted."))
-        return INTERRUPTED, COMPLETE, estimate
     except (MemoryError, OutOfResources, ModelError, KnitError) as error:
         lacks = f"The error was not estimated: {str(error) or 'memory ran out'}."
-        return 0, "", replace(estimate, warning=estimate.warning or ResultWarning(NOT_ESTIMATED, lacks))
-
-
-def estimated(
-    out: Path, scene: Scene, summary: Summary, estimator: Estimator | None, interrupts: Interrupts, display: Display
-) -> CommandResult[Summary | None]:
-    """A finished run with its estimated error."""
-    if estimator is not None:
-        display.stage("estimated error", number=1, of=1)
-    code, message, estimate = how_sure(scene, estimator, interrupts)
+        estimate = replace(estimate, warning=estimate.warning or ResultWarning(NOT_ESTIMATED, lacks))
     if code or message != summary.message or estimate != Estimate():
         variants = summary.variants
         if variants is not None and estimate.changes is not None:
