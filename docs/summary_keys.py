@@ -93,7 +93,7 @@ def summary_rows() -> list[tuple[str, str]]:
 
 def panel_keys() -> dict[str, str]:
     """Keys of the section `panel`."""
-    found = commented(summary.panel_of, KEY) | commented(summary.cord_values, KEY)
+    found = commented(summary.panel_of, KEY)
     return dict(sorted(found.items(), key=lambda one: one[0].startswith("surface.")))
 
 

@@ -173,7 +173,7 @@ def test_a_gripped_panel_reports_what_its_thresholds_ask_for(kind: str) -> None:
     model = record.observables.model
     options = replace(model.scene.panel, tension_threshold=1e9, active_threshold=0.0, focal_length=1.0)
     reading = replace(record.observables, model=replace(model, scene=replace(model.scene, panel=options)))
-    tables, summary = panel_of(replace(record, observables=reading), with_map=True)
+    tables, summary = panel_of(replace(record, observables=reading))
     assert summary is not None
     assert summary["area_below_tension_percent"] == pytest.approx(100.0)
     assert summary["area_below_active_percent"] == 0.0

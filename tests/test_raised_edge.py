@@ -69,7 +69,7 @@ def test_a_facet_hung_at_its_corners_is_flat(tmp_path: Path) -> None:
     """
     cord = ["panel.grip_pitch=10 mm", 'panel.cord={tension="50 mN", stiffness="50 N"}']
     last = solved(tmp_path, "panel.outline=hexagon", "panel.size=10 mm", *cord, "load.strain_weft=0.1", "load.strain_warp=0.1")
-    (tables, summary), r = panel_of(last, with_map=True), last.observables
+    (tables, summary), r = panel_of(last), last.observables
     assert summary is not None
     surface, depth = summary["surface"], 0.011**2 / (4.0 * FOCAL)
     assert tables["surface"]["height_m"] == pytest.approx(depth, abs=2.0 * LIFT_TOLERANCE * depth)
@@ -89,7 +89,7 @@ def test_a_facet_held_along_its_edge_is_a_membrane(tmp_path: Path) -> None:
     LIFT_TOLERANCE of the height, chords of the mesh between stations 3.4 mm apart, and stiff wires at the grips.
     """
     last = solved(tmp_path, "panel.outline=hexagon", "panel.size=10 mm", "load.strain_weft=0.2", "load.strain_warp=0.2")
-    _, summary = panel_of(last, with_map=True)
+    _, summary = panel_of(last)
     assert summary is not None
     surface = summary["surface"]
     tension = np.diag([summary["tension_median_weft_N_per_m"], summary["tension_median_warp_N_per_m"]])

@@ -164,7 +164,7 @@ class Recorder:
         if self.rows and row.is_hook:
             row = with_slides(row, self.rows[-1])
         rows = with_work([*self.rows, row], self.simulation.model)
-        tables, panel = panel_of(record, with_map=record.load_factor == 1.0)
+        tables, panel = panel_of(record)
         for name, table in tables.items():
             write_table(self.out / "panel" / f"{name}_{record.index:06d}.csv", table)
         rows[-1] = with_sums(rows, self.model).changed(panel=panel)

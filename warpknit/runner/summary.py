@@ -16,7 +16,7 @@ from ..measure import MeshModel, table
 from ..measure.observables import PanelMap
 from ..measure.surface import find_surface
 from ..measure.table import Record
-from ..mesh.rim import Rim, build_rim
+from ..mesh.rim import build_rim
 from ..results.finding import ResultWarning
 from ..results.row import Columns, Row, Values, plain, valued
 from .answers import Answers, answers_of
@@ -239,24 +239,11 @@ def _map_table(m: PanelMap, mean_gradient: np.ndarray) -> Columns:
     }
 
 
-def cord_values(rim: Rim, gradient: np.ndarray, stations: np.ndarray) -> dict[str, float]:
-    """Summary of the cords, from the displacement (station, 2 or 3) [m] of the stations; empty without cords."""
-    if not rim.is_free:
-        return {}
-    tension = rim.cord_forces(gradient, stations)[1]
-    return {
-        "cord_tension_max_N": float(tension.max()),  # largest tension of the edge cords
-        "cord_tension_min_N": float(tension.min()),  # smallest tension of the edge cords
-        "cord_displacement_max_m": float(np.hypot(stations[:, 0], stations[:, 1]).max()),  # largest displacement of the edge
-        # cords
-    }
-
-
-def panel_of(record: Record, *, with_map: bool) -> tuple[dict[str, Columns], PanelValues | None]:
+def panel_of(record: Record) -> tuple[dict[str, Columns], PanelValues | None]:
     """Tables `map`, `edge` and, with a target shape, `surface` of a panel; and its summary, None without a map or cords."""
     r = record.observables
     model, options = r.model, r.model.scene.panel
-    panel_map = r.panel_map if with_map else None
+    panel_map = r.panel_map if record.load_factor == 1.0 else None  # at the end of a load step
     if panel_map is None and options.cord is None:
         return {}, None
     rim = build_rim(model.panel, model.scene)
@@ -265,23 +252,31 @@ def panel_of(record: Record, *, with_map: bool) -> tuple[dict[str, Columns], Pan
         "outline": options.outline,  # `panel.outline`
         "area_m2": model.panel.area,  # area as knitted
     }
+    if panel_map is not None:
+        known, tension = panel_map.known, panel_map.tension
+        least = np.minimum(tension[..., 0, 0], tension[..., 1, 1])
+        values |= {
+            "tension_median_weft_N_per_m": float(np.median(tension[known][:, 0, 0])),  # median of the repeats;
+            # the mean of `mesh` includes the short taut wires at the grips
+            "tension_median_warp_N_per_m": float(np.median(tension[known][:, 1, 1])),  # the same in warp
+            "tension_least_N_per_m": float(least[known].min()),  # smallest tension of a repeat in weft or warp
+            "tension_threshold_N_per_m": options.tension_threshold,  # `panel.tension_threshold`
+            "area_below_tension_percent": _share_below(panel_map, least, options.tension_threshold),  # share of the area with
+            # a tension below this threshold
+            "active_threshold_percent": options.active_threshold,  # `panel.active_threshold`
+            "area_below_active_percent": _share_below(panel_map, panel_map.active_percent, options.active_threshold),  # share of
+            # the area with fewer active contacts than this threshold
+        }
+    if rim.is_free:
+        cord = rim.cord_forces(r.stretch, stations)[1]
+        values |= {
+            "cord_tension_max_N": float(cord.max()),  # largest tension of the edge cords
+            "cord_tension_min_N": float(cord.min()),  # smallest tension of the edge cords
+            "cord_displacement_max_m": float(np.hypot(stations[:, 0], stations[:, 1]).max()),  # largest displacement of the
+            # edge cords
+        }
     if panel_map is None:
-        return {}, values | cord_values(rim, r.stretch, stations)
-    known, tension = panel_map.known, panel_map.tension
-    least = np.minimum(tension[..., 0, 0], tension[..., 1, 1])
-    values |= {
-        "tension_median_weft_N_per_m": float(np.median(tension[known][:, 0, 0])),  # median of the repeats;
-        # the mean of `mesh` includes the short taut wires at the grips
-        "tension_median_warp_N_per_m": float(np.median(tension[known][:, 1, 1])),  # the same in warp
-        "tension_least_N_per_m": float(least[known].min()),  # smallest tension of a repeat in weft or warp
-        "tension_threshold_N_per_m": options.tension_threshold,  # `panel.tension_threshold`
-        "area_below_tension_percent": _share_below(panel_map, least, options.tension_threshold),  # share of the area with a
-        # tension below this threshold
-        "active_threshold_percent": options.active_threshold,  # `panel.active_threshold`
-        "area_below_active_percent": _share_below(panel_map, panel_map.active_percent, options.active_threshold),  # share of the
-        # area with fewer active contacts than this threshold
-    }
-    values |= cord_values(rim, r.stretch, stations)
+        return {}, values
     middle = model.panel.low + 0.5 * model.panel.size
     tables: dict[str, Columns] = {"map": _map_table(panel_map, r.stretch)}
     if options.focal_length is not None:
