@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -50,6 +50,7 @@ STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ((0, (8, 3)), "v"),
     ((0, (3, 1, 1, 1, 1, 1)), "P"),
 )
+Curve: TypeAlias = tuple[str, str, NDArray[Any]]  # label, colour, values
 
 
 def is_behind_jump(columns: Columns) -> NDArray[np.bool_]:
@@ -76,7 +77,7 @@ def draw_curves(
     axes: Axes,
     abscissa: NDArray[Any],
     stages: Sequence[tuple[str, slice]],
-    curves: Sequence[tuple[str, str, NDArray[Any]]],
+    curves: Sequence[Curve],
     jumped: NDArray[np.bool_],
     *,
     least: float | None = None,
@@ -150,17 +151,12 @@ def shade_compression(axes: Axes, tensions: Sequence[NDArray[Any]]) -> None:
         axes.set_ylim(low, high)
 
 
-def band_handles(figure: Figure) -> list[Patch]:
-    """Legend entries for the bands of several meshes."""
-    is_drawn = any(one.get_gid() == MESHES for axes in figure.axes for one in axes.collections)
-    return [Patch(label=MESHES, color=GREY, alpha=BAND, linewidth=0.0)] if is_drawn else []
-
-
-def jump_handles(figure: Figure) -> list[Line2D]:
-    """Legend entries for the dots over a snap-through."""
-    is_drawn = any(line.get_gid() == JUMP for axes in figure.axes for line in axes.lines)
+def mark_handles(figure: Figure) -> list[Artist]:
+    """Legend entries for the dots over a snap-through, and for the bands of several meshes, where they are drawn."""
+    drawn = {artist.get_gid() for axes in figure.axes for artist in (*axes.lines, *axes.collections)}
     look: LineLook = {**JUMP_STYLE, "color": GREY}
-    return [Line2D([], [], label=JUMP, **look)] if is_drawn else []
+    dots, bands = Line2D([], [], label=JUMP, **look), Patch(label=MESHES, color=GREY, alpha=BAND, linewidth=0.0)
+    return [*[dots] * (JUMP in drawn), *[bands] * (MESHES in drawn)]
 
 
 def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
@@ -172,7 +168,7 @@ def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
         face = GREY if number % 2 == 0 else "white"
         look: LineLook = {"color": GREY, "linestyle": style, "marker": marker, "markersize": 4.5, "markerfacecolor": face}
         handles.append(Line2D([], [], label=name, **look))
-    handles += [*jump_handles(figure), *band_handles(figure)]
+    handles += mark_handles(figure)
     if handles:
         widest = max(len(str(handle.get_label())) for handle in handles)
         columns = int(np.clip(LEGEND_WIDTH * figure.get_figwidth() // (widest + HANDLE_WIDTH), 1, 6))
@@ -182,7 +178,6 @@ def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
 SIDES = ("weft", "warp")
 SIDE_COLOURS = tuple(zip(SIDES, (BLUE, ORANGE), strict=True))
 ENERGY_COLOURS = (("bend", BLUE), ("stretch", ORANGE), ("contact", GREEN), ("kinetic", PURPLE))
-LOGARITHMIC = 4  # first of the panels with a logarithmic axis
 LEAST_RESIDUAL = 1e-4  # of the median: an unloaded mesh has nearly none, and flattens the others
 NEAR_LIMIT = 2.0  # of the axis of stress: an elastic limit beyond is not drawn, and does not flatten the curve
 LEAST_FOLD = 1e-3  # of the range of a strain: less does not count as going back
@@ -208,68 +203,53 @@ def curves_figure(
     def column(name: str) -> NDArray[Any]:
         return columns.get(name, np.full(count, np.nan))
 
-    scales = {"active_percent": 1.0, "strain_weft": 100.0, "strain_warp": 100.0}  # of columns, in the units that are drawn
-
-    def scaled(unit: str, curves: Sequence[tuple[str, str, str]]) -> tuple[str, tuple[tuple[str, str, NDArray[Any]], ...]]:
-        """Unit with its prefix, and the curves (label, colour, column) in it."""
-        scale, prefixed = scale_of(unit, *(column(name) for _, _, name in curves))
-        scales.update((name, scale) for _, _, name in curves)
-        return prefixed, tuple((label, colour, scale * column(name)) for label, colour, name in curves)
-
     every = stage_slices(columns["stage"].tolist())
     stages = [stage for stage in every if not _heats_alone(columns, stage[1])] or every
     abscissa, abscissa_label = _abscissa(columns, stages, count)
-    sides = [(side, colour, f"tension_{side}_N_per_m") for side, colour in SIDE_COLOURS]
-    unit, tensions = scaled("N/m", sides)
-    across = f"boundary tension [{unit}]", tensions
-    if _is_by_tension(columns, stages):
-        sides = [(side, colour, f"strain_{side}") for side, colour in SIDE_COLOURS]
-        across = "strain [%]", tuple((side, colour, 100.0 * column(name)) for side, colour, name in sides)
-    stress_unit, stress = scaled("Pa", stress_columns(columns))
+    is_by_tension, jumped = _is_by_tension(columns, stages), is_behind_jump(columns)
+    tensions = [(side, colour, f"tension_{side}_N_per_m") for side, colour in SIDE_COLOURS]
+    strains = [(side, colour, f"strain_{side}") for side, colour in SIDE_COLOURS]
     forces = [("where wires hook", GREEN, "contact_force_max_N"), ("other contacts", AMBER, "elsewhere_force_max_N")]
     if not np.nan_to_num(column("elsewhere_force_max_N")).any():
         forces = [("", *forces[0][1:])]
-    force_unit, force = scaled("N", forces)
-    energy_unit, energies = scaled("J", [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS])
-    elsewhere = column("contacts_elsewhere")
-    touches = bool(np.nan_to_num(elsewhere).any())
-    panel_curves = (
-        ("active contacts [% of pairs]", (("where wires hook" if touches else "", GREEN, column("active_percent")),)),
-        across,
-        (f"largest wire stress [{stress_unit}]", stress),
-        (f"largest contact force [{force_unit}]", force),
-        (f"energy [{energy_unit}]", energies),
-        ("residual over mean boundary force", (("", GREY, column("residual")),)),
+    energies = [(name, colour, f"energy_{name}_J") for name, colour in ENERGY_COLOURS]
+    most = max(float(column(name).max(initial=0.0, where=np.isfinite(column(name)))) for *_, name in energies)
+    elsewhere, residual = column("contacts_elsewhere"), column("residual")[column("residual") > 0.0]
+    middle, touches = float(np.median(residual)) if len(residual) else 0.0, bool(np.nan_to_num(elsewhere).any())
+    # label; unit or factor; curves: label, colour and column; smallest drawn value of a logarithmic axis
+    quantities: tuple[tuple[str, str | float, list[tuple[str, str, str]], float | None], ...] = (
+        ("active contacts [% of pairs]", 1.0, [("where wires hook" if touches else "", GREEN, "active_percent")], None),
+        ("strain [%]", 100.0, strains, None) if is_by_tension else ("boundary tension [{}]", "N/m", tensions, None),
+        ("largest wire stress [{}]", "Pa", stress_columns(columns), None),
+        ("largest contact force [{}]", "N", forces, None),
+        ("energy [{}]", "J", energies, DECADES_DRAWN * most),
+        ("residual over mean boundary force", 1.0, [("", GREY, "residual")], LEAST_RESIDUAL * middle),
     )
-    jumped = is_behind_jump(columns)
-    residual = column("residual")[column("residual") > 0.0]
-    least: list[float | None] = [None] * LOGARITHMIC
-    least += [
-        DECADES_DRAWN * max(float(values.max(initial=0.0, where=np.isfinite(values))) for *_, values in energies),
-        LEAST_RESIDUAL * float(np.median(residual)) if len(residual) else 0.0,
-    ]
     figure = figure_of(10.5, 10.4)
     panels = figure.subplots(3, 2, sharex=True).ravel()
-    banded = ([("", GREEN, "active_percent")], sides, stress_columns(columns), forces)
-    for axes, names in zip(panels, banded, strict=False):
-        for _, colour, name in names:
+    for axes, (label, unit, names, least) in zip(panels, quantities, strict=True):
+        values = [column(name) for *_, name in names]
+        scale, prefixed = scale_of(unit, *values) if isinstance(unit, str) else (unit, "")
+        for _, colour, name in names if least is None else ():
             for _, rows in stages:
-                draw_range(axes, abscissa[rows], columns, name, colour, scales[name], rows)
-    for axes, (label, curves), smallest in zip(panels, panel_curves, least, strict=True):
+                draw_range(axes, abscissa[rows], columns, name, colour, scale, rows)
+        curves = [(text, colour, scale * one) for (text, colour, _), one in zip(names, values, strict=True)]
+        smallest = None if least is None else scale * least
         draw_curves(axes, abscissa, stages, curves, jumped, least=smallest, beneath=touches and axes is panels[0])
-        axes.set_ylabel(label)
+        axes.set_ylabel(label.format(prefixed))
+        if least is None and not any(np.any(one < 0.0) for one in values):
+            axes.set_ylim(bottom=0.0)
     panels[0].set_ylim(-3.0, 103.0)
     if touches:
         _draw_count(panels[0], abscissa, stages, elsewhere, jumped)
-    for axes, (_, curves) in zip(panels[1:LOGARITHMIC], panel_curves[1:], strict=False):
-        if not any(np.any(values < 0.0) for *_, values in curves):
-            axes.set_ylim(bottom=0.0)
-    if across[1] is tensions:
-        shade_compression(panels[1], [values for *_, values in tensions])
+    if not is_by_tension:
+        scale, _ = scale_of("N/m", *(column(name) for *_, name in tensions))
+        shade_compression(panels[1], [scale * column(name) for *_, name in tensions])
         if any(patch.get_label() == COMPRESSED for patch in panels[1].patches):
             panels[1].text(0.02, 0.02, COMPRESSED, transform=panels[1].transAxes, color=GREY, fontsize="small")
-    if yield_stress is not None and stress[0][2].max(initial=0.0, where=np.isfinite(stress[0][2])) > 0.0:
-        limit = yield_stress * scale_of("Pa", column("stress_max_Pa"))[0]
+    stress = column("stress_max_Pa")
+    if yield_stress is not None and stress.max(initial=0.0, where=np.isfinite(stress)) > 0.0:
+        limit = yield_stress * scale_of("Pa", stress)[0]
         label = f"elastic limit, {engineering(yield_stress, 'Pa')}"
         if limit < panels[2].get_ylim()[1] * NEAR_LIMIT:
             panels[2].axhline(limit, color=ORANGE, linestyle="--", linewidth=1.0)
@@ -277,7 +257,7 @@ def curves_figure(
             at, colour = limit / panels[2].get_ylim()[1] - 0.01, ORANGE
         else:
             label, at, colour = f"{label}, is beyond the axis", 0.97, GREY
-        side = ("right", 0.98) if np.nanmax(column("stress_max_Pa")) > yield_stress else ("left", 0.02)  # where no curve is
+        side = ("right", 0.98) if np.nanmax(stress) > yield_stress else ("left", 0.02)  # where no curve is
         panels[2].text(side[1], at, label, transform=panels[2].transAxes, ha=side[0], va="top", color=colour)
     for axes in panels[-2:]:
         axes.set_xlabel(abscissa_label)
@@ -334,38 +314,28 @@ def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int)
         equal = float(np.abs(np.diff(both, axis=0)).max()) <= IMPOSED_TENSION * float(np.abs(both).max())
         label = "tension, weft and warp" if equal else "mean tension of weft and warp"
         return scale * both.mean(axis=0), f"{label} [{unit}]"
-    held = [
-        all(float(np.ptp(columns[name][rows])) < 1e-9 for name in ("strain_weft", "strain_warp") if name in columns)
-        for _, rows in stages
-    ]
-    if len(stages) > 1 and any(held) and "load_factor" in columns:
-        return _along_stages(columns["load_factor"], stages)
-    numbers = {name: values for name, values in columns.items() if name != "stage"}
-    spread = {name: float(np.ptp(values)) if np.isfinite(values).all() else 0.0 for name, values in numbers.items()}
-    weft, warp = (columns.get(f"strain_{side}") for side in SIDES)
-    weft_spread, warp_spread = spread.get("strain_weft", 0.0), spread.get("strain_warp", 0.0)
-    largest = warp if warp_spread > weft_spread else weft
-    folds = largest is not None and "load_factor" in columns and any(_folds(largest[rows]) for _, rows in stages)
-    if folds:
-        return _along_stages(columns["load_factor"], stages)
-    if weft is not None and warp is not None and (count == 1 or max(weft_spread, warp_spread) > 1e-9):
-        if np.allclose(weft, warp, rtol=0.0, atol=1e-9):
-            return 100.0 * weft, "strain, weft and warp [%]"
-        name = "weft" if weft_spread >= warp_spread else "warp"
-        other = "warp" if name == "weft" else "weft"
-        label = f"{name} strain [%]"
+    strains = [columns[name] for name in ("strain_weft", "strain_warp") if name in columns]
+    is_held = any(all(float(np.ptp(strain[rows])) < 1e-9 for strain in strains) for _, rows in stages)
+    spread = [float(np.ptp(strain)) if np.isfinite(strain).all() else 0.0 for strain in strains]
+    folds = bool(strains) and any(_folds(strains[int(np.argmax(spread))][rows]) for _, rows in stages)
+    if "load_factor" in columns and (folds or (len(stages) > 1 and is_held)):
+        stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(count), side="right")
+        return stage + columns["load_factor"], "stage and its load factor" if len(stages) > 1 else "load factor"
+    if len(strains) == 2 and (count == 1 or max(spread) > 1e-9):
+        if np.allclose(strains[0], strains[1], rtol=0.0, atol=1e-9):
+            return 100.0 * strains[0], "strain, weft and warp [%]"
+        name, other = SIDES if spread[0] >= spread[1] else SIDES[::-1]
         values = 100.0 * columns[f"strain_{other}"]
         value_range = f"{values.min():.3g} to {values.max():.3g}" if np.ptp(values) > 1e-7 else f"{values[0]:.3g}"
-        label += f", {other} {value_range} %"
-        return 100.0 * columns[f"strain_{name}"], label
-    if spread.get("shear", 0.0) > 1e-9:
-        return 100.0 * columns["shear"], "shear [%]"
-    if spread.get("clamp_rotation", 0.0) > 1e-9:
-        return np.degrees(columns["clamp_rotation"]), "rotation of the clamps [deg]"
-    if spread.get("temperature_K", 0.0) > 1e-6:
-        return columns["temperature_K"] - ZERO_CELSIUS, "temperature [°C]"
-    if spread.get("load_factor", 0.0) > 0.0:
-        return columns["load_factor"], "load factor"
+        return 100.0 * columns[f"strain_{name}"], f"{name} strain [%], {other} {value_range} %"
+    for name, factor, offset, label in (
+        ("shear", 100.0, 0.0, "shear [%]"),
+        ("clamp_rotation", np.degrees(1.0), 0.0, "rotation of the clamps [deg]"),
+        ("temperature_K", 1.0, -ZERO_CELSIUS, "temperature [°C]"),
+        ("load_factor", 1.0, 0.0, "load factor"),
+    ):
+        if name in columns and np.ptp(columns[name]) > 1e-9:
+            return factor * columns[name] + offset, label
     return np.arange(count, dtype=float), "record"
 
 
@@ -388,12 +358,6 @@ def _is_by_tension(columns: Columns, stages: Sequence[tuple[str, slice]]) -> boo
         return True
 
     return imposed(tension, IMPOSED_TENSION) and not any(imposed(one[None], IMPOSED_STRAIN) for one in strain)
-
-
-def _along_stages(load_factor: NDArray[Any], stages: Sequence[tuple[str, slice]]) -> tuple[NDArray[Any], str]:
-    """Progress along the stages, and its label."""
-    stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(len(load_factor)), side="right")
-    return stage + load_factor, "stage and its load factor" if len(stages) > 1 else "load factor"
 
 
 def _folds(values: NDArray[Any]) -> bool:
@@ -444,29 +408,22 @@ def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> P
     (to_tension, tension_unit), (to_stress, stress_unit) = scale_of("N/m", *tension.values()), scale_of("Pa", *stress.values())
     figure = figure_of(10.5, 7.6)
     panels = figure.subplots(2, 2, sharex=True).ravel()
-    for axes, label, curves, least, is_held in zip(
-        panels,
-        (
-            "active contacts [% of pairs]",
-            f"tension [{tension_unit}]",
-            "strain, change in the stage [%]" + ("\nwhere it is not held" if 0 < len(held) < len(stages) else ""),
-            f"largest wire stress [{stress_unit}]",
-        ),
-        (
-            (("", GREEN, all_of("active_percent")),),
-            tuple((side, colour, to_tension * tension[side]) for side, colour in SIDE_COLOURS),
-            tuple((side, colour, strain[side]) for side, colour in SIDE_COLOURS),
-            tuple((label, colour, to_stress * stress[name]) for label, colour, name in stress_columns(stress)),
-        ),
-        (0.0, 0.0, LEAST_CHANGE, 0.0),
-        (False, False, bool(held), False),
-        strict=True,
-    ):
-        nothing = "held" if is_held else "not recorded"
-        draw_curves(axes, all_of("temperature_C"), stages, curves, all_of("jump"), nothing=nothing)
+    strains = [(side, colour, strain[side]) for side, colour in SIDE_COLOURS]
+    tensions = [(side, colour, to_tension * tension[side]) for side, colour in SIDE_COLOURS]
+    stresses = [(text, colour, to_stress * stress[name]) for text, colour, name in stress_columns(stress)]
+    abscissa, jumped = all_of("temperature_C"), all_of("jump")
+    where = "\nwhere it is not held" if 0 < len(held) < len(stages) else ""
+    shown: tuple[tuple[str, list[Curve], float], ...] = (
+        ("active contacts [% of pairs]", [("", GREEN, all_of("active_percent"))], 0.0),
+        (f"tension [{tension_unit}]", tensions, 0.0),
+        (f"strain, change in the stage [%]{where}", strains, LEAST_CHANGE),
+        (f"largest wire stress [{stress_unit}]", stresses, 0.0),
+    )
+    for axes, (label, curves, least) in zip(panels, shown, strict=True):
+        draw_curves(axes, abscissa, stages, curves, jumped, nothing="held" if least and held else "not recorded")
         axes.set_ylabel(label)
         if axes.lines:
-            if least and (smooth := _smooth_span(curves, stages, all_of("jump"))) < FLAT * np.ptp(axes.get_ylim()):
+            if least and (smooth := _smooth_span(curves, stages, jumped)) < FLAT * np.ptp(axes.get_ylim()):
                 linear = next(tick for tick in TICKS if tick >= max(smooth, 0.5 * least))
                 _stretch_zero(axes, linear)
                 axes.set_ylabel(f"{label}\nlogarithmic beyond ±{linear:g} %")
@@ -480,9 +437,7 @@ def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> P
     return save_figure(figure, path)
 
 
-def _smooth_span(
-    curves: Sequence[tuple[str, str, NDArray[Any]]], stages: Sequence[tuple[str, slice]], jumped: NDArray[np.bool_]
-) -> float:
+def _smooth_span(curves: Sequence[Curve], stages: Sequence[tuple[str, slice]], jumped: NDArray[np.bool_]) -> float:
     """Largest change of the curves between two jumps."""
     parts = [
         part

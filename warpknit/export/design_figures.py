@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.curves_figure import band_handles, draw_line, draw_range, jump_handles, shade_compression
+from warpknit.export.curves_figure import draw_line, draw_range, mark_handles, shade_compression
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
 from warpknit.results.row import Columns, Row, Values
 
@@ -106,9 +106,7 @@ def tension_figure(
             if is_wide:
                 axes.axvspan(low, high, color="#CDE9DC", linewidth=0.0, zorder=0, label="valid range")
         plain(axes)
-    figure.legend(
-        handles=[*_handles(figure), *band_handles(figure)], loc="outside upper center", ncols=6, frameon=False, fontsize="small"
-    )
+    figure.legend(handles=_handles(figure), loc="outside upper center", ncols=6, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
@@ -167,8 +165,7 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     first.set_ylim(scale * bottom - room, scale * top + room)
     for axes in np.atleast_1d(panels):
         shade_compression(axes, [scale * values for values in tensions])
-    handles = [*_handles(figure), *jump_handles(figure), *band_handles(figure)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
+    figure.legend(handles=_handles(figure), loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
@@ -224,14 +221,15 @@ def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
     draw_line(share, strain, curve["active_percent"], curve["jump"] > 0.0, label="active contacts (right)", **look)
     share.set_ylim(-3.0, 103.0)
     share.set_ylabel("active contacts [% of pairs]")
-    handles = [*_handles(figure), *jump_handles(figure)]  # above both axes: `best` looks at the curves of one only
-    figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False, fontsize="small")
+    # above both axes: `best` looks at the curves of one only
+    figure.legend(handles=_handles(figure), loc="outside upper center", ncols=4, frameon=False, fontsize="small")
     return save_figure(figure, path)
 
 
 def _handles(figure: Figure) -> list[Artist]:
-    """Legend entries of all axes, once for each label."""
-    return list({str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}.values())
+    """Legend entries of all axes, once for each label, and of dots and bands."""
+    every = {str(one.get_label()): one for axes in figure.axes for one in axes.get_legend_handles_labels()[0]}
+    return [*every.values(), *mark_handles(figure)]
 
 
 def openings_figure(

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from warpknit.export.curves_figure import curves_figure, heat_figure
 from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
@@ -72,7 +76,7 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
 
 
 def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str, Any]) -> Any:
-    """Draw one parallelogram a tile; at the edge it is larger, and cut."""
+    """Draw one parallelogram a tile; at the edge it is larger, and cut. Places without a value have their nearest tile's."""
     columns, column = np.unique(np.round(tiles["weft_m"], 9), return_inverse=True)
     rows, row = np.unique(np.round(tiles["warp_m"], 9), return_inverse=True)
     grid = np.full((len(columns) + 2, len(rows) + 2), np.nan)
@@ -84,19 +88,8 @@ def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str
     strained = 1e3 * np.eye(2) + np.linalg.lstsq(rest, now - 1e3 * rest, rcond=None)[0]
     ix, iy = np.meshgrid(np.arange(len(columns) + 3), np.arange(len(rows) + 3), indexing="ij")
     corner = np.stack([columns[0] + (ix - 1.5) * step[0], rows[0] + (iy - 1.5) * step[1]], axis=-1) @ strained
-    return axes.pcolormesh(corner[..., 0], corner[..., 1], _spread(grid), **look)
-
-
-def _spread(grid: NDArray[Any]) -> NDArray[Any]:
-    """Tiles at the edge without a value get a neighbour's."""
-    padded = np.pad(grid, 1, constant_values=np.nan)
-    size = grid.shape
-    beside = [padded[1 + i : 1 + i + size[0], 1 + j : 1 + j + size[1]] for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-    beside += [padded[1 + i : 1 + i + size[0], 1 + j : 1 + j + size[1]] for i in (-1, 1) for j in (-1, 1)]
-    spread = grid
-    for values in beside:
-        spread = np.where(np.isnan(spread), values, spread)
-    return spread
+    nearest = distance_transform_edt(np.isnan(grid), return_distances=False, return_indices=True)
+    return axes.pcolormesh(corner[..., 0], corner[..., 1], grid[tuple(nearest)], **look)
 
 
 def _draw_edge(axes: Axes, edge: NDArray[Any], held: NDArray[Any], image: Any) -> None:
@@ -137,26 +130,22 @@ def hook_figure(layout: WireLayout, frames: Sequence[Frame], history: Columns, p
     """Draw the frames of a hook; the columns of its history have a value for each."""
     figure = figure_of(12.0, 5.6)
     panels = figure.subplot_mosaic([["hook", "force"], ["hook", "place"]], width_ratios=(1.0, 1.15))
-
-    def column(name: str, scale: float = 1.0) -> np.ndarray:
-        return scale * history[name]
-
     _draw_hook(panels["hook"], layout, frames)
-    displacement = column("displacement_m", 1e3)
+    displacement = 1e3 * history["displacement_m"]
     force = panels["force"]
-    scale, unit = scale_of("N", *(column(f"{name}_N") for name in ("force_left", "force_right", "drive_force", "ground_force")))
+    scale, unit = scale_of("N", *(history[f"{name}_N"] for name in ("force_left", "force_right", "drive_force", "ground_force")))
     for side, colour in WIRES:
         style: LineLook = {"linewidth": 3.0 if side == "left" else 1.5, "alpha": 0.55 if side == "left" else 1.0}
-        force.plot(displacement, column(f"force_{side}_N", scale), color=colour, label=f"contact, {side} wire", **style)
-    force.plot(displacement, column("drive_force_N", scale), color=GREY, linestyle="--", label="driven end, lateral")
-    if np.any(column("ground_force_N") > 0.0):
-        force.plot(displacement, column("ground_force_N", scale), color=GREEN, linestyle=":", label="ground on the body")
+        force.plot(displacement, scale * history[f"force_{side}_N"], color=colour, label=f"contact, {side} wire", **style)
+    force.plot(displacement, scale * history["drive_force_N"], color=GREY, linestyle="--", label="driven end, lateral")
+    if np.any(history["ground_force_N"] > 0.0):
+        force.plot(displacement, scale * history["ground_force_N"], color=GREEN, linestyle=":", label="ground on the body")
     force.set_ylabel(f"force [{unit}]")
     place = panels["place"]
-    least = np.minimum(column("force_left_N"), column("force_right_N"))
+    least = np.minimum(history["force_left_N"], history["force_right_N"])
     closed = least > TOUCHING * least.max(initial=0.0)
     for side, colour in WIRES:
-        arc = column(f"arc_{side}_m", 1e3)
+        arc = 1e3 * history[f"arc_{side}_m"]
         place.plot(displacement, np.where(closed, arc, np.nan), color=colour, marker="o", markersize=3, label=f"{side} wire")
     place.set(ylabel="contact position [mm from the clamp]", xlabel="displacement of the driven end [mm]")
     place.set_xlim(force.get_xlim())
@@ -205,29 +194,20 @@ def export_figures(record: RunRecord) -> list[Path]:
     if "displacement_m" in history:
         return [hook_figure(record.layout, list(record.frames()), history, record.directory / "figures" / "hook.png")]
     folder = record.directory / "figures"
-    last: Frame | None = None
-    stage_ends: list[Frame] = []
-    for frame in record.frames():
-        if last is not None and frame.stage != last.stage:
-            stage_ends.append(last)
-        last = frame
-    assert last is not None  # a record has a state
-    wanted = [("mesh.png", last)]
-    if stage_ends:
-        stage_ends.append(last)
-        wanted += [
-            (f"mesh_{number:02d}_{re.sub(r'[^A-Za-z0-9-]+', '_', frame.stage)}.png", frame)
-            for number, frame in enumerate(stage_ends)
-        ]
+    stage_ends = [deque(frames, maxlen=1)[0] for _, frames in groupby(record.frames(), attrgetter("stage"))]
+    wanted = [("mesh.png", stage_ends[-1])]
+    if len(stage_ends) > 1:
+        names = [re.sub(r"[^A-Za-z0-9-]+", "_", frame.stage) for frame in stage_ends]
+        wanted += [(f"mesh_{number:02d}_{name}.png", stage_ends[number]) for number, name in enumerate(names)]
     unfinished = f"the run did not finish: {reason}" if (reason := record.stop_reason) in UNFINISHED else ""
     paths = [curves_figure(history, folder / "curves.png", yield_stress=record.yield_stress, title=unfinished)]
     if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:
-        title = state_title(frame, tension_of(history, frame.index), names_stage=bool(stage_ends))
+        title = state_title(frame, tension_of(history, frame.index), names_stage=len(stage_ends) > 1)
         if "p10_stress_max_Pa" in history:  # of several meshes
             title = f"{title}\nthe median mesh; tension and stress are means"
-        if unfinished and frame is last:
+        if unfinished and frame is stage_ends[-1]:
             title = f"{title}\n{unfinished}"
         if tables := record.panel(frame.index):
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))

@@ -19,7 +19,6 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from warpknit.base.hermite import hermite
 from warpknit.base.text import ZERO_CELSIUS, alike, engineering
 from warpknit.export.plots import (
     AMBER,
@@ -35,11 +34,10 @@ from warpknit.export.plots import (
     save_figure,
     tile_copies,
 )
-from warpknit.results.frame import Frame, WireLayout, curve_position
+from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 SEGMENTS_DRAWN = 200_000  # above, single wires are indistinguishable: a map is drawn
-OVER_UNDER = 100_000  # points of drawn curves above which wires are drawn without gaps in those below
-PARTS_DRAWN = 4  # of the curve of a wire between two nodes
+OVER_UNDER = 100_000  # pieces of drawn curves above which wires are drawn without gaps in those below
 COPIED, COPIES = 2_000, 2  # segments of a periodic tile up to which this many copies are drawn each way
 THINNEST = 0.9  # [pt] line that is still legible
 ROOM = 293.15  # [K]  another temperature stands in the title
@@ -86,16 +84,16 @@ def mesh_figure(
     frame.require_finite()
     if layout.curve_segment.size > SEGMENTS_DRAWN or _is_crowded(layout, frame):
         return _mesh_map(layout, frame, path, title, yield_stress, peak)
-    lines, stress = _lines(layout, frame)
+    pieces, stress = _pieces(layout, frame)
     bodies = 1e3 * np.asarray(frame.body_position)[:, :2]
     offsets, tile = np.zeros((1, 2)), None
     if layout.wire_closed.any():
         tile = 1e3 * frame.deformation @ np.diag(layout.period)
         corners = _copies(layout) * SQUARE @ tile.T
         low, high = corners.min(axis=0), corners.max(axis=0)
-        offsets = tile_copies(lines[:, :, :2].reshape(-1, 2), tile, *_with_margin(low, high))
+        offsets = tile_copies(pieces[:, :, :2].reshape(-1, 2), tile, *_with_margin(low, high))
     else:
-        low, high = lines[:, :, :2].min(axis=(0, 1)), lines[:, :, :2].max(axis=(0, 1))
+        low, high = pieces[:, :, :2].min(axis=(0, 1)), pieces[:, :, :2].max(axis=(0, 1))
     figure, (axes,) = _plan_figure(high - low, 1, title)
     colours, scale = stress_colours(stress, yield_stress)
     frame_plan_axes(axes, low, high)
@@ -109,15 +107,15 @@ def mesh_figure(
         axes.add_patch(Polygon(SQUARE @ tile.T, fill=False, zorder=2, **OUTLINE))
     points_per_mm = plan_scale(figure, axes)  # the legend takes room
     width = max(1e3 * layout.diameter * points_per_mm, THINNEST)
-    if lines.size > 3 * OVER_UNDER:
-        axes.add_collection(LineCollection(list(lines[:, :, :2]), colors=wires.to_rgba(stress.mean(axis=1)), linewidths=width))
+    colour = wires.to_rgba(stress)
+    if len(pieces) > OVER_UNDER:
+        axes.add_collection(LineCollection(list(pieces[:, :, :2]), colors=colour, linewidths=width))
     else:
-        pieces, colour = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3), wires.to_rgba(stress.ravel())
-        pieces, number = copied(pieces, offsets, *_with_margin(low, high))
+        shown, number = copied(pieces, offsets, *_with_margin(low, high))
         edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
-        axes.add_collection(over_under(pieces, colour[number], width, points_per_mm, edge))
+        axes.add_collection(over_under(shown, colour[number], width, points_per_mm, edge))
     size = points_per_mm * min(
-        MARK * _spacing(lines.reshape(-1, 3), _mark_count(layout, frame, shows_open)),
+        MARK * _spacing(pieces.reshape(-1, 3), _mark_count(layout, frame, shows_open)),
         MARK_IN_PLACE * spacing,
         _nearest(bodies, offsets) / OPEN_SIZE,
     )
@@ -153,31 +151,12 @@ def _peak_handle(peak: Peak) -> Line2D:
     return Line2D([], [], **PEAK, label=f"largest wire stress: {engineering(peak.stress, 'Pa')}")
 
 
-def _lines(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Curves (segment, point, 3) [mm] of the wires between nodes, and stress (segment, piece) [MPa] of their straight pieces."""
-    position, segment = 1e3 * curve_position(layout, frame), layout.curve_segment
-    if layout.curve_parts == 1:
-        lines = _smooth(position, segment)
-    else:
-        begin, end = position[segment][:, None], position[segment + 1][:, None]
-        between = 1e3 * np.asarray(frame.between, dtype=float)[layout.curve_node[segment]]
-        lines = np.concatenate([begin, begin + between, end], axis=1)
-    parts = lines.shape[1] - 1
-    stress = 1e-6 * np.asarray(frame.node_stress, dtype=float)[layout.curve_node]
-    share = (np.arange(parts) + 0.5) / parts
-    return lines, stress[segment][:, None] + share * (stress[segment + 1] - stress[segment])[:, None]
-
-
-def _smooth(position: NDArray[Any], segment: NDArray[Any]) -> NDArray[Any]:
-    """(segment, point, 3) Catmull-Rom curves of the wires between their nodes."""
-    has_before, has_after = np.isin(segment - 1, segment), np.isin(segment + 1, segment)
-    begin, end = position[segment], position[segment + 1]
-    before = np.where(has_before[:, None], position[segment - 1], 2.0 * begin - end)
-    after = np.where(has_after[:, None], position[np.minimum(segment + 2, len(position) - 1)], 2.0 * end - begin)
-    u = np.linspace(0.0, 1.0, PARTS_DRAWN + 1)[None, :, None]
-    at_begin, at_end = (0.5 * (far - near)[:, None] for far, near in ((end, before), (after, begin)))
-    h10, h01, h11 = hermite(u)
-    return np.asarray(begin[:, None] + h10 * at_begin + h01 * (end - begin)[:, None] + h11 * at_end)
+def _pieces(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Straight pieces (piece, 2, 3) [mm] of the drawn curves of wires, and stress [piece] [MPa] at their middles."""
+    drawn, shown = drawn_layout(layout), drawn_frame(layout, frame)
+    ends = np.stack([drawn.curve_segment, drawn.curve_segment + 1], axis=1)
+    stress = 1e-6 * np.asarray(shown.node_stress, dtype=float)[drawn.curve_node]
+    return 1e3 * curve_position(drawn, shown)[ends], stress[ends].mean(axis=1)
 
 
 def _with_margin(low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from warpknit.base.errors import ExportError
 from warpknit.results.frame import Frame, WireLayout
@@ -56,40 +57,33 @@ class RunRecord:
 
 def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
     """Raises `ExportError` where there is no run, or one without states. also_running: take a run that goes on as well."""
-    if not directory.is_dir():
-        raise ExportError(f"{directory}: no such directory; give the directory of a run")
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
-    states = state_files(directory)
     if not layout_path.is_file() and not summary_path.is_file():
-        raise ExportError(f"{directory}: {_held(directory)}")
+        what = "no layout.npz and no summary.json" if directory.is_dir() else "no such directory"
+        raise ExportError(f"{directory}: {what}; give the directory of a run, not of a map or a trade")
     if not also_running and not summary_path.is_file():
         raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
+    about: dict[str, Any] = {}
     path = summary_path
     try:
-        tree = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
-        if not states:
+        if path.is_file():
+            summary = valued(json.loads(path.read_text(encoding="utf-8")))
+            limits = [part.wire.get("yield_stress_Pa") for part in (summary, *summary.stages) if "wire" in part]
+            about = {
+                "name": summary.scene.name,
+                "scene_hash": summary.scene.hash,
+                "version": summary.version,
+                "stop_reason": summary.stop_reason,
+                "yield_stress": max((limit for limit in limits if limit), default=None),
+                "jumps": summary.get("jumps", ()),
+            }
+        if not (states := state_files(directory)):
             raise ExportError(f"{directory}: the run has no states")
-        layout = WireLayout.load(path := layout_path)
+        return RunRecord(directory, WireLayout.load(path := layout_path), tuple(states), **about)
+    except AttributeError as error:
+        raise ExportError(f"{path}: not the summary of a run") from error
     except DAMAGED as error:  # JSONDecodeError is a ValueError
         raise _unreadable(path, error) from error
-    if tree is None:
-        return RunRecord(directory, layout, tuple(states))
-    try:
-        summary = valued(tree)
-        limits = [part.wire.get("yield_stress_Pa") for part in (summary, *summary.stages) if "wire" in part]
-        about = (summary.scene.name, summary.scene.hash, summary.version, summary.stop_reason)
-    except AttributeError as error:
-        raise ExportError(f"{summary_path}: not the summary of a run") from error
-    limit = max((limit for limit in limits if limit), default=None)
-    return RunRecord(directory, layout, tuple(states), *about, limit, summary.get("jumps", ()))
-
-
-def _held(directory: Path) -> str:
-    """Kind of a directory without a run, and where its states are."""
-    for name, kind in (("map.json", "map"), ("map.csv", "map"), ("trade.json", "study of settings")):
-        if (directory / name).is_file():
-            return f"a {kind} keeps no states; give the directory of a run at one of its loads"
-    return "no layout.npz and no summary.json; give the directory of a run"
 
 
 def state_files(directory: Path) -> list[Path]:

@@ -3,8 +3,6 @@
 SI units, with names in the headings.
 """
 
-import os
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,26 +16,19 @@ from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_fram
 
 
 def export_tables(record: RunRecord) -> list[Path]:
-    """Write the frames of a run into tables/; the paths."""
-    return write_tables(record.directory / "tables", record.layout, record.frames())
-
-
-def write_tables(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
-    """Write contacts_######.csv, wires_######.csv and, if spatial, elsewhere_######.csv for every frame; return the paths."""
+    """Write contacts_######.csv, wires_######.csv and, if spatial, elsewhere_######.csv into tables/; the paths."""
     paths = []
-    for frame in frames:
-        frame.require_finite()
-        tables = {"contacts": contact_table(layout, frame), "wires": wire_table(layout, frame)}
-        if layout.in_space:
+    for frame in record.frames():
+        tables = {"contacts": contact_table(record.layout, frame), "wires": wire_table(record.layout, frame)}
+        if record.layout.in_space:
             tables["elsewhere"] = elsewhere_table(frame)
         for name, table in tables.items():
-            paths.append(write_table(Path(directory) / f"{name}_{frame.index:06d}.csv", table))
+            paths.append(write_table(record.directory / "tables" / f"{name}_{frame.index:06d}.csv", table))
     return paths
 
 
 def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
     """Columns, a value a body. `force_N` is what passes between the wires, the smaller of the two pairs' forces."""
-    frame.require_layout(layout)
     body = np.arange(layout.body_count)
     x, y, z = frame.body_position.T
     classes = {"class": np.array(list(CLASS_NAMES))[layout.body_class]} if layout.body_class.size else {}

@@ -19,6 +19,7 @@ from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
+from numpy.typing import NDArray
 
 from warpknit.base.files import path_aside, write_aside
 from warpknit.export.run_record import RunRecord
@@ -52,34 +53,22 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
             },
             cell_data={"wire": [line_wire]},
         )
-        contacts = meshio.Mesh(
-            np.asarray(frame.body_position, dtype=float),
-            [("vertex", np.arange(layout.body_count)[:, None])],
-            point_data={
-                "force": np.asarray(frame.body_force, dtype=float),
-                "force_a": np.array(frame.pair_force[0::2], dtype=float),
-                "force_b": np.array(frame.pair_force[1::2], dtype=float),
-                "active": frame.body_active.astype(np.int32),
-                "active_pairs": frame.pair_active.reshape(-1, 2).sum(axis=1, dtype=np.int32),
-                "wire_a": layout.body_wires[:, 0].astype(np.int32),
-                "wire_b": layout.body_wires[:, 1].astype(np.int32),
-                "rhombus": is_rhombus,
-            },
-        )
-        elsewhere = meshio.Mesh(
-            np.asarray(frame.elsewhere_position, dtype=float),
-            [("vertex", np.arange(frame.elsewhere_force.size)[:, None])],
-            point_data={
-                "force": np.asarray(frame.elsewhere_force, dtype=float),
-                "wire_a": frame.elsewhere_wires[:, 0].astype(np.int32),
-                "wire_b": frame.elsewhere_wires[:, 1].astype(np.int32),
-            },
-        )
+        hooks = {
+            "force": frame.body_force,
+            "force_a": frame.pair_force[0::2],
+            "force_b": frame.pair_force[1::2],
+            "active": frame.body_active.astype(np.int32),
+            "active_pairs": frame.pair_active.reshape(-1, 2).sum(axis=1, dtype=np.int32),
+            "rhombus": is_rhombus,
+        }
+        contacts = _points(frame.body_position, layout.body_wires, hooks)
+        elsewhere = _points(frame.elsewhere_position, frame.elsewhere_wires, {"force": frame.elsewhere_force})
         for name, mesh in (("wires", wires), ("contacts", contacts), ("elsewhere", elsewhere)):
             # without a file ParaView shows the contacts of another record
             if layout.in_space if name == "elsewhere" else mesh.points.size:
                 path = directory / f"{name}_{frame.index:06d}.vtu"
-                _write_mesh(path, mesh)
+                with path_aside(path) as aside:
+                    meshio.write(aside, mesh, file_format="vtu", binary=True)
                 series[name].append((frame.index, path))
     collections = []
     for name, members in series.items():
@@ -88,9 +77,11 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
     return collections + [path for members in series.values() for _, path in members]
 
 
-def _write_mesh(path: Path, mesh: Any) -> None:
-    with path_aside(path) as aside:
-        meshio.write(aside, mesh, file_format="vtu", binary=True)
+def _points(position: NDArray[Any], wires: NDArray[Any], data: dict[str, NDArray[Any]]) -> meshio.Mesh:
+    """A vertex a contact, with its wires (contact, 2) and the `data` [contact]."""
+    data = {**data, "wire_a": wires[:, 0].astype(np.int32), "wire_b": wires[:, 1].astype(np.int32)}
+    vertices = [("vertex", np.arange(len(position))[:, None])]
+    return meshio.Mesh(position, vertices, point_data={name: np.ascontiguousarray(one) for name, one in data.items()})
 
 
 def _write_collection(path: Path, members: list[tuple[int, Path]]) -> Path:

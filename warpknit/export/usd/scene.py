@@ -69,7 +69,11 @@ def new_scene(tiles: Sequence[Tile], name: str, scene_hash: str, *, shows_stress
                 for tile in tiles:
                     wires = stage.OverridePrim(f"{PANEL}/{tile.name}/Wires")
                     UsdShade.MaterialBindingAPI.Apply(wires).Bind(gold)
-            _show_surface(stage, level, has_proxy=len(tiles) > 1)
+            surface = stage.OverridePrim(f"{PANEL}/Surface")
+            if level == "surface":
+                UsdGeom.Imageable(surface).CreatePurposeAttr(UsdGeom.Tokens.default_)
+            elif len(tiles) == 1:  # of several tiles it stands in for the wires
+                surface.SetActive(False)
     points = {"full": sum(tile.points.size for tile in tiles), "k8": sum(tile.thinning.kept.size for tile in tiles), "surface": 0}
     levels.SetVariantSelection(next(level for level in LEVELS if points[level] <= SHOWN_POINTS))
     _light_and_camera(stage)
@@ -110,15 +114,6 @@ def _pairs(values: Iterable[tuple[int, int]]) -> Vt.Vec2dArray:
 
 def _variant(layer: Sdf.Layer, level: str) -> Sdf.PrimSpec:
     return layer.GetPrimAtPath(Sdf.Path(PANEL).AppendVariantSelection("lod", level))
-
-
-def _show_surface(stage: Usd.Stage, level: str, *, has_proxy: bool) -> None:
-    """The sheet is what the level `surface` shows; at the others it stands in for the wires of a mesh of several tiles."""
-    surface = stage.OverridePrim(f"{PANEL}/Surface")
-    if level == "surface":
-        UsdGeom.Imageable(surface).CreatePurposeAttr(UsdGeom.Tokens.default_)
-    elif not has_proxy:
-        surface.SetActive(False)
 
 
 def _materials(stage: Usd.Stage) -> tuple[UsdShade.Material, UsdShade.Material]:

@@ -5,8 +5,9 @@ Lengths in mm, stress in MPa, forces in uN.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -76,46 +77,33 @@ class Drawing:
         inside = np.arange(len(self.points)) - np.repeat(self.start[:-1], np.diff(self.start))
         keeps = inside % every == 0
         keeps[self.start[1:] - 1] = True
-        start = np.concatenate([[0], np.cumsum(keeps)])[self.start]
-        return self._points(keeps, start)
+        return self._taken(np.flatnonzero(keeps), np.concatenate([[0], np.cumsum(keeps)])[self.start], np.arange(len(self.place)))
 
     def copied(self, shifts: Floats) -> Drawing:
         """Copies with these shifts (copy, 2) [mm]."""
-        shift = np.concatenate([shifts, np.zeros((len(shifts), 1))], axis=1)[:, None]
-        points, many = len(self.points), len(shifts)
-        start = np.concatenate([[0], *(self.start[1:] + copy * points for copy in range(many))])
-        return Drawing(
-            radius=self.radius, start=start,
-            points=(self.points + shift).reshape(-1, 3), place=(self.place + shift).reshape(-1, 3),
-            stress=np.tile(self.stress, many), wire=np.tile(self.wire, many), index=np.tile(self.index, many),
-            force=np.tile(self.force, many), is_active=np.tile(self.is_active, many), number=np.tile(self.number, many),
-        )  # fmt: skip
+        many, points, contacts = len(shifts), np.arange(len(self.points)), np.arange(len(self.place))
+        start = np.concatenate([[0], *(self.start[1:] + copy * len(points) for copy in range(many))])
+        every = self._taken(np.tile(points, many), start, np.tile(contacts, many))
+        for places, count in ((every.points, len(points)), (every.place, len(contacts))):
+            places[:, :2] += np.repeat(shifts, count, axis=0)
+        return every
 
     def within(self, low: Floats, high: Floats) -> Drawing:
         """The part between two corners (2,) [mm] of a rectangle."""
-
-        def inside(places: Floats) -> np.ndarray:
-            return np.asarray(np.all((places[:, :2] >= low) & (places[:, :2] <= high), axis=1))
-
-        keeps, contacts = inside(self.points), inside(self.place)
+        keeps, contacts = (
+            np.all((places[:, :2] >= low) & (places[:, :2] <= high), axis=1) for places in (self.points, self.place)
+        )
         is_first = np.zeros(len(self.points) + 1, dtype=bool)
         is_first[self.start] = True
         is_first[1:-1] |= keeps[1:] & ~keeps[:-1]
         start = np.append(np.flatnonzero(is_first[:-1][keeps]), np.count_nonzero(keeps))
-        return replace(
-            self._points(keeps, start), place=self.place[contacts], force=self.force[contacts],
-            is_active=self.is_active[contacts], number=self.number[contacts],
-        )  # fmt: skip
+        return self._taken(np.flatnonzero(keeps), start, np.flatnonzero(contacts))
 
-    def _points(self, keeps: np.ndarray, start: Integers) -> Drawing:
-        return replace(
-            self,
-            points=self.points[keeps],
-            stress=self.stress[keeps],
-            wire=self.wire[keeps],
-            index=self.index[keeps],
-            start=start,
-        )
+    def _taken(self, points: Integers, start: Integers, contacts: Integers) -> Drawing:
+        """These points, with their pieces, and these contacts."""
+        taken: dict[str, Any] = {name: getattr(self, name)[points] for name in ("points", "stress", "wire", "index")}
+        taken |= {name: getattr(self, name)[contacts] for name in ("place", "force", "is_active", "number")}
+        return Drawing(radius=self.radius, start=start, **taken)
 
     def pick(self, origin: Floats, direction: Floats, reach: float) -> tuple[int | None, int | None]:
         """Contact and point that a ray of sight meets first within `reach` [mm]; a contact goes before the wire under it."""

@@ -22,7 +22,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 from matplotlib.ticker import MaxNLocator
 
 from ...base.errors import ExportError, InputError
@@ -343,11 +342,9 @@ class Viewer:
             one.xaxis.set_major_locator(MaxNLocator(5))
             one.tick_params(labelsize=7)
             one.xaxis.label.set_size(7.5)
-        FigureCanvasAgg(figure)
-        file = io.BytesIO()
-        figure.savefig(file, format="png")
-        file.seek(0)
-        return (255 * imread(file)[:, :, :3]).astype(np.uint8)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
 def _place_text(place: Floats) -> str:
