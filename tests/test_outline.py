@@ -7,7 +7,7 @@ import pytest
 
 from warpknit.base.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
-from warpknit.mesh.strands import cut_cloth
+from warpknit.mesh.strands import cut_strands
 from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.scene import load_scene, make_scene, resolved_toml
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, turned
@@ -46,21 +46,21 @@ def test_every_wire_begins_and_ends_on_the_outline_and_stays_inside(name: str) -
     scene = make_scene({})
     cloth = knit_cloth(scene.knit, scene.wire.diameter)
     outline = outline_of(name)
-    cut = cut_cloth(cloth, outline)
+    cut = cut_strands(cloth, np.array([thread.spacing for thread in cloth.threads]), outline)
     total = 0.0
     for t, thread in enumerate(cloth.threads):
         curve = ThreadCurve(thread, cloth.size[1])
         here = cut.thread == t
         shift = np.stack([cut.column[here] * cloth.size[0], np.zeros(here.sum())], axis=1)
-        for arc in (cut.begin[here], cut.end[here]):
+        for arc in (cut.arc_begin[here], cut.arc_end[here]):
             assert outline.nearest(curve(arc)[:, :2] + shift)[1] == pytest.approx(0.0, abs=1e-11)
         for share in np.linspace(0.02, 0.98, 40):
-            arc = cut.begin[here] + share * (cut.end[here] - cut.begin[here])
+            arc = cut.arc_begin[here] + share * (cut.arc_end[here] - cut.arc_begin[here])
             place = curve(arc)[:, :2] + shift
             outside = ~outline.contains(place)
             # the samples that find crossings are a hundredth of a loop apart
             assert np.all(outline.nearest(place[outside])[1] < 1e-2 * cloth.stitch_length)
-        total += float(np.sum(cut.end[here] - cut.begin[here]))
+        total += float(np.sum(cut.arc_end[here] - cut.arc_begin[here]))
     density = sum(thread.length for thread in cloth.threads) / np.prod(cloth.size)
     assert total == pytest.approx(density * outline.area, rel=0.5 * outline.length * max(cloth.size) / outline.area / 4)
 
@@ -72,7 +72,7 @@ def test_every_stretch_of_wire_inside_is_a_wire_of_the_cut(name: str) -> None:
     scene = make_scene({})
     cloth = knit_cloth(scene.knit, scene.wire.diameter)
     outline = outline_of(name)
-    cut = cut_cloth(cloth, outline)
+    cut = cut_strands(cloth, np.array([thread.spacing for thread in cloth.threads]), outline)
     for t, thread in enumerate(cloth.threads):
         curve = ThreadCurve(thread, cloth.size[1])
         looks = round(curve.length / 4e-6)
@@ -85,7 +85,7 @@ def test_every_stretch_of_wire_inside_is_a_wire_of_the_cut(name: str) -> None:
             there = np.diff(np.concatenate([[0], outline.contains(strand).astype(int), [0]]))
             stretches = rows[0] * curve.length + step * np.stack([np.flatnonzero(there == 1), np.flatnonzero(there == -1) - 1])
             here = (cut.thread == t) & (cut.column == column)
-            wires = np.stack([cut.begin[here], cut.end[here]])
+            wires = np.stack([cut.arc_begin[here], cut.arc_end[here]])
             long = [ends[:, ends[1] - ends[0] > 2.0 * step] for ends in (stretches, wires)]
             for ends, others in ((long[0], wires), (long[1], stretches)):
                 missed = np.abs(ends[:, :, None] - others[:, None, :]).max(axis=0).min(axis=1, initial=np.inf)

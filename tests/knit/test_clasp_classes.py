@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warpknit.knit.cloth import Cloth, same_cloth
+from warpknit.knit.cloth import Cloth, knit_cloth
 from warpknit.measure.stress_peak import part_of_loop
 from warpknit.scene.knit import Knit
 from warpknit.scene.scene_loader import make_scene
@@ -20,7 +20,7 @@ def atlas() -> Knit:
 
 
 def cloth_of(knit: Knit) -> Cloth:
-    return same_cloth(knit, DIAMETER)
+    return knit_cloth(knit, DIAMETER)
 
 
 def test_the_double_atlas_has_three_classes_of_four_clasps() -> None:
@@ -34,7 +34,7 @@ def test_the_double_atlas_has_three_classes_of_four_clasps() -> None:
 def test_scattered_loops_keep_the_classes_of_equal_ones(seed: int) -> None:
     knit = replace(atlas(), scatter=0.1, seed=seed)
     assert cloth_of(knit).classes.tolist() == cloth_of(knit.even).classes.tolist()
-    assert np.bincount(same_cloth(knit, DIAMETER, True, (2, 2)).classes).tolist() == [16, 16, 16]
+    assert np.bincount(knit_cloth(knit, DIAMETER, True, (2, 2)).classes).tolist() == [16, 16, 16]
 
 
 def test_the_highest_point_of_a_loop_is_its_head_and_the_lowest_its_foot() -> None:

@@ -43,10 +43,10 @@ def test_rhombus_of_the_double_atlas(merge, bodies):
             lift = int(row) * knitted.threads[arm.thread].length
             pairs.add((arm.thread, arm.column + int(column), round(arm.arc + lift, 9)))
         position = knitted.clasps[index].position + [column, row] * knitted.size
-        assert np.all(np.abs(position - rhombus.centre) < 0.6 * knitted.size)
+        assert np.all(np.abs(position - rhombus.opening.centre) < 0.6 * knitted.size)
     assert len(pairs) == 2 * bodies
-    assert is_inside(rhombus.centre[None], rhombus.opening.outline)[0]
-    assert np.all((rhombus.centre >= 0.0) & (rhombus.centre < knitted.size))
+    assert is_inside(rhombus.opening.centre[None], rhombus.opening.outline)[0]
+    assert np.all((rhombus.opening.centre >= 0.0) & (rhombus.opening.centre < knitted.size))
 
 
 def test_rhombus_of_a_longer_atlas_has_two_open_laps_an_edge():

@@ -6,10 +6,12 @@ from scipy.spatial import cKDTree
 
 import warpknit
 from reference.knits import BARS, COARSE, FINE, PAPER, Knit, cloth
+from warpknit.base.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
 from warpknit.knit.lapping import KnitError
 from warpknit.knit.loops import RANGES, LoopProportions
 from warpknit.mesh.layout import knit_scene
+from warpknit.scene import make_scene
 
 
 def closed_line(thread, height):
@@ -182,9 +184,15 @@ def test_loops_wider_than_a_wale_are_refused():
 @pytest.mark.parametrize("field", [*RANGES, "shape"])
 def test_proportions_have_ranges(field):
     for value in (None, "x", 1e9, -1e9, float("nan")):
-        with pytest.raises(KnitError) as caught:
-            LoopProportions(**{field: value})
+        with pytest.raises(SceneError) as caught:
+            make_scene({"knit": {"loop": {field: value}}})
         assert caught.value.key == f"knit.loop.{field}"
+
+
+def test_feet_are_closer_than_legs():
+    with pytest.raises(KnitError) as caught:
+        LoopProportions(foot_half_width=0.18, leg_half_width=0.17)
+    assert caught.value.key == "knit.loop.foot_half_width"
 
 
 def test_the_wire_of_a_loop_is_as_long_as_the_rods_of_the_model_in_space() -> None:

@@ -11,7 +11,7 @@ from warpknit.scene import load_scene, make_scene
 from warpknit.spatial.model import build_model
 from warpknit.spatial.sites import NOWHERE, Sites
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.hooks import find_hooks
+from warpknit.wires.hooks import find_places
 from warpknit.wires.read import rest_wires
 
 SCENES = Path(__file__).parents[2] / "scenes" / "wires"
@@ -35,8 +35,8 @@ def arcs(*signs: float, opening: float = 0.2) -> Wires:
 @pytest.mark.parametrize(("signs", "hooks"), [((1.0, -1.0), 1), ((-1.0, 1.0), 1), ((1.0, 1.0), 0), ((-1.0, -1.0), 0)])
 def test_wires_hook_where_they_lie_over_and_under_each_other(signs: tuple[float, float], hooks: int) -> None:
     """The lens of two arcs of radius 1 that reach 0.2 through each other lies between the angles +-acos(0.9)."""
-    found = find_hooks(arcs(*signs), loop_length=4.0)
-    assert len(found) == hooks
+    found = find_places(arcs(*signs), loop_length=4.0)
+    assert found.hooks == hooks
     if hooks:
         corner = np.arccos(0.9)
         assert found.low == pytest.approx(np.full((1, 2), 1.0 - corner), abs=3e-3)
@@ -45,8 +45,8 @@ def test_wires_hook_where_they_lie_over_and_under_each_other(signs: tuple[float,
 
 
 def test_wires_that_do_not_reach_through_each_other_do_not_hook() -> None:
-    assert len(find_hooks(arcs(1.0, -1.0, opening=-0.1), loop_length=4.0)) == 0
-    assert len(find_hooks(arcs(1.0, -1.0), loop_length=0.5)) == 0, "a lens longer than half a loop is none"
+    assert find_places(arcs(1.0, -1.0, opening=-0.1), loop_length=4.0).hooks == 0
+    assert find_places(arcs(1.0, -1.0), loop_length=0.5).hooks == 0, "a lens longer than half a loop is none"
 
 
 @pytest.mark.parametrize("name", KNITS)
@@ -63,10 +63,10 @@ def test_hooks_of_a_knit_are_its_lenses(name: str) -> None:
     up = np.tile([0, 1], (count, 1))
     again = [p + np.append(size * [k, -k], 0.0) for k, p in enumerate(points)]
     for drawn, shift in ((points, up), (again, up), ([p[::-1] for p in points], -up)):
-        found = find_hooks(Wires(tuple(drawn), ("periodic",) * count, shift, size, None, None), loop)
-        assert len(found) == len(cloth.clasps)
+        found = find_places(Wires(tuple(drawn), ("periodic",) * count, shift, size, None, None), loop)
+        assert found.hooks == len(cloth.clasps)
         expected = np.array([clasp.position for clasp in cloth.clasps])
-        away = (found.position[:, None] - expected + 0.5 * size) % size - 0.5 * size
+        away = (found.position[: found.hooks, None] - expected + 0.5 * size) % size - 0.5 * size
         distance = np.linalg.norm(away, axis=2)
         assert distance[linear_sum_assignment(distance)].max() < 0.1 * loop
 
@@ -82,7 +82,7 @@ def test_hooks_of_a_knit_are_its_lenses(name: str) -> None:
 )
 def test_every_leg_of_plain_knit_hooks(scene: str, overrides: tuple[str, ...], hooks: int) -> None:
     loaded = load_scene(SCENES / f"{scene}.toml", ["wires.loop_size=1.5 mm", *overrides])
-    assert len(find_hooks(rest_wires(loaded), loaded.wires.loop_length)) == hooks
+    assert find_places(rest_wires(loaded), loaded.wires.loop_length).hooks == hooks
 
 
 @pytest.mark.parametrize("repeats", [[1, 2], [2, 2]])

@@ -13,7 +13,7 @@ from warpknit.solve import convergence
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.hooks import find_hooks
+from warpknit.wires.hooks import find_places
 from warpknit.wires.parting import APART, FOUND, pushed_apart
 from warpknit.wires.read import drawn_wires, rest_wires
 
@@ -83,9 +83,8 @@ def test_a_swatch_is_in_equilibrium_where_it_is_apart(kind: str, overlap: float,
     }
     scene = make_scene(tables, path=tmp_path / "swatch.toml")
     model = build_model(scene)
-    assert len(find_hooks(rest_wires(scene), scene.wires.loop_length)) == len(
-        find_hooks(drawn_wires(scene), scene.wires.loop_length)
-    )
+    moved, drawn = (find_places(wires, scene.wires.loop_length).hooks for wires in (rest_wires(scene), drawn_wires(scene)))
+    assert moved == drawn
     first, *_, last = Simulation(model).run()
     assert first.steps == 0 and first.load_factor == 0.0
     assert not len(first.observables.touching.force)

@@ -12,7 +12,7 @@ from warpknit.scene import make_scene
 from warpknit.solve.model import build_model, initial_state, mechanics_of
 from warpknit.spatial import rod_step
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.hooks import find_crossings, find_hooks
+from warpknit.wires.hooks import find_crossings, find_places
 from warpknit.wires.overlaps import find_overlaps
 
 STITCHES, ROWS, LOOP_LENGTH = 12, 9, 18e-3  # [m]
@@ -37,9 +37,9 @@ def test_each_stitch_hooks_the_one_below_with_both_legs(kind: str) -> None:
     wire = as_wire(swatch(kind, STITCHES, ROWS, 0.5))
     below = STITCHES * (ROWS - 1)
     assert len(np.unique(find_crossings(wire).number)) == 4 * below
-    hooks = find_hooks(wire, LOOP_LENGTH)
-    assert len(hooks) == 2 * below and (hooks.wire == 0).all()
-    columns = np.unique(np.round(hooks.position[:, 0], 5))
+    places = find_places(wire, LOOP_LENGTH)
+    assert places.hooks == 2 * below and (places.wire == 0).all()
+    columns = np.unique(np.round(places.position[: places.hooks, 0], 5))
     assert len(columns) == 2 * STITCHES
     assert np.diff(columns[::2]) == pytest.approx(5e-3, abs=3e-5)
 

@@ -16,7 +16,7 @@ import psutil
 from ..base.text import celsius, counted, duration, engineering, exact, memory, percent, rounded
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
-from ..knit.cloth import Cloth, same_cloth
+from ..knit.cloth import Cloth, knit_cloth
 from ..knit.lapping import parse_chain
 from ..mechanics.protocols import Model
 from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
@@ -234,7 +234,7 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
 def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
     """Warnings of overlapping wires in a repeat with loops of mean size."""
     if cloth is not None:
-        repeat = same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
+        repeat = knit_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
         yield from kind_of(scene).overlaps_as_knitted(scene, repeat)
 
 

@@ -60,7 +60,7 @@ def knit_figure(
         handles.append(Line2D([], [], color=_colour(bar), linewidth=1.8, label=f"guide bar {bar + 1}{where}"))
 
     bodies = np.array([clasp.position for clasp in cloth.clasps]).reshape(-1, 2)
-    classes = cloth.classes if len(cloth.classes) else np.zeros(len(bodies), dtype=np.intp)
+    classes = cloth.classes
     mark: LineLook = {"color": BODY_COLOUR, "linestyle": "none", "markersize": MARK_SIZE, "markeredgewidth": 0.0}
     styles: list[LineLook] = []
     for number in np.unique(classes).tolist():
@@ -71,7 +71,7 @@ def knit_figure(
         handles.append(Line2D([], [], label=label, **styles[-1]))
     if cloth.rhombus is not None:
         middle = 0.5 * np.array([columns, rows]) * cloth.size
-        cell = np.round((middle - cloth.rhombus.centre) / cloth.size)
+        cell = np.round((middle - cloth.rhombus.opening.centre) / cloth.size)
         clasps = cloth.rhombus.clasps
         outline = (cloth.rhombus.opening.outline + cell * cloth.size) * MM
         axes.add_patch(Polygon(outline, facecolor=RHOMBUS_COLOUR, alpha=0.12, edgecolor="none", zorder=0.5))

@@ -295,11 +295,9 @@ class Thread:
         return points
 
 
-def thread_line(first_stitch: int, stitches: tuple[Stitch, ...], courses: int, frame: LoopFrame) -> Thread:
-    """Centre line of one thread.
-
-    first_stitch: index of its first stitch among all stitches of the repeat; courses: height of the repeat.
-    """
+def thread_line(number: int, frame: LoopFrame) -> Thread:
+    """Centre line of one thread."""
+    stitches, courses = frame.lapping.threads[number], frame.lapping.courses
     height = courses * frame.course
     keys = _thread_keys(stitches, height, frame)
     plan_keys = np.concatenate([keys.plan, keys.plan[:1] + [0.0, height]])
@@ -325,7 +323,7 @@ def thread_line(first_stitch: int, stitches: tuple[Stitch, ...], courses: int, f
     points[:, 1] += drift * parameter
     points[:, 2] = rise(parameter)
     belongs = keys.owner[np.searchsorted(knots, parameter, side="right") - 1]
-    return Thread(points, float(arc[-1]), first_stitch + belongs, stitches[0].bar)
+    return Thread(points, float(arc[-1]), number * courses + belongs, stitches[0].bar)
 
 
 class _ThreadKeys(NamedTuple):

@@ -17,7 +17,8 @@ deepest point until the grid is finer than 1e-3 of the box.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,10 +145,10 @@ def find_lenses(threads: Sequence[Thread], crossings: Crossings, size: NDArray[n
                 if polygon_area(outline) * side > 0.0:
                     corners = (int(member[p]), int(member[q % len(member)]))
                     lenses.append(Lens((int(first), int(second)), int(column), low, high, side, opposed, outline, corners))
-    return _tightest(lenses)
+    return tightest(lenses)
 
 
-def _tightest(lenses: list[Lens]) -> list[Lens]:
+def tightest(lenses: list[Any]) -> list[Any]:
     """Lenses that share no corner: where two would, as along a twist, the one with the shorter arcs stays."""
     taken: set[int] = set()
     kept = []
@@ -213,8 +214,7 @@ def nested_lenses(threads: Sequence[Thread], lenses: Sequence[Lens], size: NDArr
 def _moved(lens: Lens, row: int, threads: Sequence[Thread], size: NDArray[np.float64]) -> Lens:
     """The copy of a lens `row` repeats up."""
     shift = row * np.array([threads[t].length for t in lens.thread])
-    outline = lens.outline + [0.0, row * size[1]]
-    return Lens(lens.thread, lens.column, lens.low + shift, lens.high + shift, lens.side, lens.opposed, outline, lens.corners)
+    return replace(lens, low=lens.low + shift, high=lens.high + shift, outline=lens.outline + [0.0, row * size[1]])
 
 
 def _gap(lens: Lens, other: Lens) -> float | None:

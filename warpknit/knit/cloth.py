@@ -11,7 +11,7 @@ class of the nearest clasp, in place and shape, of the knit without scatter.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -48,7 +48,7 @@ class Cloth:
     crossings: Crossings
     clasps: tuple[Clasp, ...]
     rhombus: Rhombus | None
-    classes: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))  # [clasp] from `same_cloth`
+    classes: NDArray[np.intp]  # [clasp] from the tightest lens on
 
     @property
     def stitch_length(self) -> float:
@@ -87,21 +87,12 @@ class Cloth:
 
 
 @lru_cache(maxsize=8)
-def same_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
-    """Cached `knit_cloth` of a hashable knit, with the class of each clasp; its arrays must not be changed.
-
-    Classes are numbered from the tightest lens on. knit: has `even`, too, where it has `scatter`.
-    """
-    cloth = knit_cloth(knit, diameter, merge_lenses, tiles)
-    return replace(cloth, classes=_classes(cloth, knit, diameter, merge_lenses))
-
-
 def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tuple[int, int] = (1, 1)) -> Cloth:
-    """Knit one repeat of endless cloth.
+    """Knit one repeat of endless cloth. It is cached: its arrays must not be changed.
 
-    knit: `bars` (each with `chain`, `threading`, `shift`, and `loop_scale` where loops differ by bar), `wale_spacing` [m],
-    `course_spacing` [m], `loop` (`LoopProportions` or any object with its names, None for the defaults), and, where loops
-    differ at random, `scatter` and `seed`.
+    knit: hashable, with `bars` (each with `chain`, `threading`, `shift`, and `loop_scale` where loops differ by bar),
+    `wale_spacing` [m], `course_spacing` [m], `loop` (`LoopProportions` or any object with its names), and, where loops differ at
+    random, `scatter`, `seed` and `even`, the same without scatter.
     diameter: of the wire, or thickness of the yarn [m].
     merge_lenses: one clasp for nested lenses of the same wires.
     tiles: pattern repeats (weft, warp) taken as one repeat.
@@ -109,9 +100,6 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     """
     proportions = LoopProportions.of(knit.loop)
     wale, course = float(knit.wale_spacing), float(knit.course_spacing)
-    for key, value in (("knit.wale_spacing", wale), ("knit.course_spacing", course), ("wire.diameter", diameter)):
-        if not 0.0 < value < np.inf:
-            raise KnitError(key, f"{value!r} is not above 0", "write a length above 0 m")
     lapping = lapping_table(knit.bars, tiles)
     shape = loop_shape(lapping, proportions)
     scatter = float(getattr(knit, "scatter", 0.0))
@@ -136,14 +124,20 @@ def knit_cloth(knit: Any, diameter: float, merge_lenses: bool = True, tiles: tup
     threads, crossings, size = knitted.threads, knitted.crossings, knitted.size
     clasps = make_clasps(threads, found, size)
     rhombus = find_rhombus(threads, lapping.stitches, crossings, clasps, size, SCATTERED_ALIKE if scatter else ALIKE)
-    return Cloth(size, lapping.wales, lapping.courses, shape, threads, lapping.stitches, crossings, clasps, rhombus)
+    if scatter:
+        classes = _classes_of_nearest(clasps, knit_cloth(knit.even, diameter, merge_lenses))
+    else:
+        classes = _classes_by_shape(_shapes(clasps), SAME_SHAPE * knit.wale_spacing)
+    return Cloth(size, lapping.wales, lapping.courses, shape, threads, lapping.stitches, crossings, clasps, rhombus, classes)
 
 
 @lru_cache(maxsize=8)
 def _repeat(frame: LoopFrame, merge_lenses: bool) -> tuple[Knitted, list[list[Lens]]]:
-    """One repeat of equal loops and its lenses; they must not be changed."""
+    """One repeat of equal loops, and the lenses of each clasp: one, or all that are nested. They must not be changed."""
     knitted = _knitted(frame)
-    return knitted, _lenses(knitted, merge_lenses)
+    threads, size = knitted.threads, knitted.size
+    lenses = find_lenses(threads, knitted.crossings, size, knitted.lengths.sum() / len(frame.lapping.stitches))
+    return knitted, nested_lenses(threads, lenses, size) if merge_lenses else [[lens] for lens in lenses]
 
 
 def _knitted(frame: LoopFrame) -> Knitted:
@@ -153,8 +147,7 @@ def _knitted(frame: LoopFrame) -> Knitted:
 
 
 def _threads(frame: LoopFrame) -> tuple[Thread, ...]:
-    courses = frame.lapping.courses
-    return tuple(thread_line(number * courses, stitches, courses, frame) for number, stitches in enumerate(frame.lapping.threads))
+    return tuple(thread_line(number, frame) for number in range(len(frame.lapping.threads)))
 
 
 def _scattered(frame: LoopFrame, scatter: float, seed: int, repeat: Knitted) -> LoopFrame:
@@ -175,25 +168,15 @@ def _scattered(frame: LoopFrame, scatter: float, seed: int, repeat: Knitted) -> 
         share[crowded] *= np.where(share[crowded] > LEAST_SHARE, 0.5, 0.0)
 
 
-def _lenses(knitted: Knitted, merge: bool) -> list[list[Lens]]:
-    """The lenses of each clasp of equal loops: one, or all that are nested."""
-    threads, size = knitted.threads, knitted.size
-    lenses = find_lenses(threads, knitted.crossings, size, knitted.lengths.sum() / len(knitted.lapping.stitches))
-    return nested_lenses(threads, lenses, size) if merge else [[lens] for lens in lenses]
-
-
 CLASS_NAMES = "ABCDEFGHIJKL"  # the last one also takes further classes
 SAME_SHAPE = 0.02  # of the wale spacing: centre lines are sampled, so that equal lenses differ a little
 
 
-def _classes(cloth: Cloth, knit: Any, diameter: float, merge_lenses: bool) -> NDArray[np.intp]:
-    """Class of each clasp [clasp]; for scattered loops, of the nearest and most similar clasp of equal loops."""
-    if not knit.scatter:
-        return _classes_by_shape(_shapes(cloth.clasps), SAME_SHAPE * knit.wale_spacing)
-    even = same_cloth(knit.even, diameter, merge_lenses)
-    apart = _places(cloth.clasps)[:, None] - _places(even.clasps)
+def _classes_of_nearest(clasps: Sequence[Clasp], even: Cloth) -> NDArray[np.intp]:
+    """Class of each clasp [clasp] of scattered loops: of the nearest and most similar clasp of equal loops."""
+    apart = _places(clasps)[:, None] - _places(even.clasps)
     apart -= np.round(apart / even.size) * even.size
-    unlike = _shapes(cloth.clasps)[:, None] - _shapes(even.clasps)
+    unlike = _shapes(clasps)[:, None] - _shapes(even.clasps)
     distance = np.linalg.norm(apart, axis=2) + np.linalg.norm(unlike, axis=2)
     return np.asarray(even.classes[np.argmin(distance, axis=1)])
 

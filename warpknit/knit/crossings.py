@@ -1,23 +1,26 @@
 """Crossings of the wires in plan view, with their over/under sign.
 
 A wire copy is (thread, column): the endless thread, `column` repeats to the right.  Two segments p + t u and q + s v
-cross where p + t u = q + s v with t, s in [0, 1]; only segments of chunks whose boxes overlap are tried.
+cross where p + t u = q + s v with t, s in [0, 1].
 At a crossing over = +1 where the first wire is in front (larger z), and turn = +1 where the second wire runs to the
 left of the first, turn = sign(u x v).  Their product is the sign of the crossing in the sense of knot theory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
+from scipy.spatial import cKDTree
 
 from .centreline import Thread
 
-CHUNK = 16  # segments to a box
+SLACK = 1e-9  # segments beyond the ends of a segment, where it still crosses another
+MOST_IMAGES = 500  # of a repeat
+ANY = 10**12
 
 
 @dataclass(frozen=True)
@@ -48,104 +51,92 @@ def find_crossings(threads: Sequence[Thread], size: NDArray[np.float64]) -> Cros
     count = np.array([len(t.points) for t in threads])
     spacing = np.array([t.spacing for t in threads])
 
-    first, second, column, row = _near_segments(start, end, size)
+    middle = 0.5 * (start + end)[:, :2]
+    home = np.floor(middle / size).astype(int)
+    longest = float(np.linalg.norm((end - start)[:, :2], axis=1).max())
+    (found,) = candidate_pairs(middle - home * size, size, (1.0 + SLACK) * longest)
+    assert found is not None
+    first, second, repeat = found
+    column, row = (repeat + home[first] - home[second]).T
+    swap = (column < 0) | ((column == 0) & (row < 0))
+    first, second = np.where(swap, second, first), np.where(swap, first, second)
+    column, row = np.where(swap, -column, column), np.where(swap, -row, row)
     near = (thread[first] == thread[second]) & (column == 0)
     apart = np.abs(number[first] - number[second] - row * count[thread[second]])
     keep = ~near | (apart > 1)
     first, second, column, row = first[keep], second[keep], column[keep], row[keep]
 
-    shift = np.stack([column * size[0], row * size[1]], axis=1)
     u, v = (end - start)[first], (end - start)[second]
-    offset = start[second, :2] + shift - start[first, :2]
-    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    offset = start[second, :2] + np.stack([column * size[0], row * size[1]], axis=1) - start[first, :2]
+    cross = plan_cross(u, v)
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = (offset[:, 0] * v[:, 1] - offset[:, 1] * v[:, 0]) / cross
-        s = (offset[:, 0] * u[:, 1] - offset[:, 1] * u[:, 0]) / cross
-    slack = 1e-9
-    hit = (t >= -slack) & (t <= 1.0 + slack) & (s >= -slack) & (s <= 1.0 + slack)
-    first, second, column, row = first[hit], second[hit], column[hit], row[hit]
-    t, s, u, v, cross = t[hit], s[hit], u[hit], v[hit], cross[hit]
-
+        t, s = plan_cross(offset, v) / cross, plan_cross(offset, u) / cross
+    hit = (t >= -SLACK) & (t <= 1.0 + SLACK) & (s >= -SLACK) & (s <= 1.0 + SLACK)
+    first, second, column, row = (x[hit] for x in (first, second, column, row))
+    t, s, u, v, cross = (x[hit] for x in (t, s, u, v, cross))
     position = start[first, :2] + t[:, None] * u[:, :2]
     height = np.stack([start[first, 2] + t * u[:, 2], start[second, 2] + s * v[:, 2]], axis=1)
-    arcs = np.stack(
-        [
-            (number[first] + t) * spacing[thread[first]],
-            (number[second] + s + row * count[thread[second]]) * spacing[thread[second]],
-        ],
-        axis=1,
-    )
     pair = np.stack([thread[first], thread[second]], axis=1)
-    columns = np.stack([np.zeros_like(column), column], axis=1)
-    return _canonical(position, pair, columns, arcs, height, np.sign(cross).astype(int), threads, size)
+    place = np.stack([number[first] + t, number[second] + s + row * count[pair[:, 1]]], axis=1)
+    columns, arc, turn = np.stack([0 * column, column], axis=1), place * spacing[pair], np.sign(cross).astype(int)
 
-
-def _near_segments(
-    start: NDArray[np.float64], end: NDArray[np.float64], size: NDArray[np.float64]
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of segments (first, second moved by column and row repeats) in overlapping boxes, each pair once."""
-    total = len(start)
-    chunks = -(-total // CHUNK)
-    index = np.minimum(np.arange(chunks * CHUNK), total - 1).reshape(chunks, CHUNK)
-    both = np.stack([start[index, :2], end[index, :2]])
-    low, high = both.min(axis=(0, 2)), both.max(axis=(0, 2))
-    reach = np.ceil((high.max(axis=0) - low.min(axis=0)) / size).astype(int)
-    found = []
-    middle = 0.5 * (low + high)
-    tree, widest = KDTree(middle), float((high - low).max())
-    for column in range(reach[0] + 1):
-        for row in range(-reach[1] if column else 0, reach[1] + 1):
-            shift = [column, row] * size
-            # boxes that overlap have their middles within the widest of them in x and in y
-            beside = tree.query_ball_point(middle - shift, widest, p=np.inf, return_sorted=True)
-            a = np.repeat(np.arange(chunks), [len(others) for others in beside])
-            b = np.concatenate([np.asarray(others, dtype=np.intp) for others in beside])
-            meet = np.all((low[a] <= high[b] + shift) & (low[b] + shift <= high[a]), axis=1)
-            if column == 0 and row == 0:
-                meet &= a <= b
-            a, b = a[meet], b[meet]
-            found.append(np.stack([a, b, np.full_like(a, column), np.full_like(a, row)]))
-    a, b, columns, rows = np.concatenate(found, axis=1)
-    pick = np.arange(CHUNK)
-    first = (a[:, None, None] * CHUNK + pick[:, None] + 0 * pick).ravel()
-    second = (b[:, None, None] * CHUNK + pick + 0 * pick[:, None]).ravel()
-    columns, rows = np.repeat(columns, CHUNK * CHUNK), np.repeat(rows, CHUNK * CHUNK)
-    keep = (first < total) & (second < total) & ((columns != 0) | (rows != 0) | (first < second))
-    return first[keep], second[keep], columns[keep], rows[keep]
-
-
-def _canonical(
-    position: NDArray[np.float64],
-    thread: NDArray[np.intp],
-    column: NDArray[np.intp],
-    arc: NDArray[np.float64],
-    height: NDArray[np.float64],
-    turn: NDArray[np.intp],
-    threads: Sequence[Thread],
-    size: NDArray[np.float64],
-) -> Crossings:
-    """Order the wires of each crossing, move it to the base repeat, drop duplicates."""
-    step = column[:, 1] - column[:, 0]
-    swap = (thread[:, 0] > thread[:, 1]) | (
-        (thread[:, 0] == thread[:, 1]) & ((step < 0) | ((step == 0) & (arc[:, 0] > arc[:, 1])))
-    )
-    for pair in (thread, column, arc, height):
-        pair[swap] = pair[swap, ::-1]
+    # the wires of each crossing in order
+    is_self = pair[:, 0] == pair[:, 1]
+    swap = (pair[:, 0] > pair[:, 1]) | (is_self & ((column < 0) | ((column == 0) & (arc[:, 0] > arc[:, 1]))))
+    for values in (pair, columns, arc, height):
+        values[swap] = values[swap, ::-1]
     turn = np.where(swap, -turn, turn)
-
-    cell = np.floor(position / size + 1e-9).astype(int)
-    lengths = np.array([t.length for t in threads])
-    position = position - cell * size
-    column = column - cell[:, :1]
-    arc = arc - cell[:, 1:] * lengths[thread]
-
-    order = np.lexsort((arc[:, 0], column[:, 1], column[:, 0], thread[:, 1], thread[:, 0]))
-    position, thread, column, arc = position[order], thread[order], column[order], arc[order]
-    height, turn = height[order], turn[order]
-    tolerance = 1e-3 * min(t.spacing for t in threads)
+    # in the base repeat
+    cell = np.floor(position / size + SLACK).astype(int)
+    position, columns = position - cell * size, columns - cell[:, :1]
+    arc = arc - cell[:, 1:] * np.array([t.length for t in threads])[pair]
+    # sorted, each once
+    order = np.lexsort((arc[:, 0], columns[:, 1], columns[:, 0], pair[:, 1], pair[:, 0]))
+    position, pair, columns, arc, height, turn = (x[order] for x in (position, pair, columns, arc, height, turn))
     fresh = np.ones(len(order), dtype=bool)
-    same = np.all((thread[1:] == thread[:-1]) & (column[1:] == column[:-1]), axis=1)
-    fresh[1:] = ~(same & np.all(np.abs(arc[1:] - arc[:-1]) < tolerance, axis=1))
+    same = np.all((pair[1:] == pair[:-1]) & (columns[1:] == columns[:-1]), axis=1)
+    fresh[1:] = ~(same & np.all(np.abs(arc[1:] - arc[:-1]) < 1e-3 * spacing.min(), axis=1))
     rise = (height[:, 0] - height[:, 1])[fresh]
     over = np.where(rise >= 0.0, 1, -1)
-    return Crossings(position[fresh], thread[fresh], column[fresh], arc[fresh], over, turn[fresh], np.abs(rise))
+    return Crossings(position[fresh], pair[fresh], columns[fresh], arc[fresh], over, turn[fresh], np.abs(rise))
+
+
+def plan_cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(pair,) cross products in plan view of vectors (pair, 2 or 3)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def candidate_pairs(
+    middle: NDArray[np.float64], period: NDArray[np.float64] | None, radius: float, most: int = ANY, block: int = ANY
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]] | None]:
+    """Pairs of segments with middles nearer than `radius` [m], in blocks of about `block` pairs; None for more than `most`.
+
+    middle: (segment, 2 or 3) [m] in the first repeat. Yields both segments (pair,), and the repeat (pair, 2) of the second. Each
+    pair once: from the segment with the smaller number, or from the previous repeat.
+    """
+    owner, offset = np.arange(len(middle)), np.zeros((len(middle), 2), dtype=np.int64)
+    if period is not None:
+        most_x, most_y = np.ceil(radius / period).tolist()
+        if (2.0 * most_x + 1.0) * (2.0 * most_y + 1.0) > MOST_IMAGES:
+            yield None
+            return
+        images = []
+        for repeat in itertools.product(range(-int(most_x), int(most_x) + 1), range(-int(most_y), int(most_y) + 1)):
+            place = middle + np.pad(repeat * period, (0, middle.shape[1] - 2))
+            near = np.flatnonzero(((place[:, :2] >= -radius) & (place[:, :2] <= period + radius)).all(axis=1))
+            images.append((near, np.broadcast_to(repeat, (len(near), 2)), place[near]))
+        owner, offset, middle = (np.concatenate(part) for part in zip(*images, strict=True))
+    own, tree = np.flatnonzero(~offset.any(axis=1)), cKDTree(middle)
+    total = cKDTree(middle[own]).count_neighbors(tree, radius)
+    if total > most:
+        yield None
+        return
+    step = max(1, len(own) * block // total)
+    for first in range(0, len(own), step):
+        part = own[first : first + step]
+        found = cKDTree(middle[part]).sparse_distance_matrix(tree, radius, output_type="ndarray")
+        a, second = owner[part[found["i"]]], found["j"]
+        b, repeat = owner[second], offset[second]
+        is_later = (repeat[:, 0] > 0) | ((repeat[:, 0] == 0) & (repeat[:, 1] > 0))
+        kept = (a < b) | ((a == b) & is_later)
+        yield a[kept], b[kept], repeat[kept]

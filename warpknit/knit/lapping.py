@@ -13,15 +13,16 @@ threading such as ``|.`` repeats along the guide bar: ``|`` is a guide with a wi
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
 from typing import Any, Literal
 
-from ..base.errors import BadValue
+import numpy as np
 
-_LINK = re.compile(r"(\d+)-(\d+)")
+from ..base.errors import BadValue
 
 
 class KnitError(BadValue, ValueError):
@@ -46,32 +47,20 @@ class Link:
         return (self.end > self.start) - (self.end < self.start)
 
 
-def parse_chain(text: object, key: str = "chain") -> tuple[Link, ...]:
+def parse_chain(text: str, key: str = "chain") -> tuple[Link, ...]:
     """Links of a chain such as ``1-0/1-2/2-3/2-1``.
 
-    Raises `KnitError` for an empty chain, a missing link, characters or numbers that are not gaps, an overlap of more
-    than one needle, and laps that do not return: the underlap that closes the repeat may not be longer than the
-    longest one within the chain (or one needle).
+    Raises `KnitError` for an overlap of more than one needle, and laps that do not return: the underlap that closes the repeat
+    may not be longer than the longest one within the chain (or one needle).
 
     >>> [(link.needle, link.direction) for link in parse_chain("1-0/1-2/2-3/2-1")]
     [(0, -1), (1, 1), (2, 1), (1, -1)]
     """
-    if not isinstance(text, str):
-        raise KnitError(key, f"{text!r} is not text", "write links a-b joined by '/', such as '1-0/1-2'")
-    if not text.strip():
-        raise KnitError(key, f"{text!r} has no link", "write at least one, such as '1-0/1-2'")
-    links = []
-    for number, word in enumerate(text.split("/"), start=1):
-        word = word.strip()
-        if not word:
-            raise KnitError(key, f"{text!r} has no link at place {number}", "write links a-b joined by '/'")
-        match = _LINK.fullmatch(word)
-        if match is None:
-            raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write two whole numbers a-b")
-        link = Link(int(match[1]), int(match[2]))
+    links = [Link(*map(int, word.split("-"))) for word in text.split("/")]
+    for number, link in enumerate(links, start=1):
         if abs(link.end - link.start) > 1:
-            raise KnitError(key, f"{text!r} has {word!r} at place {number}", "write numbers that differ by at most one")
-        links.append(link)
+            wrong = f"{text!r} has '{link.start}-{link.end}' at place {number}"
+            raise KnitError(key, wrong, "write numbers that differ by at most one")
     underlaps = [abs(after.start - link.end) for link, after in zip(links, links[1:] + links[:1], strict=True)]
     longest = max([1, *underlaps[:-1]])
     if underlaps[-1] > longest:
@@ -96,26 +85,6 @@ def single_steps(chains: Sequence[str]) -> list[str]:
     if not laps or any(number % 2 for number in numbers):
         return list(chains)
     return [re.sub(r"\d+", lambda number: str(int(number[0]) // 2), chain) for chain in chains]
-
-
-def parse_threading(text: object, key: str = "threading") -> tuple[bool, ...]:
-    """Guides of a threading such as ``|.``: True where a guide carries a wire.
-
-    >>> parse_threading("|.")
-    (True, False)
-    """
-    if not isinstance(text, str) or not text or set(text) - {"|", "."}:
-        raise KnitError(key, f"{text!r} is no threading", "write '|' for a wire and '.' for none, such as '|.'")
-    if "|" not in text:
-        raise KnitError(key, f"{text!r} has no wire", "write at least one '|'")
-    return tuple(character == "|" for character in text)
-
-
-def parse_shift(value: object, key: str = "shift") -> int:
-    """Needles by which a guide bar starts to the right."""
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise KnitError(key, f"{value!r} is not a whole number", "write a number of needles")
-    return value
 
 
 Kind = Literal["closed", "open", "inlay"]
@@ -149,28 +118,29 @@ class Lapping:
         count = len(self.stitches) // self.courses
         return tuple(self.stitches[t * self.courses : (t + 1) * self.courses] for t in range(count))
 
+    @cached_property
+    def _loops(self) -> dict[tuple[int, int], list[int]]:
+        """Numbers of the loops on each needle of the repeat in each course, layer by layer."""
+        found: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for number, stitch in enumerate(self.stitches):
+            if stitch.kind != "inlay":
+                found[stitch.needle % self.wales, stitch.course].append(number)
+        return found
+
     @property
     def formed_together(self) -> tuple[int, ...]:
         """[stitch] number of the first loop on its needle in its course; an inlay has its own."""
-        return tuple(n if s.kind == "inlay" else self._loop_at[self._place(s, layer=0)] for n, s in enumerate(self.stitches))
+        loops = self._loops
+        return tuple(n if s.kind == "inlay" else loops[s.needle % self.wales, s.course][0] for n, s in enumerate(self.stitches))
 
     @cached_property
     def heads_below(self) -> tuple[int, ...]:
         """Number of the loop [stitch] whose head it is drawn through: in its layer, or the last there; its own for an inlay."""
-        return tuple(n if s.kind == "inlay" else self._head_below(s) for n, s in enumerate(self.stitches))
-
-    def _head_below(self, stitch: Stitch) -> int:
-        places = (self._place(stitch, layer, course=stitch.course - 1) for layer in range(stitch.layer, -1, -1))
-        return next(self._loop_at[place] for place in places if place in self._loop_at)
-
-    def _place(self, stitch: Stitch, layer: int, course: int | None = None) -> tuple[int, int, int]:
-        """Needle in the repeat, course in the repeat, layer."""
-        return stitch.needle % self.wales, (stitch.course if course is None else course) % self.courses, layer
-
-    @cached_property
-    def _loop_at(self) -> dict[tuple[int, int, int], int]:
-        """Number of the loop of each place."""
-        return {self._place(s, s.layer): n for n, s in enumerate(self.stitches) if s.kind != "inlay"}
+        found = []
+        for number, stitch in enumerate(self.stitches):
+            below = self._loops.get((stitch.needle % self.wales, (stitch.course - 1) % self.courses), [])
+            found.append(number if stitch.kind == "inlay" else below[min(stitch.layer, len(below) - 1)])
+        return tuple(found)
 
 
 def lap_kind(link: Link, after: Link) -> Kind:
@@ -186,40 +156,31 @@ def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lappi
 
     bars: objects with `chain` (str), `threading` (str), `shift` (int). The first bar lies nearest the technical face; the
     underlaps of later bars run behind those before. tiles: pattern repeats (along weft, along warp) taken as one repeat. Raises
-    `KnitError` where a bar is malformed or a needle receives no loop in some course.
+    `KnitError` where a chain does not return or a needle receives no loop in some course.
     """
-    if not bars:
-        raise KnitError("knit.bars", "a knit without bars", "write at least one guide bar")
     chains = [parse_chain(bar.chain, f"knit.bars[{i}].chain") for i, bar in enumerate(bars)]
-    threadings = [parse_threading(bar.threading, f"knit.bars[{i}].threading") for i, bar in enumerate(bars)]
-    shifts = [parse_shift(bar.shift, f"knit.bars[{i}].shift") for i, bar in enumerate(bars)]
-    wales = lcm(*map(len, threadings)) * tiles[0]
+    wales = lcm(*(len(bar.threading) for bar in bars)) * tiles[0]
     courses = lcm(*map(len, chains)) * tiles[1]
 
-    loops = [[0] * courses for _ in range(wales)]
+    loops = np.zeros((wales, courses), dtype=int)
     stitches = []
     thread = 0
-    for bar, (chain, threading, shift) in enumerate(zip(chains, threadings, shifts, strict=True)):
-        bar_loops = []
+    for number, (bar, chain) in enumerate(zip(bars, chains, strict=True)):
+        before = loops.copy()
         for guide in range(wales):
-            if not threading[guide % len(threading)]:
+            if bar.threading[guide % len(bar.threading)] != "|":
                 continue
             for course in range(courses):
                 link, after = chain[course % len(chain)], chain[(course + 1) % len(chain)]
-                needle = link.needle + shift + guide
-                kind = lap_kind(link, after)
-                layer = 0 if kind == "inlay" else loops[needle % wales][course]
-                stitches.append(Stitch(thread, course, needle, bar, kind, link.direction, layer))
+                needle = link.needle + bar.shift + guide
+                kind, layer = lap_kind(link, after), 0
                 if kind != "inlay":
-                    bar_loops.append((needle % wales, course))
+                    layer = int(before[needle % wales, course])
+                    loops[needle % wales, course] += 1
+                stitches.append(Stitch(thread, course, needle, number, kind, link.direction, layer))
             thread += 1
-        for needle, course in bar_loops:
-            loops[needle][course] += 1
-
-    for needle in range(wales):
-        for course in range(courses):
-            if loops[needle][course] == 0:
-                given = " ".join(bar.threading for bar in bars)
-                wrong = f"with {given!r} needle {needle} of {wales} has no loop in course {course}"
-                raise KnitError("knit.bars.threading", wrong, "write bars that knit on every needle in every course")
+    for needle, course in np.argwhere(loops == 0)[:1]:
+        given = " ".join(bar.threading for bar in bars)
+        wrong = f"with {given!r} needle {needle} of {wales} has no loop in course {course}"
+        raise KnitError("knit.bars.threading", wrong, "write bars that knit on every needle in every course")
     return Lapping(wales, courses, len(bars), tuple(stitches))

@@ -12,6 +12,7 @@ courses, with the same two wires and signs.
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -53,90 +54,69 @@ class Knitted:
         return np.asarray(np.interp(place, begins, np.arange(len(begins))) + turns * self.lapping.courses)
 
 
-@dataclass(frozen=True)
-class _Corners:
-    """Crossings of scattered loops that have the same wires and signs."""
-
-    number: NDArray[np.intp]  # [corner] crossing
-    courses: NDArray[np.float64]  # (corner, 2) along the first and the second wire of the repeat
-    swapped: bool  # whether the crossing has these wires in the other order
-
-
 def lenses_of_scattered(scattered: Knitted, repeat: Knitted, bunches: Sequence[Sequence[Lens]]) -> list[list[Lens]] | None:
     """Lenses of each clasp of scattered loops; bunches: of one repeat of equal loops.
 
     None where a corner has no counterpart of its own: the loops hook otherwise.
     """
-    corners = _corners_by_key(scattered, repeat)
-    columns, rows = scattered.lapping.wales // repeat.lapping.wales, scattered.lapping.courses // repeat.lapping.courses
-    found, taken = [], []
-    for column in range(columns):
-        for row in range(rows):
-            for bunch in bunches:
-                lenses = [_counterpart(lens, (column, row), scattered, repeat, corners) for lens in bunch]
-                if any(lens is None for lens in lenses):
-                    return None
-                found.append([lens for lens in lenses if lens is not None])
-                taken += [corner for lens in found[-1] for corner in lens.corners]
-    return found if len(set(taken)) == len(taken) else None
-
-
-def _corners_by_key(scattered: Knitted, repeat: Knitted) -> dict[Key, _Corners]:
-    crossings, columns = scattered.crossings, scattered.lapping.wales // repeat.lapping.wales
-    copies = [_copied_thread(scattered, thread, repeat) for thread in range(len(scattered.threads))]
-    groups: dict[tuple[Key, bool], list[int]] = defaultdict(list)
+    crossings, (wales, courses) = scattered.crossings, (repeat.lapping.wales, repeat.lapping.courses)
+    columns, rows, period = scattered.lapping.wales // wales, scattered.lapping.courses // courses, scattered.lapping.courses
+    first = [stitches[0] for stitches in repeat.lapping.threads]
+    homes = {(stitch.bar, stitch.needle % wales): number for number, stitch in enumerate(first)}
+    copies = []  # of each thread: thread of the repeat, and repeats to its right
+    places = np.empty(crossings.arc.shape)  # (crossing, 2) courses along the first and the second wire of the repeat
+    for number, (stitch, *_) in enumerate(scattered.lapping.threads):
+        home = homes[stitch.bar, stitch.needle % wales]
+        copies.append((home, (stitch.needle - first[home].needle) // wales))
+        here = crossings.thread == number
+        places[here] = scattered.courses_at(number, crossings.arc[here])
+    known: dict[Key, list[int]] = defaultdict(list)
+    swapped = np.zeros(len(crossings), dtype=bool)  # whether the crossing has the wires of the repeat in the other order
     for number in range(len(crossings)):
-        threads, column = crossings.thread[number], crossings.column[number]
-        (one, left), (two, right) = (copies[thread] for thread in threads)
+        column = crossings.column[number]
+        (one, left), (two, right) = (copies[thread] for thread in crossings.thread[number])
         left, right = left + columns * int(column[0]), right + columns * int(column[1])
         signs = int(crossings.over[number]), int(crossings.turn[number])
-        swapped = (one, 0) > (two, right - left)
-        if swapped:
+        if (one, 0) > (two, right - left):
             one, two, left, right, signs = two, one, right, left, (-signs[0], -signs[1])
-        groups[(one, two, right - left, *signs, left % columns), swapped].append(number)
-    found = {}
-    for (key, swapped), numbers in groups.items():
-        threads = crossings.thread[numbers[0]]
-        courses = [scattered.courses_at(int(threads[w]), crossings.arc[numbers, w]) for w in (0, 1)]
-        found[key] = _Corners(np.array(numbers), np.stack(courses[::-1] if swapped else courses, axis=1), swapped)
-    return found
+            swapped[number], places[number] = True, places[number, ::-1].copy()
+        key = (one, two, right - left, *signs, left % columns)
+        known[key].append(number)
 
+    def counterpart(lens: Lens, column: int, row: int) -> Lens | None:
+        """Lens of scattered loops for a lens of the repeat, moved by columns and rows of repeats."""
+        low, high = (
+            np.concatenate([repeat.courses_at(t, ends[w : w + 1]) for w, t in enumerate(lens.thread)])
+            for ends in (lens.low, lens.high)
+        )
+        ends = [low, high] if not lens.opposed else [np.array([low[0], high[1]]), np.array([high[0], low[1]])]
+        numbers, arcs = [], []
+        for end, corner in zip(ends, lens.corners, strict=True):
+            signs = int(repeat.crossings.over[corner]), int(repeat.crossings.turn[corner])
+            alike = known.get((*lens.thread, lens.column, *signs, column))
+            if alike is None:
+                return None
+            apart = places[alike] - end - row * courses
+            turns = np.round(apart.mean(axis=1) / period)
+            nearest = int(np.argmin(np.linalg.norm(apart - period * turns[:, None], axis=1)))
+            numbers.append(alike[nearest])
+            lengths = scattered.lengths[crossings.thread[alike[nearest]]]
+            arcs.append(crossings.arc[alike[nearest]] - turns[nearest] * lengths)
+        threads = tuple(crossings.thread[numbers[0]].tolist())
+        across = int(np.diff(crossings.column[numbers[0]])[0])
+        low, high = np.minimum(*arcs), np.maximum(*arcs)
+        outline = lens_outline(scattered.threads, threads, across, low, high, lens.opposed, scattered.size)
+        side = lens.sides[int(swapped[numbers[0]])]
+        return Lens(threads, across, low, high, side, lens.opposed, outline, (numbers[0], numbers[1]))
 
-def _copied_thread(scattered: Knitted, thread: int, repeat: Knitted) -> tuple[int, int]:
-    """Thread of the repeat with this copy, and the repeats to its right."""
-    first = scattered.lapping.threads[thread][0]
-    for number, stitches in enumerate(repeat.lapping.threads):
-        copies, rest = divmod(first.needle - stitches[0].needle, repeat.lapping.wales)
-        if stitches[0].bar == first.bar and rest == 0:
-            return number, copies
-    raise AssertionError(f"thread {thread} is a copy of no thread of the repeat")
-
-
-def _counterpart(
-    lens: Lens, place: tuple[int, int], scattered: Knitted, repeat: Knitted, corners: dict[Key, _Corners]
-) -> Lens | None:
-    """Lens of scattered loops for a lens of the repeat, moved by `place` repeats."""
-    low, high = (
-        np.stack([repeat.courses_at(t, ends[w : w + 1])[0] for w, t in enumerate(lens.thread)]) for ends in (lens.low, lens.high)
-    )
-    ends = [low, high] if not lens.opposed else [np.array([low[0], high[1]]), np.array([high[0], low[1]])]
-    numbers, arcs, swapped = [], [], False
-    for end, corner in zip(ends, lens.corners, strict=True):
-        signs = int(repeat.crossings.over[corner]), int(repeat.crossings.turn[corner])
-        known = corners.get((*lens.thread, lens.column, *signs, place[0]))
-        if known is None:
+    found = []
+    for column, row, bunch in itertools.product(range(columns), range(rows), bunches):
+        lenses = [counterpart(lens, column, row) for lens in bunch]
+        found.append([lens for lens in lenses if lens is not None])
+        if len(found[-1]) < len(lenses):
             return None
-        apart = known.courses - end - place[1] * repeat.lapping.courses
-        turns = np.round(apart.mean(axis=1) / scattered.lapping.courses)
-        nearest = int(np.argmin(np.linalg.norm(apart - scattered.lapping.courses * turns[:, None], axis=1)))
-        number, swapped = int(known.number[nearest]), known.swapped
-        numbers.append(number)
-        arcs.append(scattered.crossings.arc[number] - turns[nearest] * scattered.lengths[scattered.crossings.thread[number]])
-    threads = tuple(scattered.crossings.thread[numbers[0]].tolist())
-    column = int(np.diff(scattered.crossings.column[numbers[0]])[0])
-    low, high = np.minimum(*arcs), np.maximum(*arcs)
-    outline = lens_outline(scattered.threads, threads, column, low, high, lens.opposed, scattered.size)
-    return Lens(threads, column, low, high, lens.sides[int(swapped)], lens.opposed, outline, (numbers[0], numbers[1]))
+    taken = [corner for lenses in found for lens in lenses for corner in lens.corners]
+    return found if len(set(taken)) == len(taken) else None
 
 
 PARTS = 4  # of the reach, between samples: distances are too large by up to 2 %
@@ -147,22 +127,11 @@ def near_wires(
     threads: Sequence[Thread], size: NDArray[np.float64], reach: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Distances (pair,) [m] of places within reach [m] of each other, and their stitches (pair, 2)."""
-    strides = [max(1, int(reach / (PARTS * thread.spacing))) for thread in threads]
-    points, stitch, wire, arc = (
-        np.concatenate(parts)
-        for parts in zip(
-            *(
-                (
-                    thread.points[::stride],
-                    thread.stitch[::stride],
-                    np.full(len(thread.points[::stride]), number),
-                    thread.spacing * np.arange(0, len(thread.points), stride),
-                )
-                for number, (thread, stride) in enumerate(zip(threads, strides, strict=True))
-            ),
-            strict=True,
-        )
-    )
+    parts = []
+    for number, thread in enumerate(threads):
+        sample = np.arange(0, len(thread.points), max(1, int(reach / (PARTS * thread.spacing))))
+        parts.append((thread.points[sample], thread.stitch[sample], np.full(len(sample), number), thread.spacing * sample))
+    points, stitch, wire, arc = (np.concatenate(part) for part in zip(*parts, strict=True))
     lowest, height = points[:, 2].min(), np.ptp(points[:, 2])
     box = np.array([*size, 2.0 * (height + reach)])
     placed = np.mod(points - [0.0, 0.0, lowest], box)

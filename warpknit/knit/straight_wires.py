@@ -47,11 +47,6 @@ def least_length(cloth: Cloth, gradient: NDArray[np.float64], *, enough: float =
     return scale * float(minimize(length, first, jac=True, method="L-BFGS-B", options={"maxiter": STEPS}).fun)
 
 
-def piece_count(cloth: Cloth) -> int:
-    """Pieces of wire of a repeat between places of hooking: two of each place, one on each wire."""
-    return sum(len(clasp.arms) for clasp in cloth.clasps)
-
-
 def _pieces(cloth: Cloth) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Clasps at both ends of each piece [piece], and shift of the copies along it (piece, 2) [m]."""
     begin, end, shift = [], [], []

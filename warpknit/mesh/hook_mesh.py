@@ -32,7 +32,7 @@ from ..kernels import clamp
 from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..scene import Hook, Scene
 from .panel import END_NODES, Panel, as32
-from .rest_table import Line, Table, table_of_lines
+from .rest_table import Table, table_of_lines
 
 LEFT, RIGHT = 0, 1  # wires, and pairs of the body
 LEFT_TOP, RIGHT_TOP = 1, 3  # clamps: two a wire, the lower one first
@@ -65,7 +65,7 @@ def hook_table(hook: Hook, *, segments: int, set_fraction: float) -> Table:
     """Rest data of both wires with `segments` even segments between clamps; a node beyond each."""
     spacing = hook.length / segments
     nodes = segments + 1 + 2 * HELD_BEYOND
-    lines = [Line(Arc(hook, wire, HELD_BEYOND * spacing), nodes, spacing) for wire in (LEFT, RIGHT)]
+    lines = [(Arc(hook, wire, HELD_BEYOND * spacing), nodes, spacing) for wire in (LEFT, RIGHT)]
     return table_of_lines(lines, set_fraction=set_fraction, lead=BLOCK_SIZE + BLOCK_PAD + 6)
 
 

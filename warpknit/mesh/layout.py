@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.text import exact
 from ..compute.memory import refuse_beyond_memory
-from ..knit.cloth import Cloth, same_cloth
+from ..knit.cloth import Cloth, knit_cloth
 from ..scene import PanelOptions, Scene, Stage
 from ..scene.panel_options import covering_repeats
 from ..wires.read import drawn_wires
@@ -47,14 +47,18 @@ def knit_scene(scene: Scene, device: str = "cpu") -> Cloth:
     device (`MemoryNeeded`), and scattered loops that hook otherwise (`KnitError`).
     """
     knit = scene.knit if scene.knit.scatter else scene.knit.even
-    cloth = same_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
+    cloth = knit_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
     refuse_large_mesh(scene, cloth, device)
     return cloth
 
 
 def refuse_large_mesh(scene: Scene, cloth: Cloth, device: str) -> None:
-    """Refuse (`MemoryNeeded`) a mesh of the cloth that cannot fit on the device."""
-    refuse_beyond_memory(_size_of(scene), scene, estimated_nodes(scene, cloth), device)
+    """Refuse (`MemoryNeeded`) a mesh of the cloth that cannot fit on the device. Names the key that sets its size."""
+    size = f"knit.repeats = {list(scene.knit.repeats)}"
+    if scene.panel.outline != "rectangle":
+        corners, length = f"panel.corners = {len(scene.panel.corners or ())} corners", scene.panel.size
+        size = corners if length is None else f"panel.size = {exact(length, 'm')}"
+    refuse_beyond_memory(size, scene, estimated_nodes(scene, cloth), device)
 
 
 def _tiles(scene: Scene) -> tuple[int, int]:
@@ -62,18 +66,9 @@ def _tiles(scene: Scene) -> tuple[int, int]:
     return scene.knit.repeats if scene.knit.scatter else (1, 1)
 
 
-def _size_of(scene: Scene) -> str:
-    """The key that sets the size of the mesh, with its value."""
-    if scene.panel.outline == "rectangle":
-        return f"knit.repeats = {list(scene.knit.repeats)}"
-    if scene.panel.size is None:
-        return f"panel.corners = {len(scene.panel.corners or ())} corners"
-    return f"panel.size = {exact(scene.panel.size, 'm')}"
-
-
 def lay_out(scene: Scene, cloth: Cloth) -> tuple[Table, Panel, float]:
     """Nodes of one repeat, the mesh of its copies, wire length of a loop [m]. Raises `ModelError`."""
-    loop_length = sum(t.length for t in cloth.threads) / len(cloth.stitches)
+    loop_length = cloth.stitch_length
     slack = SLIDE_ALLOWANCE * loop_length
     spacing = loop_length / scene.model.nodes_per_loop
     table = rest_table(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,23 +29,10 @@ from .thread_curve import ThreadCurve
 TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from
 
 
-@dataclass(frozen=True)
-class Grips:
-    """Two clamps per wire and their held nodes."""
-
-    node: np.ndarray  # [held]
-    lever: np.ndarray  # [held, 2] [m]
-    position: np.ndarray  # [clamp, 2] [m]
-    numbers: np.ndarray  # [wire, 2, CLAMP_NUMBERS]
-
-
-def no_clamps(wires: int) -> Grips:
-    """Empty grips of closed wires."""
-    return Grips(np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((wires, 2, clamp.CLAMP_NUMBERS)))
-
-
-def clamps(cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float) -> Grips:
-    """The clamps of the kept wires, with their numbers for kernels/clamp.py."""
+def _clamps(
+    cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float
+) -> dict[str, Any]:
+    """Fields of the panel about the clamps of the kept wires, two a wire, with their numbers for kernels/clamp.py."""
     thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
     spacing = table.spacing[thread]
     arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)
@@ -88,9 +76,14 @@ def clamps(cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first
     numbers[..., clamp.NEXT_BOW_CHANGE] = BOW * (beyond * turn[..., 1] ** 2 - in_table[..., 1] ** 2)
     held = (first[:, None, None] + np.sort(local[:, :, :2], axis=2)).reshape(-1)
     held_place = np.where((inward < 0)[:, None, None], node[:, :, 1::-1], node[:, :, :2])
-    return Grips(
-        node=held, lever=(held_place - centre[:, :, None]).reshape(-1, 2), position=centre.reshape(-1, 2), numbers=numbers
-    )
+    return {
+        "wire_begin": strands.arc_begin[used] - np.floor_divide(begin, table.nodes[thread]) * (table.nodes[thread] * spacing),
+        "wire_clamp": numbers,
+        "held_node": as32(held),
+        "held_lever": (held_place - centre[:, :, None]).reshape(-1, 2),
+        "held_clamp": as32(np.repeat(np.arange(2 * len(used)), 2)),
+        "clamp_position": centre.reshape(-1, 2),
+    }
 
 
 def _turn(a: np.ndarray, b: np.ndarray, inward: np.ndarray) -> np.ndarray:
@@ -171,8 +164,7 @@ class Panel:
         return len(self.body_rest)
 
 
-@dataclass(frozen=True)
-class _Bodies:
+class _Bodies(NamedTuple):
     """Kept bodies with their pairs; arrays [body] or [body, 2]."""
 
     clasp: np.ndarray
@@ -223,10 +215,7 @@ def _place_bodies(cloth: Cloth, table: Table, strands: Strands, slack: float) ->
         is_piece = (strands.arc_end - strands.arc_begin)[wire] < SHORTEST_PIECE * loop
         wire[(low > 0) | (high < 0) | (strands.count[wire] <= SHORTEST) | is_piece] = -1
     keep = (wire >= 0).all(axis=1)
-    return _Bodies(
-        clasp=clasp[keep], column=column[keep], row=row[keep], wire=wire[keep], node=node[keep],
-        low=low[keep], high=high[keep], side=side[clasp][keep], strand_column=strand_column[keep],
-    )  # fmt: skip
+    return _Bodies(*(a[keep] for a in (clasp, column, row, wire, node, low, high, side[clasp], strand_column)))
 
 
 def table_lead(cloth: Cloth, spacing: float, slack: float) -> int:
@@ -248,25 +237,20 @@ def build_panel(
     repeat = np.array(cloth.size)
     size = repeat * np.array(repeats)
     nodes = np.asarray(table.nodes)
-    notes: list[str] = []
     if outline is None:
         low, middle = np.zeros(2), 0.5 * size
         strands = closed_strands(cloth, table, repeats)
     else:
         # an opening sits in the middle, so that its rhombus is as far from the grips as it can be
-        middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.centre)
+        middle = np.zeros(2) if cloth.rhombus is None else np.array(cloth.rhombus.opening.centre)
         outline = outline.shifted(middle)
         low, size = outline.low, outline.size
-        strands = cut_strands(cloth, table, outline)
+        strands = cut_strands(cloth, table.spacing, outline)
     if not len(strands.thread):
         raise ModelError("panel.size: no wire crosses the outline; use a larger outline")
     bodies = _place_bodies(cloth, table, strands, slack)
-    if outline is None:
-        used = np.arange(len(strands.thread))
-    else:
-        used = np.unique(bodies.wire)
-        if dropped := len(strands.thread) - len(used):
-            notes.append(f"{dropped} cut pieces of wire at the edges {NOT_HELD}; they are left out")
+    used = np.arange(len(strands.thread)) if outline is None else np.unique(bodies.wire)
+    dropped = len(strands.thread) - len(used)
     if len(bodies.clasp) == 0:
         raise ModelError(
             f"knit.repeats: {repeats[0]} x {repeats[1]} leave no clasp inside the boundary; write more, or a larger panel.size"
@@ -296,10 +280,12 @@ def build_panel(
     shift = np.stack(
         [(bodies.strand_column - bodies.column[:, None]) * repeat[0], (pair_period - bodies.row[:, None]) * repeat[1]], axis=2
     )
-    grips, arc_begin = no_clamps(len(used)), np.zeros(0)
-    if not strands.closed:
-        arc_begin = strands.arc_begin[used] - np.floor_divide(begin, n) * (n * table.spacing[thread])
-        grips = clamps(cloth, table, strands, used, first, set_fraction)
+    if strands.closed:
+        none = np.zeros((0, 2))
+        grips: dict[str, Any] = {"held_node": as32([]), "held_lever": none, "held_clamp": as32([]), "clamp_position": none}
+        grips["wire_clamp"] = np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))
+    else:
+        grips = _clamps(cloth, table, strands, used, first, set_fraction)
     return Panel(
         size=size,
         low=low,
@@ -310,7 +296,6 @@ def build_panel(
         wire_closed=np.full(len(used), strands.closed),
         wire_thread=as32(thread),
         wire_length=strands.arc_end[used] - strands.arc_begin[used],
-        wire_clamp=grips.numbers,
         block_first=as32(first[block_wire] + block_low),
         block_count=as32(block_high - block_low),
         block_table=as32(table.start[thread[block_wire]] + np.mod(block_node, block_n)),
@@ -326,13 +311,9 @@ def build_panel(
         pair_low=as32(bodies.low.ravel()),
         pair_high=as32(bodies.high.ravel()),
         pair_side=as32(bodies.side.ravel()),
-        held_node=as32(grips.node),
-        held_lever=grips.lever,
-        held_clamp=as32(np.repeat(np.arange(len(grips.position)), 2)),
-        clamp_position=grips.position,
         rhombus_bodies=_central_rhombus(cloth, bodies, strands, middle, repeat),
-        wire_begin=arc_begin,
-        notes=tuple(notes),
+        notes=(f"{dropped} cut pieces of wire at the edges {NOT_HELD}; they are left out",) if dropped else (),
+        **grips,
     )
 
 
@@ -360,7 +341,7 @@ def _central_rhombus(cloth: Cloth, bodies: _Bodies, strands: Strands, middle: np
     complete = np.nonzero((members >= 0).all(axis=1))[0]
     if len(complete) == 0:
         return np.zeros(0, dtype=np.int64)
-    centre = np.array(cloth.rhombus.centre) + np.stack(
+    centre = np.array(cloth.rhombus.opening.centre) + np.stack(
         [(c[complete] + strands.columns[0]) * repeat[0], (r[complete] + strands.rows[0]) * repeat[1]], axis=1
     )
     return members[complete[np.argmin(np.sum((centre - middle) ** 2, axis=1))]]

@@ -53,13 +53,7 @@ class Table:
     curve_error: float  # [m] largest distance of the fitted rest curve from the true one
 
 
-@dataclass(frozen=True)
-class Line:
-    """A centre line to be sampled."""
-
-    centre_line: Callable[[np.ndarray], np.ndarray]  # points (m, 3) [m] at arc lengths (m,) [m]; it goes on beyond its ends
-    nodes: int  # of a period
-    spacing: float  # [m] of arc length between nodes
+CentreLine = Callable[[np.ndarray], np.ndarray]  # points (m, 3) [m] at arc lengths (m,) [m]; it goes on beyond its ends
 
 
 def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: int) -> Table:
@@ -71,16 +65,15 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
     lines = []
     for t, thread in enumerate(cloth.threads):
         n = nodes_per_loop * max(1, int(np.sum(stitches == t)))
-        lines.append(Line(ThreadCurve(thread, cloth.size[1]), n, thread.length / n))
+        lines.append((ThreadCurve(thread, cloth.size[1]), n, thread.length / n))
     return table_of_lines(lines, set_fraction=set_fraction, lead=lead)
 
 
-def table_of_lines(lines: Sequence[Line], *, set_fraction: float, lead: int) -> Table:
-    """The table of centre lines, each a thread of its own; see `rest_table`."""
+def table_of_lines(lines: Sequence[tuple[CentreLine, int, float]], *, set_fraction: float, lead: int) -> Table:
+    """The table of centre lines, each a thread with nodes a period and the arc length between them [m]; see `rest_table`."""
     columns: dict[str, list[np.ndarray]] = defaultdict(list)
     curves, starts, offset, error = [], [], 0, 0.0
-    for line in lines:
-        n, h, centre_line = line.nodes, line.spacing, line.centre_line
+    for centre_line, n, h in lines:
         k = np.arange(-lead - 1, n + lead + 2)
         position = centre_line(k * h)
         edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
@@ -107,8 +100,8 @@ def table_of_lines(lines: Sequence[Line], *, set_fraction: float, lead: int) -> 
         offset += len(k) - 3
     return Table(
         start=np.array(starts),
-        nodes=np.array([line.nodes for line in lines]),
-        spacing=np.array([line.spacing for line in lines]),
+        nodes=np.array([nodes for _, nodes, _ in lines]),
+        spacing=np.array([spacing for _, _, spacing in lines]),
         lead=lead,
         curve=np.concatenate(curves),
         curve_error=error,
@@ -121,7 +114,7 @@ def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
 
 
-def _fit_rest_curve(centre_line: Callable[[np.ndarray], np.ndarray], nodes: int, spacing: float) -> tuple[np.ndarray, float]:
+def _fit_rest_curve(centre_line: CentreLine, nodes: int, spacing: float) -> tuple[np.ndarray, float]:
     """Coefficients (nodes, CURVE_COEFFICIENTS) [-] of the rest curve of a period; largest deviation [m] across it.
 
     The slope at the nodes is the slope of the centre line. The deviation between them is fitted at Gauss points, across the line

@@ -135,15 +135,9 @@ class Rim:
         stiffness = self.cord.stiffness / length
         across = np.maximum(tension / length, SOFT * stiffness)
         k = stiffness[:, None, None] * along + across[:, None, None] * (np.eye(axes) - along)
-        here, there = np.arange(n), (np.arange(n) + 1) % n
-        rows, columns, values = [], [], []
-        for a, b, sign in ((here, here, 1.0), (there, there, 1.0), (here, there, -1.0), (there, here, -1.0)):
-            for i, j in np.ndindex(axes, axes):
-                rows.append(axes * a + i)
-                columns.append(axes * b + j)
-                values.append(sign * k[:, i, j])
-        matrix = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return sparse.csr_matrix(matrix, shape=(axes * n, axes * n))
+        behind = sparse.kron(np.roll(np.eye(n), 1, axis=1) - np.eye(n), np.eye(axes))  # from a station to the next one
+        pieces = sparse.bsr_matrix((k, np.arange(n), np.arange(n + 1)))
+        return (behind.T @ pieces @ behind).tocsr().sorted_indices()
 
     def _cord(self, gradient: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lengths on the outline [m], tensions [N] (none where slack) and directions (station, n) of the cord behind each

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -33,48 +34,31 @@ class ThreadCurve:
         return self._spline(np.mod(s, self.length), 1) + self._climb
 
     @cached_property
-    def _x(self) -> PPoly:
-        return PPoly(self._spline.c[..., 0], self._spline.x)
-
-    @cached_property
-    def _y(self) -> PPoly:
-        powers = self._spline.c[..., 1].copy()
-        powers[-2] += self._climb[1]
-        powers[-1] += self._climb[1] * self._spline.x[:-1]
+    def _plan(self) -> PPoly:
+        """x and y [m] over the first period."""
+        powers = self._spline.c[..., :2].copy()
+        powers[-2, :, 1] += self._climb[1]
+        powers[-1, :, 1] += self._climb[1] * self._spline.x[:-1]
         return PPoly(powers, self._spline.x)
 
     @cached_property
-    def reach(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Lowest and highest weft and warp positions [m] of the first period."""
-        room = self.length / len(self._spline.x)
-        bounds = []
-        for coordinate in (self._x, self._y):
-            at_knots = coordinate(self._spline.x)
-            bounds.append((float(at_knots.min()) - room, float(at_knots.max()) + room))
-        return bounds[0], bounds[1]
+    def reach(self) -> np.ndarray:
+        """(2, 2) lowest and highest weft, then warp position [m] of the first period."""
+        room, at_knots = self.length / len(self._spline.x), self._plan(self._spline.x)
+        return np.stack([at_knots.min(axis=0) - room, at_knots.max(axis=0) + room], axis=1)
 
-    def across(self, normal: np.ndarray) -> Across:
-        """The coordinate normal . (x, y) along the first period; `normal` is (2,)."""
-        return Across(normal[0] * self._x.c + normal[1] * self._y.c, self._spline.x, self.length)
+    def across(self, normal: np.ndarray) -> Callable[[float], np.ndarray]:
+        """Function of a level [m]: rising arc lengths [m] in the first period where normal . (x, y) has it; `normal` is (2,)."""
+        arcs, powers = self._plan.x, normal[0] * self._plan.c[..., 0] + normal[1] * self._plan.c[..., 1]
+        at_knots, step = PPoly(powers, arcs)(arcs), self.length / (len(arcs) - 1)
+        low = np.minimum(at_knots[:-1], at_knots[1:]) - step  # no piece is steeper than the thread is long
+        high = np.maximum(at_knots[:-1], at_knots[1:]) + step
 
+        def arcs_at(level: float) -> np.ndarray:
+            near = (low <= level) & (level <= high)
+            edges = np.flatnonzero(np.diff(near.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+            pieces = (PPoly(powers[:, begin:end], arcs[begin : end + 1]) for begin, end in edges)
+            roots = np.concatenate([np.zeros(0), *(piece.solve(level, extrapolate=False) for piece in pieces)])
+            return np.unique(roots[np.isfinite(roots) & (roots >= 0.0) & (roots < arcs[-1])])
 
-class Across:
-    """A coordinate of a thread as a function of arc length."""
-
-    def __init__(self, powers: np.ndarray, arcs: np.ndarray, length: float) -> None:
-        self._powers, self._arcs = powers, arcs
-        at_knots = PPoly(powers, arcs)(arcs)
-        step = length / (len(arcs) - 1)
-        self._low = np.minimum(at_knots[:-1], at_knots[1:]) - step  # no piece is steeper than the thread is long
-        self._high = np.maximum(at_knots[:-1], at_knots[1:]) + step
-
-    def arcs(self, level: float) -> np.ndarray:
-        """Rising arc lengths [m] in the first period where the coordinate is `level` [m]."""
-        near = (self._low <= level) & (level <= self._high)
-        edges = np.flatnonzero(np.diff(near.astype(np.int8), prepend=0, append=0))
-        found = [np.zeros(0)]
-        for begin, end in edges.reshape(-1, 2):
-            piece = PPoly(self._powers[:, begin:end], self._arcs[begin : end + 1])
-            found.append(piece.solve(level, extrapolate=False))
-        roots = np.concatenate(found)
-        return np.unique(roots[np.isfinite(roots) & (roots >= 0.0) & (roots < self._arcs[-1])])
+        return arcs_at

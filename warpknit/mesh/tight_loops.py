@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..knit.clasps import Arm, Clasp
-from ..knit.cloth import Cloth, same_cloth
+from ..knit.cloth import Cloth, knit_cloth
 from ..scene import Scene
-from ..scene.knit import Knit
 
 PARTS = 4  # of the diameter, between the points that are compared
 MOST_POINTS = 20_000  # of an arm: wires of a ten-thousandth of their loops
@@ -75,13 +74,15 @@ def _points(cloth: Cloth, arm: Arm, diameter: float) -> NDArray[np.float64]:
 TIGHT = 0.8  # share of the planar approach at the first touch, below which loops are tight
 
 
+@lru_cache(maxsize=64)
 def first_touch(scene: Scene) -> float:
     """Share of the planar approach at which wires first touch; 1: not before the lenses close.
 
     Loops of the mean size stand for scattered ones. Raises `KnitError`.
     """
-    wire = scene.wire
-    return _first_touch(scene.knit.even, wire.thickness, wire.thickness + 2.0 * scene.model.body_radius)
+    thickness = scene.wire.thickness
+    cloth = knit_cloth(scene.knit.even, thickness)  # with nested lenses as one, however many bodies they get
+    return approach_at_touch(cloth, thickness, thickness + 2.0 * scene.model.body_radius)
 
 
 def is_tight(scene: Scene) -> bool:
@@ -95,10 +96,3 @@ def tension_error(scene: Scene) -> float | None:
     if measured is None:
         return None
     return measured.tight_error_percent if is_tight(scene) else measured.error_percent
-
-
-@lru_cache(maxsize=64)
-def _first_touch(knit: Knit, thickness: float, closing: float) -> float:
-    """`first_touch` of one repeat; lengths in [m]."""
-    cloth = same_cloth(knit, thickness)  # with nested lenses as one, however many bodies they get
-    return approach_at_touch(cloth, thickness, closing)

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.errors import InputError, MemoryNeeded
 from ..base.text import at_least, engineering, exact, memory
 from ..compute.memory import available_memory
-from ..knit.cloth import same_cloth
+from ..knit.cloth import knit_cloth
 from ..mesh.layout import mesh_nodes
 from ..scene import Scene
 from ..scene.options import Reflection
@@ -69,7 +69,7 @@ def branch_length(scene: Scene) -> float:
 
 def _loop_length(scene: Scene) -> float:
     """[m] of wire a loop."""
-    return same_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses).wire_length
+    return knit_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses).wire_length
 
 
 def size_of(scene: Scene) -> tuple[int, int]:

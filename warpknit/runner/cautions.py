@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.text import celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
-from ..knit.straight_wires import least_length, piece_count
+from ..knit.straight_wires import least_length
 from ..measure import MeshModel
 from ..mechanics.numerics import FOLLOWED_INCREMENT, few_nodes
 from ..mesh.layout import smaller_scene
@@ -123,7 +123,7 @@ def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterato
     """
     wire = scene.wire
     laid = cloth.wire_length * len(cloth.stitches)
-    longest = laid * (1.0 + wire.tensile_strength / wire.youngs_modulus) + piece_count(cloth) * wire.thickness
+    longest = laid * (1.0 + wire.tensile_strength / wire.youngs_modulus) + 2 * len(cloth.clasps) * wire.thickness
     most = BEYOND_ERROR * longest
 
     for load in loads:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpknit.base.errors import InputError
+from warpknit.base.text import counted
 from warpknit.scene.wire_file import WireArrays
 from warpknit.wires.bases import BadFile, check_count, check_points
 
@@ -33,10 +34,10 @@ def wires_from_arrays(points: Sequence[ArrayLike], *, closed: bool | Sequence[bo
     wires = [_points_of(number, wire) for number, wire in enumerate(points, start=1)]
     if not wires:
         raise InputError("wires_from_arrays: no wires; give a list of arrays (point, 3), one for each wire")
-    count = f"{len(wires)} wire{'s' if len(wires) > 1 else ''}"
-    rings = np.broadcast_to(closed, len(wires)) if np.ndim(closed) == 0 else np.asarray(closed)
+    rings = np.asarray(closed) if np.ndim(closed) else np.full(len(wires), closed)
     if rings.shape != (len(wires),) or rings.dtype != bool:
-        raise InputError(f"wires_from_arrays: closed {closed!r} does not fit {count}; give one boolean, or one for each wire")
+        wrong = f"closed {closed!r} does not fit {counted(len(wires), 'wire')}"
+        raise InputError(f"wires_from_arrays: {wrong}; give one boolean, or one for each wire")
     try:
         check_count(sum(map(len, wires)))
     except BadFile as error:
@@ -48,7 +49,6 @@ def wires_from_arrays(points: Sequence[ArrayLike], *, closed: bool | Sequence[bo
 
 def _points_of(number: int, points: ArrayLike) -> np.ndarray:
     """(point, 3) [m] points of a wire. Raises `InputError`."""
-    wrong = "is not an array of numbers"
     try:
         array = np.asarray(points, dtype=np.float64)
         if array.ndim == 2 and array.shape[1] == 3 and len(array) > 0:
@@ -57,5 +57,5 @@ def _points_of(number: int, points: ArrayLike) -> np.ndarray:
     except BadFile as error:
         wrong = f"has {error}"
     except (TypeError, ValueError):
-        pass
+        wrong = "is not an array of numbers"
     raise InputError(f"wires_from_arrays: wire {number} {wrong}; give finite numbers (point, 3) in m")

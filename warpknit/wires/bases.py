@@ -79,16 +79,10 @@ def check_count(count: int) -> None:
         raise BadFile(f"{count:,} points, more than {MOST_POINTS:,}")
 
 
-_UPRIGHT = {
-    0: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),  # x up: y, z, x
-    1: np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),  # y up: x, -z, y, as tools with z up read such files
-    2: np.eye(3),
-}
-
-
 def upright(points: np.ndarray, up: int) -> np.ndarray:
-    """Points (..., 3) turned so that their axis `up` (0, 1 or 2) is z; a rotation, so nothing is mirrored."""
-    return points @ _UPRIGHT[up].T
+    """Points (..., 3) turned so that their axis `up` (0, 1 or 2) is z; a rotation, as tools with z up read files with y up."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    return np.stack([(y, z, x), (x, -z, y), (x, y, z)][up], axis=-1)
 
 
 MATRICES = {

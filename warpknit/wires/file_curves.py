@@ -18,11 +18,13 @@ import subprocess
 import sys
 import zipfile
 import zlib
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warpknit.base.text import engineering, exact
 from warpknit.scene.units import QuantityError, si
@@ -56,7 +58,7 @@ SAME_WIDTH = 1e-3  # relative difference of widths along a wire that is none
 STAGE_PATIENCE = 300.0  # [s] that a stage may take to read
 
 
-def read_npz(path: Path | WireArrays, interpolation: str, *, closed: bool = False) -> CurveFile:
+def read_npz(path: Path | WireArrays, interpolation: str, closed: bool) -> CurveFile:
     """The wires of an NPZ file; interpolation: a key of `bases.polyline`. Raises `BadFile`, OSError."""
     try:
         with zipfile.ZipFile(io.BytesIO(path.data) if isinstance(path, WireArrays) else path) as archive:
@@ -66,13 +68,18 @@ def read_npz(path: Path | WireArrays, interpolation: str, *, closed: bool = Fals
     wires, rings = _wires(arrays)
     unread = sorted(arrays.keys() - {"points", "counts", "closed"}) if {"points", "counts"} <= arrays.keys() else []
     notes = (f"arrays that are not read: {', '.join(unread)}",) if unread else ()
+    return CurveFile(_polylines(wires, interpolation, closed | rings), notes=notes)
+
+
+def _polylines(wires: Sequence[ArrayLike], interpolation: str, closed: np.ndarray) -> tuple[Curve, ...]:
+    """Curves through the points of each wire; closed (wire,). Raises `BadFile` with the number of the wire."""
     curves = []
-    for number, (points, ring) in enumerate(zip(wires, rings, strict=True), start=1):
+    for number, (points, ring) in enumerate(zip(wires, closed, strict=True), start=1):
         try:
-            curves.append(polyline(check_points(points), interpolation, closed=closed or bool(ring)))
+            curves.append(polyline(check_points(np.array(points)), interpolation, closed=bool(ring)))
         except BadFile as error:
             raise BadFile(f"wire {number}: {error}") from error
-    return CurveFile(tuple(curves), notes=notes)
+    return tuple(curves)
 
 
 def _arrays(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
@@ -123,7 +130,7 @@ _COMMA = re.compile(r"[+-]?[\d.]*\d,[\d,.]*(e[+-]?\d+)?", re.IGNORECASE)  # a nu
 _HEADING = re.compile(r"\s*(x|y|z|wire)\s*(?:\[(.{1,40})\])?\s*", re.IGNORECASE)
 
 
-def read_table(path: Path, interpolation: str, *, closed: bool = False) -> CurveFile:
+def read_table(path: Path, interpolation: str, closed: bool) -> CurveFile:
     """The wires of a CSV file; interpolation: a key of `bases.polyline`. Raises `BadFile`, OSError.
 
     A row a point: x, y, z, or wire, x, y, z; a blank line or another wire's name begins the next wire. Columns are parted by
@@ -150,7 +157,9 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
             name = None
             continue
         if not columns:
-            columns, width = _plain_columns(row, number)
+            if len(row) not in (3, 4):
+                raise BadFile(f"{len(row)} columns in line {number}, not x, y, z or wire, x, y, z")
+            columns, width = {name: place for place, name in enumerate(("wire", *AXES)[-len(row) :])}, len(row)
         if len(row) != width:
             hint = "; a comma parts columns: write decimal points" if delimiter == "," and len(row) > width else ""
             raise BadFile(f"{len(row)} columns in line {number}, {width} in the lines before{hint}")
@@ -165,13 +174,7 @@ def read_table(path: Path, interpolation: str, *, closed: bool = False) -> Curve
                 written = f"{comma[:40]!r} in line {number}, with a comma where a decimal point is meant"
                 raise BadFile(f"{written}: write numbers as 1234.5") from error
             raise BadFile(f"{', '.join(row)[:40]!r} in line {number}, not numbers") from error
-    curves = []
-    for count, points in enumerate(wires, start=1):
-        try:
-            curves.append(polyline(check_points(np.array(points)), interpolation, closed=closed))
-        except BadFile as error:
-            raise BadFile(f"wire {count}: {error}") from error
-    return CurveFile(tuple(curves), metres=metres)
+    return CurveFile(_polylines(wires, interpolation, np.full(len(wires), closed)), metres=metres)
 
 
 def _headings(row: list[str]) -> tuple[dict[str, int], float | None]:
@@ -193,13 +196,6 @@ def _headings(row: list[str]) -> tuple[dict[str, int], float | None]:
     except QuantityError as error:
         raise BadFile(f"the unit [{unit}] in its headings") from error
     return {name: place for place, name in enumerate(names)}, metres
-
-
-def _plain_columns(row: list[str], number: int) -> tuple[dict[str, int], int]:
-    if len(row) not in (3, 4):
-        raise BadFile(f"{len(row)} columns in line {number}, not x, y, z or wire, x, y, z")
-    names = AXES if len(row) == 3 else ("wire", *AXES)
-    return {name: place for place, name in enumerate(names)}, len(row)
 
 
 HEADER = struct.Struct("<3sB2sBBQQ40s")
@@ -259,45 +255,26 @@ def curves_in(
 ) -> tuple[CurveFile, float]:
     """Curves in a file or arrays, and metres in their unit. Raises `WireFileError`."""
     checked_bytes(path)
-    suffix = path.suffix.lower()
     try:
-        found = _reader(path, suffix, interpolation, closed, time)
+        found = FORMATS[path.suffix.lower()][0](path, interpolation, closed, time)
         if not found.curves:
             raise BadFile("a file without wires")
-        return found, _metres(found, suffix, unit)
-    except BadFile as error:
-        raise WireFileError(f"cannot be read ({error})", f"give {expected_in(suffix)}") from error
-    except OSError as error:
-        raise WireFileError(f"cannot be read ({(error.strerror or 'it is unreadable').lower()})", "give another file") from error
+        return found, _metres(found, path.suffix.lower(), unit)
+    except (BadFile, OSError) as error:
+        raise unreadable(path, error) from error
+
+
+def unreadable(path: Path | WireArrays, error: Exception) -> WireFileError:
+    """The error for a file that is not what its suffix says, or that the system does not read."""
+    if isinstance(error, OSError):
+        return WireFileError(f"cannot be read ({(error.strerror or 'it is unreadable').lower()})", "give another file")
+    return WireFileError(f"cannot be read ({error})", f"give {FORMATS[path.suffix.lower()][1]}")
 
 
 def stated_radius(path: Path, *, time: float | None = None) -> tuple[np.ndarray | None, str]:
     """Radius (wire,) [m] in a file of WITH_WIDTHS, and why widths are unusable. Raises `WireFileError`."""
     found, metres = curves_in(path, "spline", False, None, time)
     return None if found.radius is None else found.radius * metres, found.no_radius
-
-
-def _reader(path: Path | WireArrays, suffix: str, interpolation: str, closed: bool, time: float | None) -> CurveFile:
-    if isinstance(path, WireArrays):
-        return read_npz(path, interpolation, closed=closed)
-    if suffix in USD:
-        return read_usd(path, interpolation, time=time)
-    if suffix == ".bcc":
-        return read_bcc(path, interpolation)
-    if suffix == ".pyp":
-        return read_pyp(path, interpolation)
-    return (read_table if suffix == ".csv" else read_npz)(path, interpolation, closed=closed)
-
-
-def expected_in(suffix: str) -> str:
-    """Kind of file with this suffix, in words."""
-    names = dict.fromkeys(USD, "a USD stage with BasisCurves") | {
-        ".bcc": "a BCC file of curves",
-        ".pyp": "a periodic yarn pattern",
-        ".csv": "a table with columns x, y, z, and wire where there are several",
-        ".npz": "arrays of points",
-    }
-    return names[suffix]
 
 
 def _metres(found: CurveFile, suffix: str, unit: float | None) -> float:
@@ -393,3 +370,14 @@ def _curve(points: np.ndarray, basis: str, wrap: str, interpolation: str) -> Cur
     if basis == "linear":
         return polyline(points, interpolation, closed=wrap == "periodic")
     return cubic(points, basis, wrap)
+
+
+Reader = Callable[[Any, str, bool, float | None], CurveFile]  # of a file, interpolation, whether closed, and time code
+TABLE = "a table with columns x, y, z, and wire where there are several"
+USD_FORMAT: tuple[Reader, str] = (lambda path, how, _, time: read_usd(path, how, time=time)), "a USD stage with BasisCurves"
+FORMATS: dict[str, tuple[Reader, str]] = dict.fromkeys(USD, USD_FORMAT) | {
+    ".bcc": (lambda path, how, *_: read_bcc(path, how), "a BCC file of curves"),
+    ".pyp": (lambda path, how, *_: read_pyp(path, how), "a periodic yarn pattern"),
+    ".csv": (lambda path, how, closed, _: read_table(path, how, closed), TABLE),
+    ".npz": (lambda path, how, closed, _: read_npz(path, how, closed), "arrays of points"),
+}

@@ -6,9 +6,9 @@ width, pi D/2, or of the thickness: a bend without a fold can be that tight.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -16,13 +16,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from warpknit.base.text import engineering
+from warpknit.knit.crossings import candidate_pairs
 from warpknit.wires.centre_lines import Wires
+from warpknit.wires.directors import dot
 
 CLOSEST = 1e-3  # of the thickness: smaller overlaps, and smaller distances of centre lines, count as zero
 REACH = 2.0  # thicknesses up to which the closest places are found
 MOST_PAIRS = 200_000_000  # of segments within reach of each other
 MOST_TOUCHING = 2_000_000  # of these that overlap
-MOST_IMAGES = 500  # of a repeat
 BLOCK_PAIRS = 1_000_000  # looked at at once
 SAME_PLACE = 2  # segments: overlaps no farther apart on both wires are one
 
@@ -62,16 +63,7 @@ class Segments:
     moved: np.ndarray  # (segment, 2) repeats by which they were moved
 
 
-@dataclass(frozen=True)
-class Images:
-    """Segments with their images in the repeats around the first."""
-
-    owner: np.ndarray  # (image,) the segment
-    offset: np.ndarray  # (image, 2) the repeat
-    middle: np.ndarray  # (image, 3) [m]
-
-
-@dataclass(frozen=True)
+@dataclass
 class NearPairs:
     """Pairs of segments that are no neighbours along one wire; each once."""
 
@@ -82,9 +74,9 @@ class NearPairs:
     place: np.ndarray  # (pair, 2) of the least distance, from 0 to 1 along either segment
     between: np.ndarray  # (pair,) [m] of wire between the segments; infinite between two wires
 
-    def taken(self, kept: np.ndarray) -> NearPairs:
+    def taken(self, kept: np.ndarray) -> Any:
         """The pairs with these numbers, or of this mask."""
-        return NearPairs(*(getattr(self, one.name)[kept] for one in fields(NearPairs)))
+        return type(self)(*(getattr(self, one.name)[kept] for one in fields(self)))
 
     @property
     def share(self) -> np.ndarray:
@@ -170,43 +162,22 @@ def near_pairs(
     """
     of_wires = np.broadcast_to(thickness, len(wires.points))
     radius = reach * float(of_wires.max()) + float(segments.length.max())
-    if wires.period is not None and math.prod(2.0 * np.ceil(radius / wires.period) + 1.0) > MOST_IMAGES:
-        yield None
-        return
-    images = images_of(segments, wires.period, radius)
-    tree = cKDTree(images.middle)
-    own = np.flatnonzero(~images.offset.any(axis=1))
-    candidates = cKDTree(images.middle[own]).count_neighbors(tree, radius)
-    if candidates > MOST_PAIRS:
-        yield None
-        return
-    block = max(1, len(own) * BLOCK_PAIRS // candidates)
-    for first in range(0, len(own), block):
-        pairs, between = _pairs(segments, wires, images, tree, own[first : first + block], radius)
-        (a, b), shift = pairs[:, :2].T, np.zeros((len(pairs), 3))
+    middle = 0.5 * (segments.begin + segments.end)
+    for candidates in candidate_pairs(middle, wires.period, radius, MOST_PAIRS, BLOCK_PAIRS):
+        if candidates is None:
+            yield None
+            return
+        a, b, repeat = candidates
+        shift = np.zeros((len(a), 3))
         if wires.period is not None:
-            shift[:, :2] = pairs[:, 2:] * wires.period
+            shift[:, :2] = repeat * wires.period
         distance, *place = segment_distances(
             segments.begin[a], segments.end[a], segments.begin[b] + shift, segments.end[b] + shift
         )
         touch = 0.5 * (of_wires[segments.wire[a]] + of_wires[segments.wire[b]])
-        near = NearPairs(pairs[:, :2], pairs[:, 2:], distance, touch, np.stack(place, axis=1), between)
+        between = _wire_between(segments, wires, a, b, repeat)
+        near = NearPairs(np.stack([a, b], axis=1), repeat, distance, touch, np.stack(place, axis=1), between)
         yield near if with_neighbours else near.taken(between > 0.5 * np.pi * np.maximum(distance, touch))
-
-
-def _pairs(
-    segments: Segments, wires: Wires, images: Images, tree: cKDTree, own: np.ndarray, radius: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (pair, 4) of the segments `own` of the first repeat with near ones: both segments, and the repeat of the second; and
-    the wire between them (pair,) [m]. Each pair once: from the segment with the smaller number, or from the previous repeat.
-    """
-    near = cKDTree(images.middle[own]).sparse_distance_matrix(tree, radius, output_type="ndarray")
-    a, second = images.owner[own[near["i"]]], near["j"]
-    b, repeat = images.owner[second], images.offset[second]
-    is_later = (repeat[:, 0] > 0) | ((repeat[:, 0] == 0) & (repeat[:, 1] > 0))
-    kept = (a < b) | ((a == b) & is_later)
-    a, b, repeat = a[kept], b[kept], repeat[kept]
-    return np.column_stack([a, b, repeat]), _wire_between(segments, wires, a, b, repeat)
 
 
 def segment_distances(
@@ -229,11 +200,6 @@ def segment_distances(
     return np.sqrt(dot(gap, gap)), s, t
 
 
-def dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Scalar products (pair,) of vectors (pair, n)."""
-    return np.asarray(np.einsum("pk,pk->p", one, other))
-
-
 def segments_of(wires: Wires) -> Segments:
     begins, ends, numbers, arcs = [], [], [], []
     for number in range(len(wires.points)):
@@ -251,24 +217,6 @@ def segments_of(wires: Wires) -> Segments:
         begin, end = begin + shift, end + shift
     length = np.linalg.norm(end - begin, axis=1)
     return Segments(begin, end, np.concatenate(numbers), np.concatenate(arcs), length, moved.astype(np.int64))
-
-
-def images_of(segments: Segments, period: np.ndarray | None, radius: float) -> Images:
-    """The segments, and their images within `radius` [m] around the first repeat."""
-    middle = 0.5 * (segments.begin + segments.end)
-    number = np.arange(len(middle))
-    if period is None:
-        return Images(number, np.zeros((len(middle), 2), dtype=np.int64), middle)
-    owners, offsets, middles = [], [], []
-    count_x, count_y = np.ceil(radius / period).astype(int)
-    for i in range(-count_x, count_x + 1):
-        for j in range(-count_y, count_y + 1):
-            place = middle + [i * period[0], j * period[1], 0.0]
-            near = ((place[:, :2] >= -radius) & (place[:, :2] <= period + radius)).all(axis=1)
-            owners.append(number[near])
-            offsets.append(np.broadcast_to([i, j], (int(near.sum()), 2)))
-            middles.append(place[near])
-    return Images(np.concatenate(owners), np.concatenate(offsets), np.concatenate(middles))
 
 
 def _wire_between(segments: Segments, wires: Wires, a: np.ndarray, b: np.ndarray, repeat: np.ndarray) -> np.ndarray:

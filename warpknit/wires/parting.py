@@ -9,14 +9,16 @@ force, u + LENGTH^4 u'''' = f, so that no wire gets a kink. The curve is the Cat
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from warpknit.base.hermite import hermite
 from warpknit.base.text import engineering, short_percent
 from warpknit.wires.centre_lines import Wires
-from warpknit.wires.overlaps import CLOSEST, dot, joined, near_pairs, segments_of
+from warpknit.wires.directors import dot
+from warpknit.wires.overlaps import CLOSEST, NearPairs, joined, near_pairs, segments_of
 
 LENGTH = 1.5  # thicknesses
 GAIN = 1.5  # of moves before they are spread
@@ -35,19 +37,12 @@ STIFF = 1e6  # of the springs of nodes that clamps hold
 
 
 @dataclass
-class _Pairs:
-    """Segments near each other, with the closest points of their curves."""
+class _Pairs(NearPairs):
+    """Segments near each other, with the closest points of their curves as places."""
 
-    segment: np.ndarray  # (pair, 2)
     shift: np.ndarray  # (pair, 3) [m] of the second
-    touch: np.ndarray  # (pair,) [m]
-    place: np.ndarray  # (pair, 2) on the segments, 0 .. 1
-    between: np.ndarray  # (pair,) [m] of wire between the segments, infinite between two wires
     length: np.ndarray  # (pair, 2) [m] of the segments
     is_ahead: np.ndarray  # (pair,) whether the second is behind the first along one wire, not before it
-
-    def taken(self, kept: np.ndarray) -> _Pairs:
-        return _Pairs(*(getattr(self, one.name)[kept] for one in fields(_Pairs)))
 
     @property
     def is_neighbour(self) -> np.ndarray:
@@ -108,9 +103,8 @@ class _Nodes:
             half = 0.5 * np.stack([-h10, -h11, h10, h11], axis=1)
             return half + np.stack([0.0 * h01, one - h01, h01, 0.0 * h01], axis=1)
 
-        square = s * s
-        at = weights(1.0, s * (1.0 - s) ** 2, square * (3.0 - 2.0 * s), square * (s - 1.0))
-        along = weights(0.0, 1.0 - 4.0 * s + 3.0 * square, 6.0 * s * (1.0 - s), 3.0 * square - 2.0 * s)
+        at = weights(1.0, *hermite(s))
+        along = weights(0.0, 1.0 - 4.0 * s + 3.0 * (s * s), 6.0 * s * (1.0 - s), 3.0 * (s * s) - 2.0 * s)
         return np.einsum("pa,pak->pk", at, x), np.einsum("pa,pak->pk", along, x), at
 
 
@@ -186,7 +180,7 @@ def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None
     repeat, shift = pairs.repeat + segments.moved[second] - segments.moved[first], np.zeros((len(first), 3))
     if wires.period is not None:
         shift[:, :2] = repeat * wires.period
-    found = _Pairs(pairs.segment, shift, pairs.touch, pairs.place, pairs.between, segments.length[pairs.segment], first < 0)
+    found = _Pairs(**vars(pairs), shift=shift, length=segments.length[pairs.segment], is_ahead=first < 0)
     points, samples = np.concatenate(wires.points), np.linspace(0.0, 1.0, SAMPLES + 1)
     every = np.arange(len(nodes.number))
     curves = [nodes.curve(points, every, np.full(len(every), s))[0] for s in samples]

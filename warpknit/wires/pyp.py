@@ -93,11 +93,8 @@ def _numbers(blocks: dict[str, list[str]], heading: str, rows: int, columns: int
         raise BadFile(f"{len(lines):,} lines under {heading} where {rows:,} are announced")
     values = np.empty((rows, columns))
     for row, line in enumerate(lines):
-        parts = line.split()
-        if len(parts) != columns:
-            raise BadFile(f"{line[:40]!r} under {heading}, not {columns} numbers")
         try:
-            values[row] = [float(part) for part in parts]
+            values[row] = np.array([float(part) for part in line.split()]).reshape(columns)
         except ValueError as error:
             raise BadFile(f"{line[:40]!r} under {heading}, not {columns} numbers") from error
     return values

@@ -8,9 +8,6 @@ their distances are depends on the quadrature alone.
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -24,7 +21,7 @@ from warpknit.scene.wire_file import WireArrays, WireFileError
 from warpknit.wires.bases import BadFile, Curve, CurveFile
 from warpknit.wires.centre_lines import Wires, repeated
 from warpknit.wires.directors import transported
-from warpknit.wires.file_curves import curves_in, expected_in
+from warpknit.wires.file_curves import curves_in, unreadable
 from warpknit.wires.parting import pushed_apart
 
 if TYPE_CHECKING:
@@ -176,7 +173,7 @@ MEETS = 1e-3  # of a period: how near the ends of a wire must be to a whole numb
 
 
 def read_wires(
-    path: str | os.PathLike[str],
+    path: Path | WireArrays,
     *,
     node_spacing: float,
     unit: float | None = None,
@@ -184,17 +181,24 @@ def read_wires(
     closed: bool = False,
     period: tuple[float, float] | None = None,
     time: float | None = None,
+    scene: Path | None = None,
 ) -> Wires:
     """The wires in the file at `path`, whose suffix says its format.
 
     node_spacing [m]: distance of nodes at equal arc length, about. unit [m]: of files without one. interpolation: spline |
     linear, between the points of polylines. closed: join the ends of all polylines (.csv, .npz). period [m] along x and y: of a
-    periodic mesh, whose open wires continue from repeat to repeat. time: time code of a USD stage. Raises `SceneError`, of one
-    line, for every fault of the file.
+    periodic mesh, whose open wires continue from repeat to repeat. time: time code of a USD stage. scene: that names the file.
+    Raises `SceneError`, of one line, for every fault of the file.
     """
-    path = Path(path)
-    with _one_line(path, path):
-        return _read(path, node_spacing, unit, interpolation, closed, period, time)
+    try:
+        found, metres = curves_in(path, interpolation, closed, unit, time)
+        if period is not None:
+            found = _repeating(found, np.array(period) / metres)
+        return _wires(found, metres, node_spacing)
+    except (BadFile, WireFileError) as error:
+        fault = error if isinstance(error, WireFileError) else unreadable(path, error)
+        subject = f"{path.name!r} " if fault.key == "file" else ""
+        raise scene_error(scene or path, f"wires.{fault.key}", f"{subject}{fault.wrong}", fault.instead) from error
 
 
 @lru_cache(maxsize=1)
@@ -209,11 +213,9 @@ def rest_wires(scene: Scene) -> Wires:
 def drawn_wires(scene: Scene) -> Wires:
     """The same as in the file, with overlaps; read once. Raises `SceneError`."""
     options = scene.wires
-    if options is None:
-        raise scene_error(scene.path, "wires", "missing", "write a table with a file")
-    given = options.node_spacing, options.unit, options.interpolation, options.closed, options.period, options.time
-    with _one_line(scene.path, options.path):
-        wires = _read(options.path, *given)
+    assert options is not None
+    given = {name: getattr(options, name) for name in ("node_spacing", "unit", "interpolation", "closed", "period", "time")}
+    wires = read_wires(options.path, **given, scene=scene.path)
     if (wires.period is not None) != (scene.model.boundary == "periodic"):
         repeat, other = ("repeat", "periodic") if wires.period is not None else ("do not repeat", "gripped")
         wrong = f"{scene.model.boundary!r} does not fit the wires, which {repeat}"
@@ -245,37 +247,6 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
         notes.append(f"natural curvature and twist of {file} (*RK, *RT) are not used: wire.set_fraction = {fraction:g} sets them")
         wires = replace(wires, natural_turns=None, twist_strains=None)
     return replace(wires, notes=tuple(notes))
-
-
-@contextmanager
-def _one_line(scene: Path, path: Path | WireArrays) -> Iterator[None]:
-    """Raise faults of the file at `path` as a `SceneError`; its own faults with its name."""
-    try:
-        yield
-    except WireFileError as error:
-        subject = f"{path.name!r} " if error.key == "file" else ""
-        raise scene_error(scene, f"wires.{error.key}", f"{subject}{error.wrong}", error.instead) from error
-
-
-def _read(
-    path: Path | WireArrays,
-    node_spacing: float,
-    unit: float | None,
-    interpolation: str,
-    closed: bool,
-    period: tuple[float, float] | None,
-    time: float | None,
-) -> Wires:
-    for key, value in (("node_spacing", (node_spacing,)), ("unit", (unit,)), ("period", period or ())):
-        if not all(length is None or 0.0 < length < math.inf for length in value):
-            raise WireFileError(f"{value!r} is not above 0 m", "give lengths above 0 m", key)
-    found, metres = curves_in(path, interpolation, closed, unit, time)
-    if period is not None:
-        found = _repeating(found, np.array(period) / metres)
-    try:
-        return _wires(found, metres, node_spacing)
-    except BadFile as error:
-        raise WireFileError(f"cannot be read ({error})", f"give {expected_in(path.suffix.lower())}") from error
 
 
 def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -167,15 +166,9 @@ def _reason(error: Exception) -> str:
         return str(error)
     if isinstance(error, MemoryError):
         return "a file that takes more memory than there is for it"
-    if isinstance(error, Tf.ErrorException):
-        return f"a file that the USD library cannot read ({next(_sentences(error))})"
-    return f"a file that the USD library cannot read ({type(error).__name__})"
-
-
-def _sentences(error: Tf.ErrorException) -> Iterator[str]:
-    for part in error.args:
-        yield " ".join(str(getattr(part, "commentary", part)).split())[:120]
-    yield "no reason given"
+    said = [" ".join(str(getattr(part, "commentary", part)).split())[:120] for part in error.args]
+    reason = (*said, "no reason given")[0] if isinstance(error, Tf.ErrorException) else type(error).__name__
+    return f"a file that the USD library cannot read ({reason})"
 
 
 if __name__ == "__main__":
