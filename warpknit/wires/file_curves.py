@@ -265,7 +265,7 @@ def curves_in(
 
 
 def unreadable(path: Path | WireArrays, error: Exception) -> WireFileError:
-    """The error for a file that is not what its suffix says, or that the system does not read."""
+    """The error for a file that cannot be read."""
     if isinstance(error, OSError):
         return WireFileError(f"cannot be read ({(error.strerror or 'it is unreadable').lower()})", "give another file")
     return WireFileError(f"cannot be read ({error})", f"give {FORMATS[path.suffix.lower()][1]}")
