@@ -209,7 +209,7 @@ def test_a_gripped_mesh_takes_the_place_of_the_smaller_one() -> None:
             assert relaxation is not None and isinstance(relaxation.mechanics, SpatialMechanics)
             place = relaxation.model.rods.position[:, :2]
             wave = np.prod(np.sin(np.pi * (place - place.min(axis=0)) / np.ptp(place, axis=0)) ** 2, axis=1)  # 0 at the clamps
-            panel = PanelNodes(relaxation.model).of_panel(wave)
+            panel = PanelNodes(relaxation.model).of_panel({"x": wave})["x"]
             none = dict.fromkeys(relaxation.mechanics.fields.read(), np.zeros(relaxation.model.panel.node_count))
             relaxation.mechanics.fields.add(none | {"x": size * panel, "z": size * panel})
         drive.prolongation.carry(zero_response(drive.cell.mechanics, "cpu"))
@@ -268,7 +268,8 @@ def test_cubics_along_wires_are_resampled_exactly(of_segments: bool) -> None:
     def cubic(x: np.ndarray) -> np.ndarray:
         return 1.0 + 0.1 * x - 2e-3 * x**2 + 1e-5 * x**3
 
-    found = nodes.of_panel(cubic(np.arange(rods.node_count) - rods.wire_first[rods.wire_of] + half), of_segments=of_segments)
+    name, along = "turn" if of_segments else "x", np.arange(rods.node_count) - rods.wire_first[rods.wire_of]
+    found = nodes.of_panel({name: cubic(along + half)})[name]
     inside = (place >= half) & (place <= rods.wire_count[wire] - 1 - half)
     assert np.count_nonzero(inside) > 0.9 * len(inside)
     assert found[inside] == pytest.approx(cubic(place[inside]), rel=1e-9)

@@ -15,7 +15,6 @@ from warpknit.mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP
 from warpknit.scene import SceneError, load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.contact_places import hook_contact
 from warpknit.spatial.observables import SpatialObservables
 
 SCENE = Path(__file__).parents[2] / "scenes" / "hook_spatial.toml"
@@ -55,7 +54,7 @@ def test_upper_ends_slide_along_the_warp_only() -> None:
     last = readings()[-1]
     mesh, hook = last.model, last.model.scene.hook
     held = mesh.wires.held_node.reshape(4, 2)
-    pull = hook_contact(last).drive_force
+    pull = last.hook_contact.drive_force
     at = last.force[held].sum(axis=1)
     assert np.abs(at[[LEFT_TOP, RIGHT_TOP], 1]).max() < 0.01 * pull
     moved = (last.position - mesh.rods.position)[held]
@@ -74,7 +73,7 @@ def test_wires_press_as_beams_that_wind_round_each_other(level: int, allowed: fl
     twist as they lean): its span is 5 % too wide, worth 1 % of the force at 0.8 mm and 7 % at 0.4 mm, and so few segments add 1.5
     and 4 %. A body of 1.25 d misses the force at 0.4 mm altogether."""
     reading = readings()[level]
-    found, hook, wire = hook_contact(reading), reading.model.scene.hook, reading.model.scene.wire
+    found, hook, wire = reading.hook_contact, reading.model.scene.hook, reading.model.scene.wire
     law = Law(hook, wire.bending_stiffness, DIAMETER)
     # plane and lens of equal span, between two planar states about it
     spans = [span * DIAMETER for span in ((2.3, 2.7), (1.4, 1.7))[level - 1]]

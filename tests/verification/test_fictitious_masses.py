@@ -10,16 +10,9 @@ from warpknit.compute.launch import bind
 from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
 from warpknit.spatial.rod_arrays import motion_launch
-from warpknit.spatial.rod_checks import RodChecks
-from warpknit.spatial.rod_relaxation import set_banded_masses
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
-
-
-def checks_of(stepper: RodStepper) -> RodChecks:
-    """Checks of rods without clamps that move, of chords."""
-    at_rest = np.zeros(stepper.rods.node_count)
-    return RodChecks(stepper, np.zeros(0, dtype=np.int64), keeps_arc_length=False, bow_at_rest=at_rest)
 
 
 def dense(rods: Rods, masses: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -48,6 +41,7 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
         [None, np.zeros(3), np.array([0.0, 0.0, 1.0])],
     )
     stepper, rng, nodes = RodStepper(rods), np.random.default_rng(0), rods.node_count
+    relaxation = RodRelaxation(stepper)
     after = rods.following
     inner = (after >= 0) & (after[after] >= 0)
     masses = {
@@ -69,7 +63,7 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
         assert found[:, k] == pytest.approx(np.linalg.solve(mass[k], force[:, k]), rel=0, abs=1e-13)
     assert stepper.state.spin.numpy() == pytest.approx(np.linalg.solve(spin, torque), rel=0, abs=1e-13)
     twice = sum(float(force[:, k] @ mass[k] @ force[:, k]) for k in range(3)) + float(torque @ spin @ torque)
-    found = checks_of(stepper).twice_energy(stepper.state.force, stepper.state.torque, "forces", stepper.rows)
+    found = relaxation.twice_energy(stepper.state.force, stepper.state.torque, "forces", stepper.rows)
     assert found == pytest.approx(twice, rel=1e-13, abs=0)
 
 
@@ -105,7 +99,7 @@ def test_masses_bound_the_stiffness_of_a_coil(turn: float, stretch: float) -> No
     pose = Pose(rods)
     pose.stepper.state.stretch_stiffness.fill_(stretch * SECTION.axial_stiffness)
     pose.stepper.evaluate()
-    set_banded_masses(checks_of(pose.stepper), 100.0, float(rods.natural_length[:-1].mean()))
+    RodRelaxation(pose.stepper, softening=1.0 / stretch, wave_length=100.0, multipliers=False)
     state = pose.stepper.state
     names = ("node_mass", "next_mass", "second_mass", "spin_inertia", "next_inertia")
     masses = {name: fetch(getattr(state, name)) for name in names}

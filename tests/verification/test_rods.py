@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from reference.rods import SECTION, Pose, helix, round_section, straight
-from warpknit.spatial.rod_checks import RodChecks
-from warpknit.spatial.rod_relaxation import set_banded_masses
+from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
 from warpknit.spatial.step_bound import largest_rates, stable_step
@@ -235,8 +234,7 @@ def test_wires_of_several_sections_are_each_as_alone(plastic: bool) -> None:
         energy, force, torque = pose.at(move[nodes], turn[nodes])
         state = pose.stepper.state
         true = np.column_stack([state.node_mass.numpy(), state.spin_inertia.numpy(), state.stretch_stiffness.numpy()])
-        checks = RodChecks(pose.stepper, np.zeros(0, dtype=np.int64), keeps_arc_length=False, bow_at_rest=np.zeros(len(force)))
-        set_banded_masses(checks, 1e9, float(rods.natural_length[rods.following >= 0].mean()))
+        RodRelaxation(pose.stepper, wave_length=1e9)
         banded = np.column_stack([state.node_mass.numpy(), state.next_mass.numpy(), state.spin_inertia.numpy()])
         return energy, np.column_stack([force, torque, true, banded])
 

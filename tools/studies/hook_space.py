@@ -19,7 +19,6 @@ from warpknit.measure.observables import HookContact
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.contact_places import hook_contact as spatial_hook_contact
 from warpknit.spatial.model import SpatialModel
 
 FRICTION = (0.0, 0.2, 0.4)
@@ -66,7 +65,7 @@ def spatial(overrides: Sequence[str], friction: float = 0.0, thickness: float = 
 def _spatial_rows(mesh: SpatialModel, friction: float, thickness: float, twist: float) -> Iterator[Row]:
     begin = time.perf_counter()
     for record in Simulation(mesh).run():
-        found, t = spatial_hook_contact(record.observables), record.observables.touching
+        found, t = record.observables.hook_contact, record.observables.touching
         total = float(t.force.sum())
         row = Row(
             "spatial", friction, thickness, twist, found.displacement, found.force_left, found.drive_force,

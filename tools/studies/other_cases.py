@@ -21,7 +21,6 @@ from study import SCENES
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.contact_places import hook_contact
 from warpknit.spatial.placed_wires import TiltedArc, tilt
 
 LEVELS = 4
@@ -135,7 +134,7 @@ def by_warpknit(case: str, numerics: Numerics) -> Solved:
     for record in simulation.run():
         if case == "hook":
             unit = model.bending_stiffness / scene.wire.diameter**2
-            forces.append(hook_contact(record.observables).force_left / unit)
+            forces.append(record.observables.hook_contact.force_left / unit)
         else:
             forces.append(end_force(record) / (model.bending_stiffness / DIAMETER**2))
         cpu.append(time.process_time() - begin)

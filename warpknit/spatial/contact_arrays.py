@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -103,8 +102,3 @@ class Contacts:
     def push(self) -> np.ndarray:
         """(contact, 3) [N] force on the first wire."""
         return np.asarray(self.force[:, None] * self.normal + self.friction)
-
-    @staticmethod
-    def joined(parts: Sequence[Contacts]) -> Contacts:
-        """Contacts of all parts in sequence."""
-        return Contacts(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Contacts)))

@@ -1,4 +1,4 @@
-"""Places of contacts and sites on spatial wires; contact of two hooked wires."""
+"""Places of contacts and sites on spatial wires."""
 
 from __future__ import annotations
 
@@ -6,12 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import active_threshold
-from ..measure.observables import ContactPlaces, HookContact, arcs_along
-from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from ..wires.overlaps import segment_distances
-from .placed_wires import BETWEEN
-from .rest_curve import rest_place
 from .sites import NOWHERE
 
 AT_A_TIME = 2**14  # pairs of segments whose distances are computed at a time
@@ -92,59 +87,3 @@ def _line(r: Any, sites: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]
     closing[:, :2] = rods.wire_period[wire, :2] @ r.gradient.T
     shift = turns[:, :, None] * closing[:, None]
     return r.position[rods.wire_first[wire][:, None] + number - turns * count] + shift, shift
-
-
-def contact_places(r: Any) -> ContactPlaces:
-    """Places of the contacts whose force exceeds the threshold."""
-    rods, contacts = r.model.rods, r.touching
-    kept = contacts.force > active_threshold(r.model)
-    node = np.stack([contacts.first, contacts.second], axis=1)[kept]
-    place, shift = contacts.place[kept], contacts.shift[kept]
-    rest = np.stack([rest_place(rods, r.model.curve, node[:, side], place[:, side]) for side in (0, 1)], axis=1)
-    lengths = rods.natural_arc * r.length_factor
-    wire = rods.wire_of[node]
-    return ContactPlaces(
-        force=contacts.force[kept],
-        wire=wire,
-        arc=arcs_along(lengths, rods.wire_first, wire, node, place),
-        rest=rest[..., :2],
-        reach=(rest[:, 1] + shift - rest[:, 0])[:, :2],
-        wire_length=np.add.reduceat(lengths, rods.wire_first),
-        wire_period=rods.wire_period[:, :2],
-    )
-
-
-def hook_contact(r: Any) -> HookContact:
-    """The contact of a hook; without contact, its places are at the middle of the lens at rest.
-
-    Hooked wires touch in two or three places, whose forces have opposite out-of-plane components. The contact force is their sum;
-    its place along a wire is their mean, weighted by the in-plane component along that sum.
-    """
-    model, t = r.model, r.touching
-    hook, rods = model.scene.hook, model.rods
-    assert hook is not None
-    step = hook.length / model.scene.model.nodes_per_loop
-    push = t.push  # on the left wire, whose nodes come first
-    total = push.sum(axis=0)
-    force = float(np.linalg.norm(total))
-    arc = {wire: float(model.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}
-    body = np.array([0.0, 0.5 * hook.height])
-    if force > 0.0:
-        share = (push[:, :2] @ total[:2]).clip(0.0)
-        share = share / share.sum()
-        for wire, nodes, place in ((LEFT, t.first, t.place[:, 0]), (RIGHT, t.second, t.place[:, 1])):
-            arc[wire] = float(share @ (nodes - rods.wire_first[wire] + place - BETWEEN)) * step
-        touched = r.position[t.first] + r.curve.offset(t.first, t.place[:, 0])
-        body = share @ (touched - 0.5 * rods.section.thickness * t.normal)[:, :2]
-    held = model.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
-    return HookContact(
-        displacement=float(r.gradient[0, 1]) * hook.height,
-        drive_force=-float(r.force[held, 0].sum()),
-        force_left=force,
-        force_right=force,
-        arc_left=arc[LEFT],
-        arc_right=arc[RIGHT],
-        ground_force=0.0,
-        body=body,
-        threshold=active_threshold(r.model),
-    )

@@ -171,7 +171,7 @@ class SpatialMechanics(Mechanics):
         strain = float(np.abs(load.gradient - self.state.gradient).max())
         strain += abs(scene.wire.length_factor(load.temperature) - steering.length_factor)
         if any(any(stage.temperature_gradient) for stage in scene.stages):
-            now = self.stepper.part(self.relaxation.checks.arrays.thermal_strain, self.world)
+            now = self.stepper.part(self.relaxation.arrays.thermal_strain, self.world)
             strain += self.strip.largest_of_nodes(np.abs(self._thermal_strain(load) - fetch(now)))
         if self.edge is not None and load.stations is not None:
             strain += self.edge.strain_to(load)

@@ -71,28 +71,12 @@ class SpatialModel:
     ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
     whole: SpatialModel | None = None  # the model of all ranks; None: this one
-    ramp: RampNumerics | None = None  # masses, step and damping of a ramp
+    time_step: float = 1.0  # [s] initial one
+    limited_by: str = "unit step"  # limit of the time step, in words
+    loading_time: float = 0.0  # [s] of a stage of a ramp
+    added_mass: float = 0.0  # by scaling, over the true mass
+    ramp: RampNumerics | None = None  # masses and damping of a ramp
     base: SpatialModel | None = None  # a mesh of the same topology, whose solver constants it has; None: its own
-
-    @property
-    def time_step(self) -> float:
-        """[s] initial time step."""
-        return 1.0 if self.ramp is None else self.ramp.time_step
-
-    @property
-    def limited_by(self) -> str:
-        """Limit of the time step, in words."""
-        return "unit step" if self.ramp is None else self.ramp.rates.limited_by
-
-    @property
-    def loading_time(self) -> float:
-        """[s] of a stage of a ramp."""
-        return 0.0 if self.ramp is None else self.ramp.loading_time
-
-    @property
-    def added_mass(self) -> float:
-        """Mass added by scaling, over the true mass."""
-        return 0.0 if self.ramp is None else self.ramp.added_mass
 
     @property
     def bending_stiffness(self) -> float:
@@ -174,16 +158,11 @@ def initial_state(model: SpatialModel) -> RodState:
 
 def wire_section(wire: Wire) -> Section:
     """The section of a wire or yarn."""
+    names = ("axial_stiffness", "bending_stiffness", "twist_stiffness", "linear_density", "thickness", "radius", "hardening")
     return Section(
-        axial_stiffness=wire.axial_stiffness,
-        bending_stiffness=wire.bending_stiffness,
-        twist_stiffness=wire.twist_stiffness,
-        linear_density=wire.linear_density,
         rotary_inertia=wire.linear_density * wire.thickness**2 / 8,
-        thickness=wire.thickness,
-        radius=wire.radius,
         yield_curvature=wire.yield_curvature if wire.plastic else 0.0,
-        hardening=wire.hardening,
+        **{name: getattr(wire, name) for name in names},
     )
 
 
@@ -272,7 +251,7 @@ def _whole_model(scene: Scene, device: str) -> SpatialModel:
         cloth=cloth,
         table=table,
     )
-    return model if scene.solver.drive == "relax" else replace(model, ramp=ramp_numerics(model))
+    return model if scene.solver.drive == "relax" else replace(model, **ramp_numerics(model))
 
 
 def _sections(scene: Scene, wires: Wires) -> list[Section]:

@@ -18,13 +18,15 @@ from ..compute.host import fetch
 from ..compute.steering import Steering
 from ..measure import active_threshold, strain
 from ..measure.drawn_curve import WireCurve
-from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, SheetPlaces, WireStress
+from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, SheetPlaces, WireStress, arcs_along
 from ..measure.strain import Boundary
 from ..measure.tiles import Tiles, has_map, panel_map_of
+from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from .bending import bending_moments, clamped_ends
 from .contact_arrays import Contacts
-from .contact_places import contact_places, hook_contact, site_places, touched_places
+from .contact_places import site_places, touched_places
 from .model import SpatialModel
+from .placed_wires import BETWEEN
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_arrays import RodState
 from .rod_relaxation import RodRelaxation
@@ -110,14 +112,9 @@ class SpatialObservables(Boundary):
         return -self.tension * (self.chord + self.half_in_clamp)
 
     @property
-    def held_forces(self) -> np.ndarray:
-        """(held, 3) [N] forces of the wires and of contacts on the held nodes."""
-        return self.force[self.model.wires.held_node]
-
-    @property
     def edge_force(self) -> np.ndarray:
         """(clamp, 3) [N] forces of the clamps on the wires, by two nodes each."""
-        return -self.held_forces.reshape(-1, 2, 3).sum(axis=1)
+        return -self.force[self.model.wires.held_node].reshape(-1, 2, 3).sum(axis=1)
 
     @property
     def clamp_force(self) -> np.ndarray:
@@ -199,12 +196,59 @@ class SpatialObservables(Boundary):
     @property
     def contact_places(self) -> ContactPlaces:
         """Places of the contacts whose force exceeds the threshold."""
-        return contact_places(self)
+        rods, contacts = self.model.rods, self.touching
+        kept = contacts.force > active_threshold(self.model)
+        node = np.stack([contacts.first, contacts.second], axis=1)[kept]
+        place, shift = contacts.place[kept], contacts.shift[kept]
+        rest = np.stack([rest_place(rods, self.model.curve, node[:, side], place[:, side]) for side in (0, 1)], axis=1)
+        lengths = rods.natural_arc * self.length_factor
+        wire = rods.wire_of[node]
+        return ContactPlaces(
+            force=contacts.force[kept],
+            wire=wire,
+            arc=arcs_along(lengths, rods.wire_first, wire, node, place),
+            rest=rest[..., :2],
+            reach=(rest[:, 1] + shift - rest[:, 0])[:, :2],
+            wire_length=np.add.reduceat(lengths, rods.wire_first),
+            wire_period=rods.wire_period[:, :2],
+        )
 
     @cached_property
     def hook_contact(self) -> HookContact | None:
-        """The contact of two hooked wires."""
-        return None if self.model.scene.hook is None else hook_contact(self)
+        """The contact of a hook; without contact, its places are at the middle of the lens at rest.
+
+        Hooked wires touch in two or three places, whose forces have opposite out-of-plane components. The contact force is their
+        sum; its place along a wire is their mean, weighted by the in-plane component along that sum.
+        """
+        model, t = self.model, self.touching
+        hook, rods = model.scene.hook, model.rods
+        if hook is None:
+            return None
+        step = hook.length / model.scene.model.nodes_per_loop
+        push = t.push  # on the left wire, whose nodes come first
+        total = push.sum(axis=0)
+        force = float(np.linalg.norm(total))
+        arc = {wire: float(model.wires.site_seed[0, wire] + BETWEEN) * step for wire in (LEFT, RIGHT)}
+        body = np.array([0.0, 0.5 * hook.height])
+        if force > 0.0:
+            share = (push[:, :2] @ total[:2]).clip(0.0)
+            share = share / share.sum()
+            for wire, nodes, place in ((LEFT, t.first, t.place[:, 0]), (RIGHT, t.second, t.place[:, 1])):
+                arc[wire] = float(share @ (nodes - rods.wire_first[wire] + place - BETWEEN)) * step
+            touched = self.position[t.first] + self.curve.offset(t.first, t.place[:, 0])
+            body = share @ (touched - 0.5 * rods.section.thickness * t.normal)[:, :2]
+        held = model.wires.held_node.reshape(-1, 2)[RIGHT_TOP]
+        return HookContact(
+            displacement=float(self.gradient[0, 1]) * hook.height,
+            drive_force=-float(self.force[held, 0].sum()),
+            force_left=force,
+            force_right=force,
+            arc_left=arc[LEFT],
+            arc_right=arc[RIGHT],
+            ground_force=0.0,
+            body=body,
+            threshold=active_threshold(self.model),
+        )
 
     # --- wires
 
@@ -429,7 +473,7 @@ def read(
         bend_energy=float(yielding.elastic_energy[world]),
         hardened_energy=float(yielding.hardened_energy[world]),
         contact_energy=_contact_energy(rods, of_mesh(state.contact_offset), touching),
-        thermal_strain=strip.gathered(own(fetch(relaxation.checks.arrays.thermal_strain))),
+        thermal_strain=strip.gathered(own(fetch(relaxation.arrays.thermal_strain))),
         touching=touching,
         near=strip.gathered_contacts(contact.find_contacts((NEAR - 1.0) * rods.section.thickness, world)),
     )

@@ -169,7 +169,13 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
     closed = panel.boundary == "periodic"
     block = np.searchsorted(panel.block_first, panel.wire_first)  # [wire] its first one
     entry = panel.block_table[block] - table.start[panel.wire_thread]  # node of its thread with which a wire of the panel begins
-    example, form = _forms(cloth, panel, closed=closed)
+    # [form] a wire of each form, and [wire] the form of each wire
+    key = [panel.wire_thread]
+    if not closed:
+        same = SAME * np.array([t.length for t in cloth.threads])[panel.wire_thread]
+        key += [np.rint(panel.wire_begin / same), np.rint(panel.wire_length / same)]
+    _, example, form = np.unique(np.stack(key), axis=1, return_index=True, return_inverse=True)
+    form = form.reshape(-1)
     points, lines, nodes = [], [], []
     for w in example:
         thread = threads[panel.wire_thread[w]]
@@ -219,17 +225,6 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         panel_begin=(entry - begin) / step,
         panel_step=1.0 / step,
     )
-
-
-def _forms(cloth: Cloth, panel: Panel, *, closed: bool) -> tuple[np.ndarray, np.ndarray]:
-    """[form] a wire of each form, and [wire] the form of each wire."""
-    thread = panel.wire_thread
-    key = [thread]
-    if not closed:
-        same = SAME * np.array([t.length for t in cloth.threads])[thread]
-        key += [np.rint(panel.wire_begin / same), np.rint(panel.wire_length / same)]
-    _, example, form = np.unique(np.stack(key), axis=1, return_index=True, return_inverse=True)
-    return example, form.reshape(-1)
 
 
 def line_along(

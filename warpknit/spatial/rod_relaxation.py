@@ -34,21 +34,34 @@ A uniform mass moves waves longer than `wave_length`, which carry almost no forc
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
+from ..compute.arrays import array, new_arrays
 from ..compute.host import fetch, lanes, store, store_at
+from ..compute.team import SharedLaunches
 from ..kernels import rod_checks as k
 from ..kernels.banded_mass import HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
 from ..kernels.rod_blocks import ROD_LANES
+from ..kernels.rod_checks import STATE_COLUMNS
 from ..kernels.rod_masses import find_masses
-from ..mechanics.numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, MASS_MARGIN, SPEED_SHARE, STEP_MARGIN, renewed_damping
+from ..kernels.rod_sums import sum_mass_products
+from ..mechanics.numerics import (
+    AXIAL_ERROR,
+    FASTEST_DAMPING,
+    LOOK_AHEAD,
+    MASS_MARGIN,
+    SPEED_SHARE,
+    STEP_MARGIN,
+    error_ratio,
+    renewed_damping,
+)
 from .clamps import MovingClamps
 from .rest_curve import RestCurve
-from .rod_checks import RodChecks, StateSums
 from .rod_step import EVALUATED, RodStepper
 from .rods import Rods
 from .step_bound import SLOPE_FACTOR, largest_rates, stable_step
@@ -79,21 +92,44 @@ LEAST_DAMPING, LEAST_OF_HISTORY = 0.003, 0.01
 COUPLING = 0.5  # of displacements and twist
 
 
-def set_banded_masses(checks: RodChecks, wave_length: float, spacing: float) -> None:
-    """Set fictitious masses for the state last evaluated and its contact bounds, by the bound above.
+@dataclass(frozen=True)
+class CheckArrays:
+    """Arrays of the checks of rods, beside rest data and state."""
 
-    wave_length [m] of the slowest wave; spacing [m]: mean one of the nodes.
-    """
-    stepper, wave = checks.stepper, 2.0 * math.pi / wave_length
-    share, spin_share = (0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING))
-    threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
-    checks.launch(
-        find_masses, f"masses {touches}", threads=threads, threads_a_block=threads, may_touch=wp.int32(touches),
-        slope_factor=wp.float64(SLOPE_FACTOR), hardening=wp.float64(stepper.rods.section.hardening),
-        keeps_arc_length=checks.keeps_arc_length, share=wp.float64(share), spin_share=wp.float64(spin_share),
-        wave_square=wp.float64(wave**2), wave_fourth=wp.float64(wave**4), spacing=wp.float64(spacing),
-    )  # fmt: skip
-    stepper.factor_masses()
+    KEPT = ("thermal_strain", "last_place", "last_force", "last_angle", "last_torque")
+
+    bow_weight: wp.array = array(wp.vec2d)  # see Rods.bow_weights
+    bow_at_rest: wp.array = array(wp.float64)  # relative excess of the arc over the chord of each segment as knitted
+    thermal_strain: wp.array = array(wp.float64)  # of the segments, relative to the length factor
+    is_sliding: wp.array = array(wp.int32)  # 1 where a clamp moves the node
+    stiffening: wp.array = array(wp.float64, "wire")  # by which the softened stiffness of a wire is multiplied
+    slowed: wp.array = array(wp.float64, "world")  # by which velocities are multiplied
+    # state at the last check; once `find_motion` has run, the motion since then
+    last_place: wp.array = array(wp.vec3d)  # [m]
+    last_force: wp.array = array(wp.vec3d)  # [N]
+    last_angle: wp.array = array(wp.float64)  # [rad]
+    last_torque: wp.array = array(wp.float64)  # [N m]
+    state_partial: wp.array = array(wp.float64, "block", int(STATE_COLUMNS))
+    partial: wp.array = array(wp.float64, "block")
+
+
+@dataclass(frozen=True)
+class StateSums:
+    """Sums over the state last evaluated; [world] of those asked for."""
+
+    unbalanced_square: np.ndarray  # [N2] of the free nodes, summed
+    unbalanced_max: np.ndarray  # [N] the largest
+    free_nodes: int
+    energy: np.ndarray  # [J] of stretch, bending and twist, elastic
+    excess_max: np.ndarray  # largest difference between the strain of a segment and T/EA
+    excess_square: np.ndarray  # squares of the same, summed
+    stretching: int  # segments that can stretch
+    mean_excess: np.ndarray  # (world, wire) of the segments that can stretch, over the length of the wire
+
+    @property
+    def excess_ratio(self) -> np.ndarray:
+        """Errors of axial strains over what is allowed."""
+        return error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR)
 
 
 class Stalled:
@@ -129,7 +165,7 @@ class RodRelaxation:
 
     # not the mean energy, which each check renews
     KEPT = (
-        "checks", "clamps", "_has_multipliers", "_has_last", "_last_slide", "_rate", "_best_ratio", "_stalled", "_ratio",
+        "arrays", "clamps", "_has_multipliers", "_has_last", "_last_slide", "_rate", "_best_ratio", "_stalled", "_ratio",
         "_has_risen", "_excess_leads", "_taut", "_leading",
     )  # fmt: skip
 
@@ -188,7 +224,15 @@ class RodRelaxation:
         if self.keeps_arc_length:
             square, (weight, next_weight) = np.sum(fetch(state.curvature) ** 2, axis=1), rods.bow_weights
             bow = float(BOW) * (weight * square + next_weight * square[rods.following])
-        self.checks = RodChecks(stepper, sliding, keeps_arc_length=self.keeps_arc_length, bow_at_rest=bow)
+        is_sliding, blocks = np.zeros(rods.node_count, dtype=np.int32), len(stepper.arrays.block_first)
+        is_sliding[sliding] = 1
+        counts = {"node": rods.node_count, "wire": len(rods.wire_first), "world": worlds, "block": blocks}
+        values = {"bow_weight": np.stack(rods.bow_weights, axis=1), "bow_at_rest": bow, "is_sliding": is_sliding}
+        self.arrays = new_arrays(CheckArrays, stepper.device, counts, values)
+        self._launches = SharedLaunches(stepper.team, stepper.device, stepper.few)
+        free = (mesh.held & int(HELD_NODE)) == 0
+        self._free_nodes = int(np.count_nonzero(free)) // worlds
+        self._stretching = int(np.count_nonzero((mesh.following >= 0) & (free | free[mesh.following]))) // worlds
         slowest = longest if wave_length is None else wave_length
         self._of_masses = slowest, float(spaced.natural_length[spaced.following >= 0].mean())
         self._knows_smooth = knows_smooth
@@ -210,7 +254,7 @@ class RodRelaxation:
 
     def set_thermal_strain(self, thermal_strain: np.ndarray, world: int = 0) -> None:
         """Set the strain [node] of the natural lengths of a world beyond its length factor; the multipliers apply it."""
-        self.stepper.store_rows(self.checks.arrays.thermal_strain, np.array([world]), thermal_strain)
+        self.stepper.store_rows(self.arrays.thermal_strain, np.array([world]), thermal_strain)
         self._has_multipliers[world] |= self.stepper.strip.ranks.any(bool(thermal_strain.any()))
 
     def renew_masses(self, rows: np.ndarray | None = None, *, loading: bool | np.ndarray = False) -> None:
@@ -234,25 +278,54 @@ class RodRelaxation:
                 stepper.evaluate(rows=own)
             stepper.steering.set(own, speed_limit=move)
             before = self._twice_energy(own)
-            set_banded_masses(self.checks, *self._of_masses)
+            self._set_masses()
             now = self._twice_energy(own)
             if np.any(now > before):
                 slower = np.ones(stepper.worlds)
                 slower[own] = np.sqrt(np.divide(before, now, out=np.ones(len(own)), where=now > before))
-                store(self.checks.arrays.slowed, slower)
-                self.checks.launch(k.slow_motion)
+                store(self.arrays.slowed, slower)
+                self._launch(k.slow_motion)
                 if self.clamps is not None:
                     each = len(fetch(self.clamps.velocity)) // stepper.worlds
                     store(self.clamps.velocity, np.repeat(slower, each) * fetch(self.clamps.velocity))
+
+    def _set_masses(self) -> None:
+        """Set fictitious masses for the state last evaluated and its contact bounds, by the bound above."""
+        stepper, (wave_length, spacing) = self.stepper, self._of_masses
+        wave, share, spin_share = (
+            2.0 * math.pi / wave_length,
+            *(0.25 * MASS_MARGIN * (1.0 + x) for x in (COUPLING, 1.0 / COUPLING)),
+        )
+        threads, touches = lanes(ROD_LANES, stepper.device), stepper.contact is not None
+        self._launch(
+            find_masses, f"masses {touches}", threads=threads, threads_a_block=threads, may_touch=wp.int32(touches),
+            slope_factor=wp.float64(SLOPE_FACTOR), hardening=wp.float64(stepper.rods.section.hardening),
+            keeps_arc_length=wp.int32(self.keeps_arc_length), share=wp.float64(share), spin_share=wp.float64(spin_share),
+            wave_square=wp.float64(wave**2), wave_fourth=wp.float64(wave**4), spacing=wp.float64(spacing),
+        )  # fmt: skip
+        stepper.factor_masses()
+
+    def _launch(self, kernel: wp.Kernel, name: str = "", **named: Any) -> None:
+        """Launch a kernel for the own blocks or nodes; name: of the recorded launch, default the kernel's."""
+        self.stepper.share_launch(self._launches, name or kernel.key, kernel, self.arrays, **named)
+
+    def _partial_sums(self, rows: np.ndarray) -> np.ndarray:
+        """[row] sums of `partial`."""
+        return self.stepper.sums.total(fetch(self.arrays.partial)[:, None], rows)[:, 0]
+
+    def twice_energy(self, move: wp.array, turn: wp.array, name: str, rows: np.ndarray) -> np.ndarray:
+        """[row] [J] v . M v + w . I w of motions (node, 3) and [node], by the masses of the dynamics; `name` of both arrays."""
+        self._launch(sum_mass_products, name, move=move, turn=turn, partial=self.arrays.partial)
+        return self._partial_sums(rows)
 
     def _twice_energy(self, rows: np.ndarray) -> np.ndarray:
         """Twice the kinetic energy of nodes and sections [row] [J], with sliding clamps."""
         state = self.stepper.state
         if self.clamps is None or not len(self.clamps.sliding):
-            return self.checks.twice_energy(state.velocity, state.spin, "energy", rows)
+            return self.twice_energy(state.velocity, state.spin, "energy", rows)
         sliding, velocity = self.clamps.sliding_node, fetch(state.velocity).copy()
         store_at(state.velocity, (sliding, 1), fetch(self.clamps.velocity)[self.clamps.sliding][:, None])
-        energy = self.checks.twice_energy(state.velocity, state.spin, "energy", rows)
+        energy = self.twice_energy(state.velocity, state.spin, "energy", rows)
         store(state.velocity, velocity)
         return energy
 
@@ -292,24 +365,31 @@ class RodRelaxation:
         it then comes and goes, and balances in the mean. Forces of sliding clamps are present values.
         """
         rows = self.stepper.rows if rows is None else rows
-        sums, yielding = self.checks.sums(rows, of_mean=of_mean), self.stepper.yielding
-        if of_mean:
-            sums = replace(
-                sums,
-                unbalanced_square=sums.unbalanced_square / CHECK_STEPS**2,
-                unbalanced_max=sums.unbalanced_max / CHECK_STEPS,
-            )
+        stepper, state, sums, yielding = self.stepper, self.stepper.state, self.stepper.sums, self.stepper.yielding
+        unbalanced, name, steps = (state.force_sum, "mean sums", CHECK_STEPS) if of_mean else (state.force, "sums", 1)
+        self._launch(k.sum_states, name, unbalanced=unbalanced, keeps_arc_length=wp.int32(self.keeps_arc_length))
+        partial = fetch(self.arrays.state_partial)
+        total, largest = sums.total(partial, rows), sums.largest(partial, rows)
+        square = total[:, int(k.UNBALANCED_SQUARE)] / steps**2
+        most, free = np.sqrt(largest[:, int(k.UNBALANCED_MAX)]) / steps, self._free_nodes
+        energy = total[:, int(k.STRETCH_ENERGY)] + total[:, int(k.BEND_ENERGY)]
         if yielding.yields:
-            sums = replace(sums, energy=sums.energy + yielding.plastic_potential()[rows])
+            energy = energy + yielding.plastic_potential()[rows]
         if self.clamps is not None and len(self.clamps.sliding):
-            force = np.abs(self.clamps.force[:, 1]).reshape(self.stepper.worlds, -1)[rows]
-            sums = replace(
-                sums,
-                unbalanced_square=sums.unbalanced_square + np.array([float(own @ own) for own in force]),
-                unbalanced_max=np.maximum(sums.unbalanced_max, force.max(axis=1)),
-                free_nodes=sums.free_nodes + force.shape[1],
-            )
-        return sums
+            force = np.abs(self.clamps.force[:, 1]).reshape(stepper.worlds, -1)[rows]
+            square = square + np.array([float(own @ own) for own in force])
+            most, free = np.maximum(most, force.max(axis=1)), free + force.shape[1]
+        excess = (sums.of_wires(partial[:, int(k.EXCESS_SUM)]) / stepper.rods.wire_length).reshape(stepper.worlds, -1)
+        return StateSums(
+            unbalanced_square=square,
+            unbalanced_max=most,
+            free_nodes=free,
+            energy=energy,
+            excess_max=largest[:, int(k.EXCESS_MAX)],
+            excess_square=total[:, int(k.EXCESS_SQUARE)],
+            stretching=self._stretching,
+            mean_excess=excess[rows],
+        )
 
     def renew_damping(self, rows: np.ndarray | None = None, *, boundary: tuple[np.ndarray, np.ndarray] | None = None) -> None:
         """Renew the damping by the motion since the last check: Rayleigh's quotient in the last evaluated state.
@@ -322,16 +402,16 @@ class RodRelaxation:
         rows = rows[has_last]
         if not len(rows):
             return
-        arrays, steering = self.checks.arrays, self.stepper.steering
-        self.checks.launch(k.find_motion, partial=arrays.partial)
-        work = self.checks.total(rows)
+        arrays, steering = self.arrays, self.stepper.steering
+        self._launch(k.find_motion, partial=arrays.partial)
+        work = self._partial_sums(rows)
         self._has_last[rows] = False
         if self.clamps is not None and len(self.clamps.sliding):  # both nodes move, and carry the mass; the force counts once
             place, force = (self._slide() - self._last_slide).T
             by_world = (value.reshape(self.stepper.worlds, -1) for value in (place, force))
             work += np.array([float(p @ f) for p, f in zip(*by_world, strict=True)])[rows]
             store_at(arrays.last_place, (self.clamps.sliding_node, 1), place[:, None])
-        moved = self.checks.twice_energy(arrays.last_place, arrays.last_angle, "moved", rows)
+        moved = self.twice_energy(arrays.last_place, arrays.last_angle, "moved", rows)
         if boundary is not None:
             work, moved = work + boundary[0][has_last], moved + boundary[1][has_last]
         self._mean_energy[rows] = 0.5 * moved / CHECK_STEPS**2
@@ -412,8 +492,8 @@ class RodRelaxation:
         if stiffens.any():
             stiffening[rows[stiffens]] = self._stiffening(sums.mean_excess[stiffens], rows[stiffens])
         self.stepper.steering.set(rows, multiplier_rate=np.where(has, self.multiplier_rate(rows), 0.0))
-        store(self.checks.arrays.stiffening, stiffening.ravel())
-        self.checks.launch(k.renew_tension_offsets, keeps_arc_length=self.checks.keeps_arc_length)
+        store(self.arrays.stiffening, stiffening.ravel())
+        self._launch(k.renew_tension_offsets, keeps_arc_length=wp.int32(self.keeps_arc_length))
 
     def _stiffening(self, mean_excess: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """(row, wire) factor of the softened axial stiffness where a wire is taut: its mean excess strain is imposed and makes no
@@ -427,7 +507,7 @@ class RodRelaxation:
     def keep_motion(self, rows: np.ndarray | None = None) -> None:
         """Keep the state last evaluated for the next `renew_damping`; velocities become kinetic energy in the control array."""
         rows = self.stepper.rows if rows is None else rows
-        self.checks.launch(k.keep_motion)
+        self._launch(k.keep_motion)
         self._has_last[rows], self._last_slide = True, self._slide()
         self.stepper.steering.set(rows, kinetic_twice=self._twice_energy(rows))
 

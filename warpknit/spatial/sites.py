@@ -36,16 +36,15 @@ class Sites:
         key = self._key(self._wire, self._seed[:, 0])
         self._order = np.argsort(key, kind="stable")
         self._keys = key[self._order]
-        self.shift = self._shift_at_seeds(rods)  # (site, 3) [m] at rest, of the second wire next to the first
-
-    def _shift_at_seeds(self, rods: Rods) -> np.ndarray:
-        """Periodic shift that joins both wires of each site at their seeds."""
+        # (site, 3) [m] at rest, periodic shift of the second wire next to the first that joins both at their seeds
         place = []
         for wire, seed in zip(self._wire.T, self._seed.T, strict=True):
             node = rods.wire_first[wire] + np.clip(seed, 0, rods.wire_count[wire] - 1).astype(int)
             place.append(rods.position[node] + (seed - np.floor(seed))[:, None] * rods.rest_edge[node])
         apart = place[0] - place[1]
-        return self._tile * np.rint(np.divide(apart, self._tile, out=np.zeros_like(apart), where=self._tile > 0))
+        self.shift = self._tile * np.rint(np.divide(apart, self._tile, out=np.zeros_like(apart), where=self._tile > 0))
+
+    # (site, 3) [m] at rest, of the second wire next to the first
 
     def of(
         self, first: np.ndarray, second: np.ndarray, shift: np.ndarray, place: np.ndarray | float = 0.0

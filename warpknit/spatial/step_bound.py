@@ -50,11 +50,11 @@ class Rates:
 
 def largest_rates(rods: Rods, node_mass: np.ndarray, spin_inertia: np.ndarray, **stiff: Any) -> Rates:
     """Bounds on the squared frequencies of rods; node_mass [node] [kg], spin_inertia [node] [kg m2], and see `_stiffnesses`."""
-    k = _stiffnesses(rods, **stiff)
-    a, b, t = k.stretch / node_mass, k.bending / node_mass, k.twist / spin_inertia
-    scaled = _coupled(_coupled(a, b, k.coupling), t, k.coupling) + k.additive / node_mass
+    stretch, bending, twist, contact, additive, coupling = _stiffnesses(rods, **stiff)
+    a, b, t = stretch / node_mass, bending / node_mass, twist / spin_inertia
+    scaled = _coupled(_coupled(a, b, coupling), t, coupling) + additive / node_mass
     free = (rods.held & int(HELD_NODE)) == 0
-    return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, k.contact / node_mass, scaled)))
+    return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, contact / node_mass, scaled)))
 
 
 def stable_step(rates: Rates) -> float:
@@ -67,22 +67,10 @@ def masses_for_step(rods: Rods, time_step: float, **stiff: Any) -> tuple[np.ndar
 
     Twist has TWIST_SHARE of the squared frequency of translation, and adds at most as much to the coupled one.
     """
-    k = _stiffnesses(rods, **stiff)
-    translation = _coupled(k.stretch, k.bending, k.coupling) + k.additive
+    stretch, bending, twist, _, additive, coupling = _stiffnesses(rods, **stiff)
+    translation = _coupled(stretch, bending, coupling) + additive
     scaled = (1.0 + TWIST_SHARE) * (0.5 * time_step) ** 2
-    return scaled * translation, scaled / TWIST_SHARE * k.twist
-
-
-@dataclass(frozen=True)
-class _Stiffnesses:
-    """[node] mass times squared frequency, by the formulas of this module."""
-
-    stretch: np.ndarray  # [N/m]
-    bending: np.ndarray  # [N/m]
-    twist: np.ndarray  # [N m]
-    contact: np.ndarray  # [N/m]
-    additive: np.ndarray  # [N/m] contact and tension, which add to all modes
-    coupling: np.ndarray  # sin^2 of the turn
+    return scaled * translation, scaled / TWIST_SHARE * twist
 
 
 def _stiffnesses(
@@ -93,9 +81,13 @@ def _stiffnesses(
     tension: float = 0.0,
     contact_stiffness: float = 0.0,
     curve: RestCurve | None = None,
-) -> _Stiffnesses:
-    """stretch_stiffness [N]: EA where left out; turning [node] [rad], the angle at the nodes; tension [N], the largest;
-    contact_stiffness [N/m]; curve of the wires, Catmull-Rom's where left out."""
+) -> tuple[np.ndarray, ...]:
+    """Mass times squared frequency [node] of stretch, bending [N/m], twist [N m] and contact [N/m]; what contact and tension
+    add to all modes [N/m], and sin^2 of the turn; by the formulas of this module.
+
+    stretch_stiffness [N]: EA where left out; turning [node] [rad], the angle at the nodes; tension [N], the largest;
+    contact_stiffness [N/m]; curve of the wires, Catmull-Rom's where left out.
+    """
     section = rods.section
     own = np.where(rods.following >= 0, rods.natural_length, np.inf)
     h = np.minimum(own, np.where(rods.previous >= 0, own[rods.previous], np.inf))
@@ -107,14 +99,9 @@ def _stiffnesses(
     surface = 4.0 * contact_stiffness * lever**2
     # an end node has half the mass, and one segment and one turn act on it
     half = np.where((rods.following < 0) | (rods.previous < 0), 0.5, 1.0)
-    return _Stiffnesses(
-        stretch=half * 4 * axial / h,
-        bending=half * bending / h**3,
-        twist=(4 * section.twist_stiffness + turn**2 * SLOPE_FACTOR * section.bending_stiffness) / h + surface,
-        contact=contact,
-        additive=half * 4 * max(tension, 0.0) / h + contact,
-        coupling=np.sin(turn) ** 2,
-    )
+    twist = (4 * section.twist_stiffness + turn**2 * SLOPE_FACTOR * section.bending_stiffness) / h + surface
+    additive = half * 4 * max(tension, 0.0) / h + contact
+    return half * 4 * axial / h, half * bending / h**3, twist, contact, additive, np.sin(turn) ** 2
 
 
 def _coupled(one: np.ndarray, other: np.ndarray, sine_square: np.ndarray) -> np.ndarray:
@@ -124,19 +111,16 @@ def _coupled(one: np.ndarray, other: np.ndarray, sine_square: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class RampNumerics:
-    """Initial masses, step and damping of a ramp."""
+    """Initial masses of a ramp, and its damping."""
 
     node_mass: np.ndarray  # [node] [kg]
     spin_inertia: np.ndarray  # [node] [kg m2] of the segments
-    added_mass: float
-    time_step: float  # [s] of the unloaded mesh
     rates: Rates
-    loading_time: float  # [s] of a stage
     damping: float  # [1/s]
 
 
-def ramp_numerics(model: Any) -> RampNumerics:
-    """Numerics of a ramp for the rods of a `SpatialModel` as knitted.
+def ramp_numerics(model: Any) -> dict[str, Any]:
+    """Fields of a `SpatialModel` for a ramp of its rods as knitted.
 
     Masses are the wire's times `mass_scaling`, raised node by node until `target_time_step` is stable. The rotary inertia of a
     wire is so small that twist would limit the step: it is raised until the squared frequency of twist is a quarter of the
@@ -158,12 +142,10 @@ def ramp_numerics(model: Any) -> RampNumerics:
     spin = np.maximum(spin, masses_for_step(rods, stable_step(spinless), **stiff)[1])
     rates = largest_rates(rods, mass, spin, **stiff)
     slowest = slowest_rate(model.scene, model.loop_length)
-    return RampNumerics(
-        node_mass=mass,
-        spin_inertia=spin,
-        added_mass=float(mass.sum() / true_mass.sum() - 1.0),
-        time_step=STEP_MARGIN * stable_step(rates),
-        rates=rates,
-        loading_time=solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest,
-        damping=slowest if solver.damping is None else solver.damping,
-    )
+    return {
+        "time_step": STEP_MARGIN * stable_step(rates),
+        "limited_by": rates.limited_by,
+        "loading_time": solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest,
+        "added_mass": float(mass.sum() / true_mass.sum() - 1.0),
+        "ramp": RampNumerics(mass, spin, rates, slowest if solver.damping is None else solver.damping),
+    }

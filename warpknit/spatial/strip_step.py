@@ -22,30 +22,46 @@ from ..compute.steering import Steering
 from ..kernels.control import PARTIAL_COUNT
 from ..kernels.rod_border import BORDER_VALUES, copy_nodes, copy_travel
 from .model import BORDER, SpatialModel
-from .rod_arrays import RodArrays, RodState
+from .rod_arrays import RodState
 from .rod_step import RodStepper
-from .rods import Rods
-from .strip import RodStrip, weft_range, within
+from .strip import weft_range, within
 
 
-class Border:
-    """Exchange of what contact reads with neighbours, one after the other."""
+class StripRodStepper(RodStepper):
+    """Takes steps of the own wires of a strip, together with the other ranks."""
 
-    def __init__(self, strip: RodStrip, rods: Rods, arrays: RodArrays, state: RodState) -> None:
-        self._rods, self._state, self._block_wire = rods, state, fetch(arrays.block_wire)
-        sent, self._sent, self._collect = self._side([one.sent for one in strip.neighbours], collects=1)
-        received, self._received, self._distribute = self._side([one.received for one in strip.neighbours], collects=0)
-        peers = [(one.rank, slice(*sent[k : k + 2]), slice(*received[k : k + 2])) for k, one in enumerate(strip.neighbours)]
-        self._swap = strip.ranks.channel(self._sent.host, self._received.host, peers)
+    def __init__(self, model: SpatialModel, state: RodState | None) -> None:
+        rods, device = model.rods, model.device
+        super().__init__(rods, device, state, model.precision, model.strip)
+        ranks = self.strip.ranks
+        # of what contact reads, one neighbour after the other
+        neighbours = self.strip.neighbours
+        sent, self._sent, self._collect = self._side([one.sent for one in neighbours], collects=1)
+        received, self._received, self._distribute = self._side([one.received for one in neighbours], collects=0)
+        peers = [(one.rank, slice(*sent[k : k + 2]), slice(*received[k : k + 2])) for k, one in enumerate(neighbours)]
+        self._swap = ranks.channel(self._sent.host, self._received.host, peers)
+        if len({is_in_place(place) for place in ranks.everyone(str(device))}) > 1:
+            raise ModelError("--device: some ranks run on CPUs and others on GPUs; use --device cpu, or a GPU for each rank")
+        # rows of sums, for the wires of all ranks in order; equally many a rank, the last ones of some empty
+        own = slice(self.strip.wires.start, self.strip.wires.stop)
+        wires = ranks.everyone(len(self.strip.wires))
+        columns = int(PARTIAL_COUNT)
+        self._row, self._rows = (Mirror((count, columns), wp.float64, device) for count in (max(wires), sum(wires)))
+        self._own_rows = self._row.array[: len(self.strip.wires)], self.state.partial[own]
+        self._all_rows = np.zeros((len(wires) * max(wires), columns))
+        self._collect_rows = ranks.table(self._row.host, self._all_rows)
+        self._is_of_wire = (np.arange(max(wires)) < np.array(wires)[:, None]).ravel()
+        self._control = replay(self._control_launches(self._rows.array, range(1)), device)
+        self._move_clamps: Callable[[], None] | None = None
 
     def _side(self, wires: list[np.ndarray], collects: int) -> tuple[list[int], Mirror, Callable[[], None]]:
         """Begins of each neighbour's values, of nodes and then of blocks, their buffer, and a function that copies them."""
-        state, device = self._state, str(self._state.control.device)
+        state, device, block_wire = self.state, self.device, fetch(self.arrays.block_wire)
         by_block = is_in_place(device)  # on a GPU travel is the fastest node's
         begins, parts = [0], [[np.zeros(0, dtype=np.int64)] for _ in range(4)]
         for own in wires:
-            node = self._rods.nodes_of(own)
-            block = np.flatnonzero(np.isin(self._block_wire, own)) if by_block else np.zeros(0, dtype=np.int64)
+            node = self.rods.nodes_of(own)
+            block = np.flatnonzero(np.isin(block_wire, own)) if by_block else np.zeros(0, dtype=np.int64)
             begin, behind = begins[-1], begins[-1] + BORDER_VALUES * len(node)
             places = (node, begin + BORDER_VALUES * np.arange(len(node)), block, behind + np.arange(len(block)))
             for part, numbers in zip(parts, places, strict=True):
@@ -60,39 +76,12 @@ class Border:
         ]
         return begins, values, replay(launches, device)
 
-    def exchange(self) -> None:
-        """Update the copies of other ranks' wires."""
+    def sync(self) -> None:
         self._collect()
         self._sent.copy_to_host()
         self._swap()
         self._received.copy_to_device()
         self._distribute()
-
-
-class StripRodStepper(RodStepper):
-    """Takes steps of the own wires of a strip, together with the other ranks."""
-
-    def __init__(self, model: SpatialModel, state: RodState | None) -> None:
-        rods, device = model.rods, model.device
-        super().__init__(rods, device, state, model.precision, model.strip)
-        ranks = self.strip.ranks
-        self._border = Border(self.strip, rods, self.arrays, self.state)
-        if len({is_in_place(place) for place in ranks.everyone(str(device))}) > 1:
-            raise ModelError("--device: some ranks run on CPUs and others on GPUs; use --device cpu, or a GPU for each rank")
-        # rows of sums, for the wires of all ranks in order; equally many a rank, the last ones of some empty
-        own = slice(self.strip.wires.start, self.strip.wires.stop)
-        wires = ranks.everyone(len(self.strip.wires))
-        columns = int(PARTIAL_COUNT)
-        self._row, self._rows = (Mirror((count, columns), wp.float64, device) for count in (max(wires), sum(wires)))
-        self._own_rows = self._row.array[: len(self.strip.wires)], self.state.partial[own]
-        self._received = np.zeros((len(wires) * max(wires), columns))
-        self._collect_rows = ranks.table(self._row.host, self._received)
-        self._is_of_wire = (np.arange(max(wires)) < np.array(wires)[:, None]).ravel()
-        self._control = replay(self._control_launches(self._rows.array, range(1)), device)
-        self._move_clamps: Callable[[], None] | None = None
-
-    def sync(self) -> None:
-        self._border.exchange()
 
     def update_frames(self, rows: np.ndarray | None = None) -> None:
         self.sync()
@@ -124,7 +113,7 @@ class StripRodStepper(RodStepper):
         wp.copy(*self._own_rows)
         self._row.copy_to_host()
         self._collect_rows()
-        self._rows.host[:] = self._received[self._is_of_wire]
+        self._rows.host[:] = self._all_rows[self._is_of_wire]
         self._rows.copy_to_device()
         if self.counts_stress:  # whole numbers, whose sum is exact
             counts = np.zeros_like(fetch(self.stress_count))

@@ -37,8 +37,8 @@ from .clamps import Edge, Surface
 from .model import SpatialModel
 
 OF_NODES = ("x", "y", "z", "push")
-OF_SEGMENTS = ("turn", "tension", "strain")
-FIELDS = OF_NODES + OF_SEGMENTS
+OF_SEGMENTS = ("turn", "tension", "strain", "stretch")  # the last one a stiffness
+FIELDS = (*OF_NODES, *OF_SEGMENTS[:-1])
 CHANGED = ("displacement", "tangent", "director", "tension_offset", "contact_offset")  # arrays of the state
 STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
@@ -51,7 +51,8 @@ class PanelNodes:
     def __init__(self, model: SpatialModel) -> None:
         panel, rods, wires = model.panel, model.rods, model.wires
         self._device, begin, step = model.device, wires.panel_begin, wires.panel_step
-        self._is_same = begin is None
+        self._rods_from_panel: dict[str, wp.array] = {}  # none where both have the same nodes
+        self._panel_from_rods: dict[str, wp.array] = {}
         if begin is not None and step is not None:
             of_rods, of_panel = (rods.wire_first, rods.wire_count), (panel.wire_first, panel.wire_count)
             self._rods_from_panel = self._arrays(*of_rods, *of_panel, -begin / step, 1.0 / step)
@@ -66,19 +67,25 @@ class PanelNodes:
             name: wp.array(value, dtype=kind, device=self._device) for name, value, kind in zip(names, values, kinds, strict=True)
         }
 
-    def of_rods(self, values: np.ndarray, *, of_segments: bool = False) -> np.ndarray:
-        """[rod node] from values [panel node]."""
-        return values if self._is_same else self._resampled(self._rods_from_panel, values, of_segments)
+    def of_rods(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """[rod node] from values [panel node], by name."""
+        return self._resampled(self._rods_from_panel, values)
 
-    def of_panel(self, values: np.ndarray, *, of_segments: bool = False) -> np.ndarray:
-        """[panel node] from values [rod node]."""
-        return values if self._is_same else self._resampled(self._panel_from_rods, values, of_segments)
+    def of_panel(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """[panel node] from values [rod node], by name."""
+        return self._resampled(self._panel_from_rods, values)
 
-    def _resampled(self, arrays: dict[str, wp.array], values: np.ndarray, of_segments: bool) -> np.ndarray:
-        other: wp.array = wp.array(values, dtype=wp.float64, device=self._device)
-        value: wp.array = wp.zeros(len(arrays["node_wire"]), dtype=wp.float64, device=self._device)
-        bind(resample_along_wires, len(value), of_segments=int(of_segments), other=other, value=value, **arrays).run(self._device)
-        return take(value)
+    def _resampled(self, arrays: dict[str, wp.array], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        if not arrays:
+            return {name: np.array(own) for name, own in values.items()}
+        found, threads, device = {}, len(arrays["node_wire"]), self._device
+        for name, own in values.items():
+            value: wp.array = wp.zeros(threads, dtype=wp.float64, device=device)
+            other: wp.array = wp.array(own, dtype=wp.float64, device=device)
+            named = {"of_segments": int(name in OF_SEGMENTS), "other": other, "value": value}
+            bind(resample_along_wires, threads, **named, **arrays).run(device)
+            found[name] = take(value)
+        return found
 
 
 class Fields:
@@ -107,7 +114,7 @@ class Fields:
             "tension": self.relaxation.tension(),
             "strain": self.relaxation.strain(),
         }
-        return {name: np.array(self.nodes.of_panel(value, of_segments=name in OF_SEGMENTS)) for name, value in values.items()}
+        return self.nodes.of_panel(values)
 
     def read_everywhere(self) -> dict[str, np.ndarray]:
         """The same of the mesh of all ranks, on each of them."""
@@ -130,13 +137,12 @@ class Fields:
             "penalty": fetch(state.contact_penalty),
             "raised": self.multipliers.raised,
         }
-        on_panel = {name: np.array(self.nodes.of_panel(value, of_segments=name == "stretch")) for name, value in values.items()}
-        return {name: self._of_all_ranks(value) for name, value in on_panel.items()}
+        return {name: self._of_all_ranks(value) for name, value in self.nodes.of_panel(values).items()}
 
     def stiffen(self, stiffness: dict[str, np.ndarray], mean_force: np.ndarray) -> None:
         """Raise stiffnesses to those given [panel node]; mean_force [N] of the contacts."""
         state = self.stepper.state
-        raised = {name: self.nodes.of_rods(value, of_segments=name == "stretch") for name, value in stiffness.items()}
+        raised = self.nodes.of_rods(stiffness)
         store(state.stretch_stiffness, np.maximum(fetch(state.stretch_stiffness), raised["stretch"]))
         self.multipliers.raise_to(raised["penalty"], raised["raised"], mean_force)
 
@@ -144,9 +150,8 @@ class Fields:
         """Change the fields by values [panel node]; held nodes and sections stay. Without any change nothing moves."""
         if not self.stepper.strip.ranks.any(any(np.any(change) for change in changes.values())):
             return
-        state, change = self.stepper.state, dict.fromkeys(FIELDS, np.zeros(self.model.node_count))
-        for name, value in changes.items():
-            change[name] = self.nodes.of_rods(value, of_segments=name in OF_SEGMENTS)
+        state, none = self.stepper.state, np.zeros(self.model.node_count)
+        change = dict.fromkeys(FIELDS, none) | self.nodes.of_rods(changes)
         self.stepper.evaluate()
         turn = self._turn() + np.where(self.relaxation.free_sections, change["turn"], 0.0)
         move = np.stack([change["x"], change["y"], change["z"]], axis=1)
@@ -237,7 +242,7 @@ class Prolongation(RepeatProlongation):
         self._before: dict[str, np.ndarray] = {}  # state of the large mesh before the last `carry`
         self._share: np.ndarray | float = 1.0
         if self.is_periodic and large.model.panel.boundary == "gripped":
-            self._share = large.nodes.of_panel(share_of_repeat(large.model))
+            self._share = large.nodes.of_panel({"share": share_of_repeat(large.model)})["share"]
         self._one = wp.full(len(large.model.panel.wire_first), 1.0, dtype=wp.float64, device=large.model.device)
 
     def carry(self, response: Response) -> bool:
@@ -322,14 +327,15 @@ class SpatialGrid(MembraneGrid):
     def _answer(self, gradient: dict[str, np.ndarray], response: Response) -> dict[str, np.ndarray]:
         """Fields [node] that the repeats change by as the grid strains them, by name; gradient: [node] of the displacement."""
         nodes, panel, device = self.fields.nodes, self.model.panel, self.model.device
-        on_panel = {name: nodes.of_panel(part) for name, part in gradient.items()}
-        of_panel: dict[str, wp.array] = {name: wp.array(part, dtype=wp.float64, device=device) for name, part in on_panel.items()}
+        of_panel: dict[str, wp.array] = {
+            name: wp.array(part, dtype=wp.float64, device=device) for name, part in nodes.of_panel(gradient).items()
+        }
         value, answer = wp.zeros(panel.node_count, dtype=wp.float64, device=device), {}
         for name, cell in response.change.items():
             bind(
                 respond_to_strain, panel.node_count, response, node_entry=self._entry, cell=cell, value=value, **of_panel,
             ).run(device)  # fmt: skip
-            answer[name] = self._share * nodes.of_rods(fetch(value), of_segments=name in OF_SEGMENTS)
+            answer[name] = self._share * nodes.of_rods({name: fetch(value)})[name]
         return answer
 
     def _on_mesh(self, slope_x: np.ndarray, slope_y: np.ndarray) -> np.ndarray:

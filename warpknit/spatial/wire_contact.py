@@ -434,7 +434,7 @@ class WireContact:
                 found.append(self.read_contacts(distance, world))
             self._take_near_pairs(stepped)
             self.stepper.evaluate(rows=rows)
-        return Contacts.joined(found) if len(found) > 1 else found[0]
+        return Contacts(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in found), strict=True)))
 
     def read_contacts(self, distance: float | None = None, world: int = 0) -> Contacts:
         """Contacts of a world, in the state last evaluated: those with a force, or those with a gap below `distance` [m].

@@ -25,8 +25,7 @@ from .model import SpatialModel
 from .pair_search import search_cells
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, StepForces
-from .rod_checks import StateSums
-from .rod_relaxation import CHECK_STEPS, RodRelaxation
+from .rod_relaxation import CHECK_STEPS, RodRelaxation, StateSums
 from .rod_step import RodStepper, WireGroup
 from .rods import joined
 from .strip_step import StripRodStepper
@@ -221,7 +220,7 @@ class SpatialWorlds(Worlds):
         """Blocks of nodes of a world that a residual far above its tolerance moves."""
         scale = self.model.scene.solver.residual_tolerance * float(self._force_scale[world])
         limit = CHECK_STEPS * LOCAL_ALLOWANCE * scale  # of the sum since the check before
-        exceeds = fetch(self.relaxation.checks.arrays.state_partial)[:, int(UNBALANCED_MAX)] > limit**2
+        exceeds = fetch(self.relaxation.arrays.state_partial)[:, int(UNBALANCED_MAX)] > limit**2
         return int(self.stepper.sums.total(exceeds[:, None].astype(float), np.array([world]))[0, 0])
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
