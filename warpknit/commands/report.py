@@ -62,14 +62,11 @@ def make_report(
             cards=cards,
         )  # fmt: skip
     loaded = load_scene(scene, command="report")
-    return finished_run(
-        loaded,
-        out,
-        quiet,
-        lambda where, progress: report_command(loaded, where, asked, force=force, progress=progress).result,
-        resume=True,
-        force=force,
-    )
+
+    def command(where: Path, *, force: bool, progress: Display, **_resumed: bool) -> CommandResult[MapSummary]:
+        return report_command(loaded, where, asked, force=force, progress=progress).result
+
+    return finished_run(loaded, out, quiet, command, resume=True, force=force)
 
 
 @dataclass(frozen=True)

@@ -34,13 +34,7 @@ Directory = str | os.PathLike[str]
 
 
 def finished_run(
-    scene: Scene,
-    out: Directory | None,
-    quiet: bool,
-    command: Callable[[Path, Display], CommandResult[Any]],
-    *,
-    resume: bool,
-    force: bool,
+    scene: Scene, out: Directory | None, quiet: bool, command: Callable[..., CommandResult[Any]], *, resume: bool, force: bool
 ) -> Run:
     """The results of a command in its directory; what its exit status says is raised.
 
@@ -48,7 +42,7 @@ def finished_run(
     """
     where = default_directory(scene) if out is None else directory_of(out, "out")
     with naming_arguments(), at_work(scene, quiet=quiet) as progress:
-        result = command(where, progress)
+        result = command(where, resume=resume, force=force, progress=progress)
     if result.exit_code == INTERRUPTED:
         go_on = in_python(to_continue("call", resume=resume, force=force)) if result.goes_on else ""
         raise KeyboardInterrupt(result.message + go_on)
@@ -110,16 +104,8 @@ def run(
     written. The finished records are then in `out`: `load_run(out)`.
     """
     loaded = load_scene(scene, command="run" if error is None else "error")
-    return finished_run(
-        loaded,
-        out,
-        quiet,
-        lambda where, progress: run_command(
-            loaded, where, device=device, error=error, probes=probes, resume=resume, force=force, progress=progress
-        ),
-        resume=resume,
-        force=force,
-    )
+    command = partial(run_command, loaded, device=device, error=error, probes=probes)
+    return finished_run(loaded, out, quiet, command, resume=resume, force=force)
 
 
 def run_command(
@@ -176,14 +162,7 @@ def run_map(
     scene, out, resume, force, quiet and exceptions: as in `run`. Maps run on the CPU.
     """
     loaded = load_scene(scene, command="map")
-    return finished_run(
-        loaded,
-        out,
-        quiet,
-        lambda where, progress: map_command(loaded, where, resume=resume, force=force, progress=progress),
-        resume=resume,
-        force=force,
-    )
+    return finished_run(loaded, out, quiet, partial(map_command, loaded), resume=resume, force=force)
 
 
 def map_command(

@@ -384,17 +384,15 @@ def kind_of_model(file: SceneFile, *, command: str = "", ranks: int = 1) -> tupl
     """
     if file.model.kind != AUTO:
         return file.model.kind, GIVEN
+    cases = {
+        kind: Case(replace(file, model=replace(file.model, kind=kind)), command, ranks=ranks) for kind in ("spatial", "planar")
+    }
     spatial, planar = (
-        [rule for rule in RULES if kind in rule.traits and list(_places(rule, Case(_of_kind(file, kind), command, ranks=ranks)))]
-        for kind in ("spatial", "planar")
+        [rule for rule in RULES if kind in rule.traits and list(_places(rule, case))] for kind, case in cases.items()
     )
     if not spatial or any(rule.refused for rule in planar):
         return "spatial", DEFAULT
     return "planar", f"only in the planar model: {', '.join(dict.fromkeys(map(_other_traits, spatial)))}"
-
-
-def _of_kind(file: SceneFile, kind: str) -> SceneFile:
-    return replace(file, model=replace(file.model, kind=kind))
 
 
 def _other_traits(rule: Rule) -> str:

@@ -25,7 +25,6 @@ from .knit import Hook, Knit, KnitTable
 from .options import GIVEN, VARIANT_LEVELS, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep, Variants
 from .panel_options import PanelOptions, PanelTable
 from .presets import COMPARED_NODES, MEASURED, PRESETS, Measured, Preset
-from .units import si_text
 from .values import Name
 from .wire import Wire
 from .wire_file import WireArrays, WireFile, WiresTable
@@ -58,10 +57,9 @@ class SceneFile(Table, one_of=(("knit", "hook", "wires"),)):
         so_far: Mapping[str, Any] = {}
         for table in (self.load, *self.path):
             given = given_values(table)
-            for direction in (("strain_weft", "tension_weft"), ("strain_warp", "tension_warp")):
-                if "displacement" in given or any(key in given for key in direction):
-                    so_far = {key: value for key, value in so_far.items() if key not in direction}
-            so_far = {key: value for key, value in so_far.items() if key not in ("name", "displacement")} | given
+            replaced = {key for group in Stage.one_of if given.keys() & set(group) for key in group}
+            kept = so_far.keys() - replaced - {"name", "displacement"}
+            so_far = {key: value for key, value in so_far.items() if key in kept} | given
             stages.append(Stage(**so_far))
         return tuple(stages)
 
@@ -274,5 +272,5 @@ def _written(value: Any, place: str, left_out: list[str]) -> Any:
         if content is None:
             left_out.append(below)
         else:
-            table[name] = si_text(content, entry.unit) if entry.unit else _written(content, below, left_out)
+            table[name] = f"{content!r} {entry.unit}" if entry.unit else _written(content, below, left_out)
     return table

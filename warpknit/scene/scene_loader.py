@@ -151,14 +151,12 @@ def make_scene(
     diameter = file_diameter(source, file)
     wire = _wire(source, file.wire if diameter is None else replace(file.wire, diameter=diameter))
     panel = _panel(source, file)
-    knit = _knit(source, file, wire, panel) if file.hook is None and file.wires is None else None
-    hook = None if file.hook is None else hook_of(source, file, wire)
-    wires = wire_file(source, file, wire, has_widths=diameter is not None)
-    if hook is not None:
-        knit = _nothing_knitted(file, hook.radius)
-    elif wires is not None:
-        knit = _nothing_knitted(file, wires.loop_size)
-    assert knit is not None
+    hook, wires = hook_of(source, file, wire), wire_file(source, file, wire, has_widths=diameter is not None)
+    scale = hook.radius if hook is not None else wires.loop_size if wires is not None else None
+    if scale is None:
+        knit = _knit(source, file, wire, panel)
+    else:  # nothing, but a scale of lengths [m]
+        knit = Knit(bars=(), wale_spacing=scale, course_spacing=scale, loop=file.knit.loop)
     numerics = PRESETS[file.solver.preset][file.model.kind, file.solver.drive]
     if wires is not None:
         numerics = replace(numerics, nodes_per_loop=wires.nodes_per_loop)
@@ -252,11 +250,6 @@ def _one_knit(source: Source, table: KnitTable, wire: Wire) -> Knit:
         instead = f"write spacings that differ by a factor of at most {SPACING_RATIO:g}"
         raise source.refusal(("knit", key), spacing[f"{kind}_spacing"], wrong, instead)
     return as_object(Knit, table, **spacing)
-
-
-def _nothing_knitted(file: SceneFile, scale: float) -> Knit:
-    """The knit of a scene without one: nothing, but a scale of lengths [m]."""
-    return Knit(bars=(), wale_spacing=scale, course_spacing=scale, loop=file.knit.loop)
 
 
 def _model(source: Source, table: ModelOptions, wire: Wire, numerics: Preset) -> ModelOptions:

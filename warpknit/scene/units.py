@@ -91,11 +91,6 @@ def is_quantity(text: str) -> bool:
     return any(_converted(text, kind) is not None for kind in DIMENSIONS.values())
 
 
-def si_text(value: float, unit: str) -> str:
-    """`value` [unit] as a quantity string that `si` reads back exactly."""
-    return f"{value!r} {unit}"
-
-
 def tidy(value: float) -> float:
     """`value` to 14 digits: what arithmetic left in the last two is no part of what was typed."""
     return float(f"{value:.14g}")
