@@ -14,7 +14,7 @@ from reference.planar import planar_scene
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.base.errors import ModelError
-from warpknit.compute.ranks import One, Ranks, exact_parts
+from warpknit.compute.ranks import One, Ranks
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.rim import LoadPoint
 from warpknit.mesh.strip import Strip, cut_strip
@@ -238,10 +238,18 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_pair: bo
 
 @given(st.lists(st.floats(-1e6, 1e6, allow_subnormal=False), min_size=1, max_size=40), st.integers(0, 40))
 def test_exact_sums_do_not_depend_on_who_adds(values: list[float], cut: int) -> None:
-    """The few parts of two lists add up to the rounded sum of all values, wherever the list is cut."""
-    first, second = exact_parts(np.array(values[:cut])), exact_parts(np.array(values[cut:]))
-    assert math.fsum([*first, *second]) == math.fsum(values)
-    assert One().exact_sum(np.array(values)[:, None])[0] == math.fsum(values)
+    """Ranks with two parts of a list find the rounded sum of all values, wherever the list is cut."""
+
+    class Two(One):
+        def everyone(self, value):
+            return [values_of(values[:cut]), values_of(values[cut:])]
+
+    assert Two().exact_sum(values_of(values[:cut]))[0] == math.fsum(values)
+    assert One().exact_sum(values_of(values))[0] == math.fsum(values)
+
+
+def values_of(numbers: list[float]) -> np.ndarray:
+    return np.array(numbers).reshape(-1, 1)
 
 
 def test_a_number_that_is_not_finite_shows_in_the_sum() -> None:

@@ -12,7 +12,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import reduce
-from itertools import chain
 from operator import add
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -102,8 +101,7 @@ class Ranks(ABC):
         """Sum (n,) of the rows (rows, n) of all ranks, correctly rounded: the same bits however they share the rows."""
         import numpy as np
 
-        everyone = self.everyone([exact_parts(column) for column in values.T])
-        return np.array([_exact_total(chain(*parts)) for parts in zip(*everyone, strict=True)])
+        return np.array([_exact_total(column) for column in np.concatenate(self.everyone(values)).T.tolist()])
 
 
 def _exact_total(values: Iterable[float]) -> float:
@@ -121,11 +119,6 @@ class One(Ranks):
 
     def everyone(self, value: Any) -> list[Any]:
         return [value]
-
-    def exact_sum(self, values: np.ndarray) -> np.ndarray:
-        import numpy as np
-
-        return np.array([_exact_total(column) for column in values.T.tolist()])
 
     def gather(self, values: np.ndarray) -> list[np.ndarray]:
         return [values]
@@ -213,17 +206,6 @@ class Mpi(Ranks):
 
     def _bytes(self, values: np.ndarray) -> list[Any]:
         return [values.reshape(-1).view("uint8"), self._mpi.BYTE]
-
-
-def exact_parts(values: np.ndarray) -> list[float]:
-    """Few numbers that add up to exactly the sum of `values` (n,): each is the rounded rest of the sum."""
-    numbers: list[float] = values.tolist()
-    parts: list[float] = []
-    if not all(map(math.isfinite, numbers)):
-        return [math.nan]
-    while (part := math.fsum([*numbers, *(-p for p in parts)])) != 0.0:
-        parts.append(part)
-    return parts
 
 
 def join_ranks() -> Ranks:

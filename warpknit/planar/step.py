@@ -74,7 +74,11 @@ class Stepper:
     @cached_property
     def _launches(self) -> list[list[list[wp.Launch]]]:
         """[part][parity] launches of a step."""
-        return [[self._record(parity, part) for parity in (0, 1)] for part in range(self.threads)]
+        device = self.model.device
+        return [
+            [[launch.record(device) for launch in self.launches(parity, part) if launch.threads > 0] for parity in (0, 1)]
+            for part in range(self.threads)
+        ]
 
     def count_stress(self) -> None:
         """Let steps sum the nominal stress of the pairs; the wires have theirs."""
@@ -83,6 +87,7 @@ class Stepper:
         self.counts_stress = True
         self.__dict__.pop("_launches", None)
         self._graphs.clear()
+        self._runs.clear()
         if self._alone is not None:
             self._alone.count_stress()
 
@@ -166,14 +171,6 @@ class Stepper:
             pairs = max(0, end - pair)
         friction = [bind(add_friction, pairs, *sources, first_pair=pair)] if len(state.pair_stuck) else []
         return [search, *friction, *contact_launches(model, state, part)]
-
-    def _commands(self, work: list[Launch]) -> list[wp.Launch]:
-        """Recorded launches, without empty ones."""
-        return [launch.record(self.model.device) for launch in work if launch.threads > 0]
-
-    def _record(self, parity: int, part: int) -> list[wp.Launch]:
-        """One thread's part of a step, recorded."""
-        return self._commands(self.launches(parity, part))
 
     def launches(self, parity: int, part: int = 0) -> list[Launch]:
         """One thread's part of a step: contact, wires and bodies; the first thread also grips and control."""

@@ -9,7 +9,6 @@ of partial sums differs.
 
 from __future__ import annotations
 
-from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -44,19 +43,6 @@ class StripStepper(Stepper):
         self._shared_blocks = -(-shared // BODY_BLOCK)
         self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
         super().__init__(model, state, **how)
-        self._part_graphs: dict[tuple[int, tuple[str, ...]], list[wp.Graph]] = {}
-
-    @cached_property
-    def _parts(self) -> list[dict[str, list[list[wp.Launch]]]]:
-        """[parity] launches of each thread in the parts of a step, by name."""
-        names = ("contact", "motion", "control")
-        return [{name: [self._commands(work) for work in self._work(name, parity)] for name in names} for parity in (0, 1)]
-
-    def count_stress(self) -> None:
-        if not self.counts_stress:
-            super().count_stress()
-            self.__dict__.pop("_parts", None)
-            self._part_graphs.clear()
 
     def _make_border(self, model: Model, strip: Strip) -> None:
         """Buffers for the shared pairs, neighbour after neighbour."""
@@ -81,45 +67,37 @@ class StripStepper(Stepper):
         """Bytes sent to the neighbours in a step."""
         return int(self._sent.host.nbytes)
 
-    def _work(self, name: str, parity: int) -> list[list[Launch]]:
-        """Launches of each thread in a part of a step without communication."""
-        model, state, parts = self.model, self.state, range(self.threads)
-        if name == "contact":
-            collect = bind(collect_forces, self._border, state, own_pair=self._own_pair, sent=self._sent.array)
-            return [
-                [*self._contact_work(parity, part), *self.team.barrier(), *([collect] if part == 0 else [])] for part in parts
-            ]
-        if name == "motion":
-            shared = slice(model.owned_bodies, model.panel.body_count)
-            move_shared = body_launch(model, state, self._shared_blocks, 0, shared, self._unused_rows)
-            (wires, wire_partial), (bodies, body_partial) = map(fewer_rows, (state.wire_partial, state.body_partial))
-            rows = {"wire_partial": wire_partial, "body_partial": body_partial}
-            sums = [*wires, *bodies, bind(sum_partials, 1, row=self._row.array, **rows)]
-            return [
-                [
-                    *([self._distribute()] if part == 0 else []),
-                    *self.team.barrier(),
-                    *([move_shared] if part == 0 else []),
-                    *self._motion(parity, part),
-                    *(sums if part == 0 else []),
-                ]
-                for part in parts
-            ]
+    # --- parts of a step without communication, as stages of work
+
+    def _contact(self, _stepper: Stepper, part: int) -> list[Launch]:
+        collect = bind(collect_forces, self._border, self.state, own_pair=self._own_pair, sent=self._sent.array)
+        return [*self._contact_work(self.state.parity, part), *self.team.barrier(), *([collect] if part == 0 else [])]
+
+    def _move(self, _stepper: Stepper, part: int) -> list[Launch]:
+        model, state = self.model, self.state
+        if part > 0:
+            return [*self.team.barrier(), *self._motion(state.parity, part)]
+        shared = slice(model.owned_bodies, model.panel.body_count)
+        move_shared = body_launch(model, state, self._shared_blocks, 0, shared, self._unused_rows)
+        (wires, wire_partial), (bodies, body_partial) = map(fewer_rows, (state.wire_partial, state.body_partial))
+        rows = {"wire_partial": wire_partial, "body_partial": body_partial}
+        sums = [*wires, *bodies, bind(sum_partials, 1, row=self._row.array, **rows)]
+        return [self._distribute(), *self.team.barrier(), move_shared, *self._motion(state.parity, part), *sums]
+
+    def _control(self, _stepper: Stepper, part: int) -> list[Launch]:
         rows = {"wire_partial": self._rows.array, "body_partial": self._no_rows}
-        control = bind(update_control, 1, control=state.control, **rows)
-        return [[*([control] if part == 0 else []), *self.team.barrier()] for part in parts]
+        return [bind(update_control, 1, control=self.state.control, **rows)] if part == 0 else []
 
     def _take(self, count: int) -> None:
-        state = self.state
-        self._run(state.parity, "contact")
+        super().run(self._contact)
         for left in reversed(range(count)):
             self._exchange_at_border()
-            self._run(state.parity, "motion")
+            super().run(self._move)
             self._row.copy_to_host()
             self._collect_rows()
             self._rows.copy_to_device()
-            state.parity = 1 - state.parity
-            self._run(state.parity, "control", *(["contact"] if left else []))
+            self.state.parity = 1 - self.state.parity
+            super().run(self._control, *([self._contact] if left else []))
 
     def run(self, *stages: Stage, contact: bool = False) -> None:
         if contact:
@@ -128,7 +106,7 @@ class StripStepper(Stepper):
             super().run(*stages)
 
     def evaluate_contact(self) -> None:
-        self._run(self.state.parity, "contact")
+        super().run(self._contact)
         self._exchange_at_border()
         if self._border:
             self._distribute().run(self.model.device)
@@ -143,17 +121,3 @@ class StripStepper(Stepper):
             self._sent.copy_to_host()
             self._exchange_forces()
             self._received.copy_to_device()
-
-    def _run(self, parity: int, *names: str) -> None:
-        """Replay parts of a step, one after the other."""
-        key = (parity, names)
-        if key not in self._part_graphs:
-            self._part_graphs[key] = [self._captured(parity, names, part) for part in range(self.threads)]
-        self.team.together([partial(wp.capture_launch, graph) for graph in self._part_graphs[key]])
-
-    def _captured(self, parity: int, names: tuple[str, ...], part: int) -> wp.Graph:
-        with wp.ScopedCapture(device=self.model.device) as capture:
-            for name in names:
-                for launch in self._parts[parity][name][part]:
-                    launch.launch()
-        return capture.graph
