@@ -14,7 +14,6 @@ from warpknit import measure
 from warpknit.compute.steering import Steering
 from warpknit.mechanics.response import STRAIN, zero_response
 from warpknit.mesh.layout import smaller_scene
-from warpknit.planar.host_state import node_entries
 from warpknit.planar.mechanics import PlanarMechanics
 from warpknit.planar.model import Model
 from warpknit.planar.observables import read
@@ -143,7 +142,7 @@ def test_membrane_moves_and_forces_are_adjoint() -> None:
         speed.zero_()
     group, membrane = drive.mechanics.group, drive.membrane
     group.slowest_mode.measure(np.array([0]))
-    table = model.rest.node_mass.numpy()[node_entries(model)]
+    table = model.rest.node_mass.numpy()[model.panel.node_entry]
     mass = table * np.repeat(state.wire_mass.numpy(), model.panel.wire_count)
     shaken = 1e-3 * rng.normal(size=(2, model.panel.node_count)) / mass  # by forces of a millinewton
     shaken[:, model.panel.held_node] = 0.0

@@ -215,7 +215,7 @@ def test_a_gradient_of_temperature_strains_each_wire_by_where_it_lies() -> None:
 def test_warmth_strains_as_the_length_factor_does() -> None:
     """The strain that multipliers take out is (l/(l0 (1 + w)) - 1): the same whether all wires are warm by the length factor or
     by their own thermal strain."""
-    from warpknit.planar.host_state import strains
+    from reference.plane_wires import strains
 
     scene = planar_scene({"knit": {"repeats": [2, 2]}, "solver": {"precision": "double"}})
     model = build_model(scene)

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from reference.solved import solved
-from warpknit.planar.host_state import node_entries
 from warpknit.planar.model import Model
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.world_step import WorldStepper
@@ -91,7 +90,7 @@ def node_forces(mesh: Mesh, probe: WorldStepper) -> np.ndarray:
     probe.probe(np.array([0]))
     panel = mesh.model.panel
     per_wire = mesh.state.wire_mass.numpy().astype(float)
-    mass = np.repeat(per_wire, panel.wire_count) / mesh.model.rest.inverse_mass.numpy().astype(float)[node_entries(mesh.model)]
+    mass = np.repeat(per_wire, panel.wire_count) / mesh.model.rest.inverse_mass.numpy().astype(float)[mesh.model.panel.node_entry]
     acceleration = np.stack([values.numpy() for values in probe.accelerations[0]], axis=1).astype(float)
     return acceleration * mass[:, None]
 

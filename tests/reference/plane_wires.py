@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import warp as wp
 
 from warpknit.kernels.clamp import CLAMP_NUMBERS
 from warpknit.kernels.contact import CLOSEST_POINT_DOUBLE, CURVE_COEFFICIENTS
 from warpknit.kernels.wire_forces import BLOCK_SIZE
 from warpknit.mesh.panel import END_NODES, Panel
 from warpknit.mesh.rest_table import Table, _fit_rest_curve
-from warpknit.planar.host_state import node_entries
+from warpknit.planar.host_state import evaluation
 from warpknit.planar.model import Model, assemble_model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import initial_state
@@ -170,7 +171,7 @@ class Rig:
         self.state = initial_state(self.model)
         self.worlds = WorldStepper(self.model, state=self.state, by_pair=by_pair)
         (self.stepper,) = self.worlds.steppers
-        entry = node_entries(self.model)
+        entry = self.model.panel.node_entry
         self.rest = np.concatenate([np.stack([table.x[entry], table.y[entry]], axis=1), panel.body_rest])
         body_mass = np.full(panel.body_count, self.model.body_mass)
         self.mass = np.concatenate([1.0 / self.model.rest.inverse_mass.numpy()[entry].astype(float), body_mass])
@@ -273,3 +274,11 @@ class Rig:
             move = np.linalg.solve(stiffness, out_of_balance)
             x[free] += move * min(1.0, 0.3 * spacing / np.max(np.abs(move)))
         raise AssertionError(f"no rest position: largest force {np.max(np.abs(out_of_balance)):.3g} N is left")
+
+
+def strains(model, state) -> np.ndarray:
+    """[node] strain of the curved segments (kernels/energy.py)."""
+    names = ("tension", "turning", "force_x", "force_y", "strain")
+    out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
+    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
+    return out["strain"].numpy().astype(np.float64)

@@ -17,7 +17,6 @@ from reference.cases import slow
 from warpknit import measure
 from warpknit.measure.observables import HookContact
 from warpknit.mesh.hook_mesh import LEFT_TOP, RIGHT_TOP
-from warpknit.planar.host_state import node_entries
 from warpknit.planar.observables import PlanarObservables
 from warpknit.planar.state import initial_state
 from warpknit.planar.step import Stepper
@@ -167,7 +166,7 @@ def test_a_sliding_clamp_has_the_mass_of_both_its_nodes() -> None:
     model = build_model(hook_scene(16, 8, solver={"drive": "ramp"}))
     state = initial_state(model)
     nodes = model.panel.node_count
-    mass = np.repeat(state.wire_mass.numpy(), model.panel.wire_count) / model.rest.inverse_mass.numpy()[node_entries(model)]
+    mass = np.repeat(state.wire_mass.numpy(), model.panel.wire_count) / model.rest.inverse_mass.numpy()[model.panel.node_entry]
     free = ~np.isin(np.arange(nodes), model.panel.held_node)
     top = np.concatenate([model.panel.held_node.reshape(4, 2)[end] for end in (LEFT_TOP, RIGHT_TOP)])
     velocity = np.random.default_rng(0).normal(size=(2, nodes)) * free

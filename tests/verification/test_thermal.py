@@ -6,8 +6,7 @@ T = EA (1/(1 + alpha dT) - 1) = EA alpha |dT| (1 + alpha |dT| + ...)
 import numpy as np
 import pytest
 
-from reference.plane_wires import EPSILON, Rig, panel_of_wires, straight, table_of_wires
-from warpknit.planar.host_state import strains
+from reference.plane_wires import EPSILON, Rig, panel_of_wires, straight, strains, table_of_wires
 
 
 @pytest.mark.parametrize("cooled_by", [10.0, 100.0, 210.0])

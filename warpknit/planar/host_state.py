@@ -25,6 +25,7 @@ from .model import Model
 from .state import State
 
 OPTIONAL = ("strain", "edge_x", "edge_y", "elastic", "moment", "bow_moment")  # optional outputs of evaluate_wires
+NUMBERS_OF_PAIRS = ("pair_force", "pair_offset", "pair_gap", "pair_wake", "pair_u")
 OF_NODES = ("u", "edge", "tension", "segment_force", "moment", "bow_moment", "turning")
 
 
@@ -61,7 +62,7 @@ class HostState(Boundary):
     @cached_property
     def entry(self) -> np.ndarray:
         """[node] entry of the rest table."""
-        return node_entries(self.model)
+        return self.model.panel.node_entry
 
     @property
     def elastic_turning(self) -> np.ndarray:
@@ -121,11 +122,6 @@ def pair_distances(r: HostState, pairs: np.ndarray, nodes: np.ndarray) -> np.nda
     return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
 
 
-def node_entries(model: Model) -> np.ndarray:
-    """Table entry (node,) of each node."""
-    return model.panel.node_entry
-
-
 def read_strip(model: Model, state: State) -> HostState:
     """Evaluate the wires, and copy the strip of this rank to the host."""
     names = ("tension", "turning", "force_x", "force_y", *OPTIONAL[1:])
@@ -147,7 +143,7 @@ def read_strip(model: Model, state: State) -> HostState:
         pair *= unit
         return pair
 
-    force = take(state.pair_force).astype(np.float64)
+    force = double(state.pair_force)
     nodal = columns(state.pair_nodal_x, state.pair_nodal_y)
     return HostState(
         model=model,
@@ -157,24 +153,12 @@ def read_strip(model: Model, state: State) -> HostState:
         clamp_shift=state.clamp_shift,
         thermal_strain=take(state.wire_thermal_strain).copy(),
         edge=columns(out["edge_x"], out["edge_y"]),
-        tension=double(out["tension"]),
         segment_force=columns(out["force_x"], out["force_y"]),
-        moment=double(out["moment"]),
-        bow_moment=double(out["bow_moment"]),
-        wire_axial=take(state.wire_axial).astype(np.float64),
-        turning=double(out["turning"]),
         elastic=double(out["elastic"]) if model.yield_moment else np.zeros(0),
-        plastic_turn=take(state.plastic_turn).astype(np.float64),
-        back_turn=take(state.back_turn).astype(np.float64),
-        pair_force=force,
-        pair_offset=take(state.pair_offset).astype(np.float64),
-        pair_stuck=take(state.pair_stuck).copy(),
-        pair_gap=take(state.pair_gap).astype(np.float64),
-        pair_node=take(state.pair_node).copy(),
-        pair_wake=take(state.pair_wake).astype(np.float64),
-        pair_slide=take(state.pair_slide).copy(),
-        pair_u=take(state.pair_u).astype(np.float64),
         pair_nodal=np.where(force[:, None, None] > 0, nodal.reshape(-1, 4, 2), 0.0),
+        **{name: double(out[name]) for name in ("tension", "moment", "bow_moment", "turning")},
+        **{name: double(getattr(state, name)) for name in ("wire_axial", "plastic_turn", "back_turn", *NUMBERS_OF_PAIRS)},
+        **{name: take(getattr(state, name)).copy() for name in ("pair_node", "pair_slide", "pair_stuck")},
     )
 
 
@@ -190,19 +174,10 @@ def joined(state: HostState) -> HostState:
         parts[name] = join.nodes(values) if len(values) == model.panel.node_count else values
     parts |= {"clamp_shift": join.clamps(state.clamp_shift), "thermal_strain": join.wires(state.thermal_strain)}
     parts["pair_node"] = join.pairs(state.pair_node + first_node)
-    of_pairs = ("pair_force", "pair_offset", "pair_gap", "pair_wake", "pair_slide", "pair_u", "pair_nodal")
-    parts |= {name: join.pairs(getattr(state, name)) for name in of_pairs}
+    parts |= {name: join.pairs(getattr(state, name)) for name in (*NUMBERS_OF_PAIRS, "pair_slide", "pair_nodal")}
     if len(state.pair_stuck):
         parts["pair_stuck"] = join.pairs(state.pair_stuck)
     return replace(state, model=model.global_model, **parts) if model.ranks.is_first else state
-
-
-def strains(model: Model, state: State) -> np.ndarray:
-    """[node] strain of the curved segments (kernels/energy.py)."""
-    names = ("tension", "turning", "force_x", "force_y", "strain")
-    out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
-    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
-    return take(out["strain"]).astype(np.float64)
 
 
 def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> Launch:

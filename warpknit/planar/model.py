@@ -35,7 +35,7 @@ from ..results.frame import WireLayout, curve_parts
 from ..results.row import Row
 from ..scene import Hook, Scene
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
-from .numerics import choose_numerics
+from .numerics import Numerics, choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
 SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
@@ -58,7 +58,7 @@ class Constants:
 
 
 @dataclass(frozen=True)
-class Model:
+class Model(Numerics):
     """A mesh ready to run. Stiffnesses and masses are initial ones; the control array holds the current ones."""
 
     __repr__ = short_repr
@@ -71,17 +71,7 @@ class Model:
     device: str
     rest: RestArrays
     mesh: MeshArrays
-    axial_stiffness: float  # [N] true EA
-    bending_stiffness: float  # [N m2]
-    softening: float  # EA over the stiffness of the dynamics
-    contact_stiffness: float  # [N/m]
     treatment: Treatment  # contact constraint; in a mesh its reach is body radius + half a wire thickness
-    body_mass: float  # [kg]; fictitious in relax
-    added_mass: float  # share of mass added by scaling
-    time_step: float  # [s] of the unloaded mesh; 1 in relax
-    loading_time: float  # [s] of a stage, in a ramp
-    damping: float  # [1/s] mass-proportional, in a ramp
-    limited_by: str  # what limits the time step
     ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
     strip: Strip | None = None  # the part of the mesh in `panel` and all arrays, with several ranks
 
@@ -89,6 +79,16 @@ class Model:
     def global_model(self) -> Model:
         """Model of the global mesh on the host; its device arrays belong to the strip."""
         return self if self.strip is None else replace(self, panel=self.strip.whole, strip=None)
+
+    @property
+    def axial_stiffness(self) -> float:
+        """[N] true EA."""
+        return self.scene.wire.axial_stiffness
+
+    @property
+    def bending_stiffness(self) -> float:
+        """[N m2] EI."""
+        return self.scene.wire.bending_stiffness
 
     @property
     def node_count(self) -> int:
@@ -259,6 +259,7 @@ def assemble_model(
     numerics = choose_numerics(scene, table, loop_length)
     treatment = choose_treatment(scene, scene.wire.thickness, numerics.contact_stiffness)
     return Model(
+        **vars(numerics),
         scene=scene,
         cloth=cloth,
         table=table,
@@ -267,17 +268,7 @@ def assemble_model(
         device=device,
         rest=upload_rest(table, precision, numerics, scene.wire.bending_stiffness, device),
         mesh=upload_mesh(panel, strip, precision, device, treatment),
-        axial_stiffness=scene.wire.axial_stiffness,
-        bending_stiffness=scene.wire.bending_stiffness,
-        softening=numerics.softening,
-        contact_stiffness=numerics.contact_stiffness,
         treatment=treatment,
-        body_mass=numerics.body_mass,
-        added_mass=numerics.added_mass,
-        time_step=numerics.time_step,
-        loading_time=numerics.loading_time,
-        damping=numerics.damping,
-        limited_by=numerics.limited_by,
         ranks=ranks,
         strip=strip,
     )

@@ -28,15 +28,15 @@ BODY_MASS_SHARE = 0.5  # body mass over half a loop of wire, in a ramp (the pape
 class Numerics:
     """Numerical constants of a run."""
 
-    softening: float
+    softening: float  # EA over the stiffness of the dynamics
     contact_stiffness: float  # [N/m]
     node_mass: np.ndarray  # [entry] [kg]
-    body_mass: float  # [kg]
-    added_mass: float
-    time_step: float  # [s]
-    limited_by: str
-    loading_time: float = 0.0  # [s] ramp
-    damping: float = 0.0  # [1/s] ramp
+    body_mass: float  # [kg]; fictitious in relax
+    added_mass: float  # share of mass added by scaling
+    time_step: float  # [s] of the unloaded mesh; 1 in relax
+    limited_by: str  # what limits the time step
+    loading_time: float  # [s] of a stage, in a ramp
+    damping: float  # [1/s] mass-proportional, in a ramp
 
 
 def choose_numerics(scene: Scene, table: Table, loop_length: float) -> Numerics:
@@ -58,7 +58,7 @@ def choose_numerics(scene: Scene, table: Table, loop_length: float) -> Numerics:
             wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table),
             contact_along=contact_along(scene),
         )  # fmt: skip
-        return Numerics(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step")
+        return Numerics(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step", 0.0, 0.0)
     true_mass = wire.linear_density * table.node_length
     mass = true_mass * scene.solver.mass_scaling
     contact = 20 * bend if contact is None else contact

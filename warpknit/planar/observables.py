@@ -167,14 +167,7 @@ class PlanarObservables(HostState):
             return 0.0
         return float(max(0.0, np.max(-self.pair_gap[closed])) / self.model.scene.wire.diameter)
 
-    @property
-    def body_near(self) -> None:
-        """None: planar wires touch only at bodies."""
-
-    @property
-    def contact_elsewhere(self) -> None:
-        """None: planar wires touch only at bodies."""
-
+    body_near = contact_elsewhere = None  # planar wires touch only at bodies
     elsewhere_position, elsewhere_force, elsewhere_wires = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 2), dtype=np.int64)
 
     @property
@@ -258,9 +251,7 @@ class PlanarObservables(HostState):
         bent = wire.youngs_modulus * radius / self.model.bending_stiffness * np.abs(moment)
         return bent + np.abs(tension) * per_tension
 
-    @property
-    def shear_stress(self) -> None:
-        """None: planar wires do not twist."""
+    shear_stress = None  # planar wires do not twist
 
     @property
     def axial_strain(self) -> np.ndarray:
@@ -322,10 +313,7 @@ class PlanarObservables(HostState):
         panel = self.model.panel
         return self._node_rest().min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
 
-    @property
-    def corner(self) -> np.ndarray:
-        """(3,) [m] origin of the positions."""
-        return np.zeros(3)
+    corner = np.zeros(3)  # (3,) [m] origin of the positions
 
     @property
     def between(self) -> np.ndarray:
@@ -341,9 +329,7 @@ class PlanarObservables(HostState):
         """(node, 2) [m] from the affine prediction."""
         return self.u
 
-    @property
-    def thickness(self) -> None:
-        """None: the rest height of a planar mesh is for pictures only."""
+    thickness = None  # the rest height of a planar mesh is for pictures only
 
     @property
     def panel_map(self) -> PanelMap | None:
