@@ -32,18 +32,12 @@ class Drive(ABC):
 
     def __init__(self, mechanics: Mechanics, progress: Progress, monitor: Callable[[Progress], None]) -> None:
         self.mechanics, self.progress, self.monitor = mechanics, progress, monitor
-        self.scene = mechanics.model.scene
+        self.model: Any = mechanics.model
+        self.state: Any = mechanics.state
+        self.scene = self.model.scene
         self.membrane_residual = 0.0  # largest membrane stress out of balance, over the tension, of abandoned corrections
         uneven = any(any(stage.temperature_gradient) for stage in self.scene.stages)
         self.edge_work = EdgeWork() if uneven or self.scene.has_moving_edge else None
-
-    @property
-    def model(self) -> Any:
-        return self.mechanics.model
-
-    @property
-    def state(self) -> Any:
-        return self.mechanics.state
 
     @property
     def notes(self) -> list[str]:

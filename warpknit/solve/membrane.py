@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -47,6 +48,14 @@ CORD_STEPS, CORD_ERROR = 8, 1e-3  # Newton steps of a cord in a correction, and 
 def is_settled(residual: float, before: float) -> bool:
     """Whether short waves have decayed. Residuals over their tolerance, of this check and the one before."""
     return residual > SLOW_DECAY * before or residual < SETTLED
+
+
+class EdgeState(NamedTuple):
+    """The edge of a mesh, and the forces on it."""
+
+    gradient: np.ndarray  # (2, 2)
+    stations: np.ndarray  # (station, n) [m]; n = 2, or 3 in the spatial model
+    held: np.ndarray  # (clamp, n) [N] forces of the wires of this rank
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,7 @@ class Membrane:
         cells = np.array(self.model.scene.knit.repeats) // REPEATS_A_CELL if cell is None else np.rint(size / cell).astype(int)
         self._cells = np.clip(cells, 1, MAX_CELLS)
         self._cell = size / self._cells
-        self._grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
+        self.grid = mechanics.membrane_grid(self.model.panel.low, self._cell, self._cells)
         self._filled = self._filled_share()
         # of the cloth [N m]: straight wires in all directions
         wires = float(self.model.global_model.panel.wire_length.sum()) / self.model.panel.area
@@ -182,7 +191,7 @@ class Membrane:
 
     def imbalance(self) -> np.ndarray:
         """Out-of-balance forces (grid node, 2) [N], as the last convergence check found them."""
-        self._unbalanced = self._grid.gather()
+        self._unbalanced = self.grid.gather()
         return self._unbalanced
 
     def warm_up(self, response: Response) -> None:
@@ -191,21 +200,15 @@ class Membrane:
         self.imbalance()
         self.move(Correction(np.zeros((int(np.prod(self._cells + 1)), 2)), np.zeros((len(self.rim.arc), 2))))
 
-    def solve(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, share: float = 1.0) -> tuple[Correction, float]:
-        """Correction that balances a share of the forces; its rms stress [N/m].
-
-        `gradient` (2, 2) and `stations` (station, n) [m] define the edge, `held` (clamp, n) [N] are forces of the wires on it;
-        n = 2, or 3 in the spatial model.
-        """
+    def solve(self, edge: EdgeState, share: float = 1.0) -> tuple[Correction, float]:
+        """Correction that balances a share of the forces; its rms stress [N/m]."""
         force = self._tied.T @ self._unbalanced.reshape(-1)
         if self.rim.is_free:
-            pull = self._pull(gradient, stations, held)[:, :2]
+            pull = self._pull(edge)[:, :2]
             force[-pull.size :] += pull.ravel()
-        return self._correction(share * force, np.zeros(len(force)), gradient, stations)
+        return self._correction(share * force, np.zeros(len(force)), edge)
 
-    def edge_imbalance(
-        self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray, least: float, axes: slice = IN_PLANE
-    ) -> float:
+    def edge_imbalance(self, edge: EdgeState, least: float, axes: slice = IN_PLANE) -> float:
         """Rms force on free stations along axes over the wires' force, or over `least` [N/m].
 
         A stiff cord may be out of balance with little effect on the mesh.
@@ -213,68 +216,60 @@ class Membrane:
         free = ~self.rim.given
         if not free.any():
             return 0.0
-        cord = self.rim.cord_forces(gradient, stations)[0]
-        total = self._pull(gradient, stations, held)
+        cord = self.rim.cord_forces(edge.gradient, edge.stations)[0]
+        total = self._pull(edge)
         wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
         spacing = self.rim.outline.length / len(self.rim.arc)
         return float(np.sqrt(np.mean(total[free, axes] ** 2))) / max(wires, least * spacing)
 
-    def solve_rim(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> tuple[Correction, float]:
+    def solve_rim(self, edge: EdgeState) -> tuple[Correction, float]:
         """The same for the edge alone, with the mesh behind it fixed."""
-        pull = self._pull(gradient, stations, held)[:, :2]
+        pull = self._pull(edge)[:, :2]
         force = np.zeros(self._tied.shape[1])
         force[-pull.size :] = pull.ravel()
         free = self._free[self._free >= len(force) - pull.size]
-        moved = self._balance(force, np.zeros(len(force)), gradient, stations, free)[-pull.size :].reshape(-1, 2)
-        excess = float(np.abs(moved).max()) / (self._grid.max_strain * float(self._cell.min()))
+        moved = self._balance(force, np.zeros(len(force)), edge, free)[-pull.size :].reshape(-1, 2)
+        excess = float(np.abs(moved).max()) / (self.grid.max_strain * float(self._cell.min()))
         return Correction(np.zeros((self._tied.shape[0] // 2, 2)), moved, 1.0 / max(1.0, excess)), 0.0
 
-    def _pull(self, gradient: np.ndarray, stations: np.ndarray, held: np.ndarray) -> np.ndarray:
+    def _pull(self, edge: EdgeState) -> np.ndarray:
         """Forces (station, n) [N] of the wires on all ranks, and of the cord."""
-        of_mesh = np.concatenate(self.model.ranks.everyone(held))
-        return np.asarray(self._clamps.T @ of_mesh + self.rim.cord_forces(gradient, stations)[0])
+        of_mesh = np.concatenate(self.model.ranks.everyone(edge.held))
+        return np.asarray(self._clamps.T @ of_mesh + self.rim.cord_forces(edge.gradient, edge.stations)[0])
 
-    def follow(self, given: np.ndarray, gradient: np.ndarray, stations: np.ndarray) -> Correction:
+    def follow(self, given: np.ndarray, edge: EdgeState) -> Correction:
         """Displacement of the mesh as a membrane when held stations move by `given` (station, 2) [m]."""
         known = np.zeros(self._tied.shape[1])
         known[-given.size :] = np.where(self.rim.given[:, None], given, 0.0).ravel()
-        return self._correction(np.zeros(len(known)), known, gradient, stations)[0]
+        return self._correction(np.zeros(len(known)), known, edge)[0]
 
-    def _matrix(self, gradient: np.ndarray, stations: np.ndarray) -> sparse.csr_matrix:
-        """Stiffness [N/m] of free grid nodes and stations, cord included."""
-        if not self.rim.is_free:
-            return self._stiffness
-        return _with_cord(self._stiffness, self.rim.cord_stiffness(gradient, stations[:, :2]))
-
-    def _correction(
-        self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray
-    ) -> tuple[Correction, float]:
+    def _correction(self, force: np.ndarray, known: np.ndarray, edge: EdgeState) -> tuple[Correction, float]:
         """The displacement under forces [N] with the `known` displacements, and its stress [N/m]."""
-        solution = self._balance(force, known, gradient, stations, self._free)
+        solution = self._balance(force, known, edge, self._free)
         grid = self._tied @ solution
         slope = self._gradient(grid)
         stress = np.einsum("abcd,xycd->xyab", self.tangent, slope)
         square = np.sum(stress**2, axis=(2, 3))
         out_of_balance = float(np.sqrt(np.average(square, weights=self._filled)))
-        max_factor = min(1.0, self._grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
+        max_factor = min(1.0, self.grid.max_strain / max(float(np.abs(slope).max()), 1e-30))
         moved = solution[len(solution) - 2 * len(self.rim.arc) :].reshape(-1, 2)
         return Correction(grid.reshape(-1, 2), moved, max_factor), out_of_balance
 
-    def _balance(
-        self, force: np.ndarray, known: np.ndarray, gradient: np.ndarray, stations: np.ndarray, free: np.ndarray
-    ) -> np.ndarray:
+    def _balance(self, force: np.ndarray, known: np.ndarray, state: EdgeState, free: np.ndarray) -> np.ndarray:
         """Displacements, `known` or `free`, that balance forces [N]; a cord turns as it moves."""
         solution = known.copy()
         if self._solve is not None:
             solution[free] = self._solve((force - self._stiffness @ known)[free])
             return solution
-        edge = slice(len(solution) - 2 * len(stations), None)
-        begin = self.rim.cord_forces(gradient, stations[:, :2])[0]
+        gradient, stations = state.gradient, state.stations[:, :2]
+        edge = slice(len(solution) - stations.size, None)
+        begin = self.rim.cord_forces(gradient, stations)[0]
         for _ in range(CORD_STEPS):
-            there = stations[:, :2] + solution[edge].reshape(-1, 2)
+            there = stations + solution[edge].reshape(-1, 2)
             unbalanced = force - self._stiffness @ solution
             unbalanced[edge] += (self.rim.cord_forces(gradient, there)[0] - begin).ravel()
-            step = splu(self._matrix(gradient, there)[free][:, free].tocsc()).solve(unbalanced[free])
+            matrix = _with_cord(self._stiffness, self.rim.cord_stiffness(gradient, there))
+            step = splu(matrix[free][:, free].tocsc()).solve(unbalanced[free])
             solution[free] += step
             if np.abs(step).max() <= CORD_ERROR * np.abs(solution).max():
                 break
@@ -286,15 +281,13 @@ class Membrane:
         along_x, along_y = np.diff(moved, axis=0) / self._cell[0], np.diff(moved, axis=1) / self._cell[1]
         return np.stack([0.5 * (along_x[:, 1:] + along_x[:, :-1]), 0.5 * (along_y[1:] + along_y[:-1])], axis=-1)
 
-    def solve_across(
-        self, gradient: np.ndarray, stress: np.ndarray, stations: np.ndarray, held: np.ndarray, max_slope: float | None = None
-    ) -> Correction | None:
+    def solve_across(self, edge: EdgeState, stress: np.ndarray, max_slope: float | None = None) -> Correction | None:
         """Correction out of the plane, (grid node, 1) and (station, 1), of a spatial mesh under tension; None without tension.
 
-        gradient, stations, held: as for `solve`; stress (2, 2) [N/m] nominal. max_slope: largest of one correction; default: the
-        largest strain of the grid. The tension S = F^-1 P resists: div(S grad w) + R = 0.
+        stress (2, 2) [N/m] nominal. max_slope: largest of one correction; default: the largest strain of the grid. The tension
+        S = F^-1 P resists: div(S grad w) + R = 0.
         """
-        force, tension = self._grid.gather_across(), np.linalg.solve(gradient, stress)
+        force, tension = self.grid.gather_across(), np.linalg.solve(edge.gradient, stress)
         tension = 0.5 * (tension + tension.T)
         if force is None or not len(self._free_across) or np.linalg.eigvalsh(tension).min() <= 0.0:
             return None
@@ -306,28 +299,19 @@ class Membrane:
         )
         force = tied.T @ force
         if self.rim.is_free:
-            force[-len(stations) :] += self._pull(gradient, stations, held)[:, 2]
-            pulled = _with_cord(pulled, self.rim.cord_stiffness(gradient, stations)[2::3, 2::3])
+            force[-len(edge.stations) :] += self._pull(edge)[:, 2]
+            pulled = _with_cord(pulled, self.rim.cord_stiffness(edge.gradient, edge.stations)[2::3, 2::3])
         matrix = pulled + self._bending_stiffness / float(np.prod(self._cell)) * (laplacian @ laplacian)
         solution = np.zeros(tied.shape[1])
         solution[free] = splu(matrix[free][:, free].tocsc()).solve(force[free])
         displacement = tied @ solution
         slope = self._gradient(np.repeat(displacement, 2))
-        share = min(1.0, (max_slope or self._grid.max_strain) / max(float(np.abs(slope).max()), 1e-30))
+        share = min(1.0, (max_slope or self.grid.max_strain) / max(float(np.abs(slope).max()), 1e-30))
         return Correction(displacement[:, None], solution[tied.shape[1] - len(self.rim.arc) :, None], share)
-
-    @property
-    def least_lift(self) -> float:
-        """[m] smallest useful out-of-plane correction: smaller ones disturb contacts more than they balance."""
-        return float(self._grid.least_lift)
-
-    def lift(self, correction: Correction) -> None:
-        """Move the mesh out of its plane with the grid; the clamps stay."""
-        self._grid.spread_across(correction.grid[:, 0])
 
     def move(self, correction: Correction) -> None:
         """Move the mesh with the grid; the clamps stay."""
-        self._grid.spread(correction.grid, self._response)
+        self.grid.spread(correction.grid, self._response)
 
 
 class Lift:
@@ -345,8 +329,7 @@ class Lift:
 
     def warm_up(self) -> None:
         """Compile its kernels by launching them."""
-        count = len(self.membrane.imbalance())
-        self.membrane.lift(Correction(np.zeros((count, 1)), np.zeros((0, 1))))
+        self.membrane.grid.spread_across(np.zeros(len(self.membrane.imbalance())))
 
     def begin(self) -> None:
         """Begin a load level."""
@@ -371,16 +354,14 @@ class Lift:
         """
         mechanics, membrane = self.mechanics, self.membrane
         membrane.imbalance()
-        edge = (mechanics.stations, mechanics.clamp_forces())
-        lift = membrane.solve_across(mechanics.state.gradient, mechanics.checked_stress, *edge, MAX_SLOPE)
+        edge = EdgeState(mechanics.state.gradient, mechanics.stations, mechanics.clamp_forces())
+        lift = membrane.solve_across(edge, mechanics.checked_stress, MAX_SLOPE)
         if lift is None:  # a slack mesh has no height of its own
             self.imbalance = 0.0
             return
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
         height = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
-        out_of_balance = membrane.edge_imbalance(
-            mechanics.state.gradient, *edge, TENSION_FLOOR * tension_scale(mechanics.model), ACROSS
-        )
+        out_of_balance = membrane.edge_imbalance(edge, TENSION_FLOOR * tension_scale(mechanics.model), ACROSS)
         self.imbalance = max(height, out_of_balance / self._tolerance)
         if self.imbalance <= 1.0:
             return
@@ -395,6 +376,6 @@ class Lift:
             return
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
         if height > 1.0:  # else the mesh follows its edge
-            membrane.lift(lift)
+            membrane.grid.spread_across(lift.grid[:, 0])
         mechanics.move_stations(lift.in_space)
         mechanics.search()

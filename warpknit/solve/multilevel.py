@@ -28,6 +28,7 @@ from .membrane import (
     MAX_FAILED_CORRECTIONS,
     Aitken,
     Correction,
+    EdgeState,
     Membrane,
     is_settled,
 )
@@ -40,9 +41,6 @@ MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
-
-
-EdgeState = tuple[np.ndarray, np.ndarray, np.ndarray]  # gradient, stations and forces on clamps, see `Membrane.solve`
 
 
 class MultilevelRelaxation(Relaxation):
@@ -150,14 +148,9 @@ class MultilevelRelaxation(Relaxation):
             prepared = self._solve_smaller(self.smaller, load, wanted)
         if self.cell is not None and self.membrane is not None:
             gradient, temperature = prepared.gradient, prepared.temperature
-            self._response = find_response(self._cell_at, self.cell.model, gradient, temperature, self.model.device)
+            self._response = find_response(self.cell.equilibrium_at, self.cell.model, gradient, temperature, self.model.device)
             self.membrane.renew(self._response)
         return prepared
-
-    def _cell_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Nominal stress (2, 2) [N/m] of the cell in equilibrium under a load, and its state variables."""
-        assert self.cell is not None
-        return self.cell.equilibrium_at(gradient, temperature)
 
     def _solve_smaller(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """Solve the smaller mesh; return the target with its strains."""
@@ -241,7 +234,7 @@ class MultilevelRelaxation(Relaxation):
             return
         remaining = 1.0
         while remaining > 0.0:
-            followed = self.membrane.follow(remaining * displacement, target.gradient, self.stations)
+            followed = self.membrane.follow(remaining * displacement, EdgeState(target.gradient, self.stations, np.zeros((0, 2))))
             share = min(1.0, followed.max_factor)
             followed = followed.scaled(share)
             self.membrane.move(followed)
@@ -297,13 +290,13 @@ class MultilevelRelaxation(Relaxation):
         pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 3))
         membrane.imbalance()
         solve = membrane.solve_rim if progress.is_uncorrected else membrane.solve
-        edge: EdgeState = (self.state.gradient, self.stations, pulled)
-        correction, stress = solve(*edge)
+        edge = EdgeState(self.state.gradient, self.stations, pulled)
+        correction, stress = solve(edge)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             allowed = min(EDGE_TOLERANCE, self.scene.solver.residual_tolerance)
-            progress.imbalance = max(progress.imbalance, membrane.edge_imbalance(*edge, self.least_tension) / allowed)
+            progress.imbalance = max(progress.imbalance, membrane.edge_imbalance(edge, self.least_tension) / allowed)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
         moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction
@@ -311,17 +304,17 @@ class MultilevelRelaxation(Relaxation):
             self._move_as_membrane(membrane, correction, edge)
         lift = None
         if ratio > 1.0 and self.lift is None:
-            lift = membrane.solve_across(self.state.gradient, self.mechanics.checked_stress, *edge[1:])
-        lifts = lift is not None and float(np.abs(lift.grid).max()) >= membrane.least_lift
+            lift = membrane.solve_across(edge, self.mechanics.checked_stress)
+        lifts = lift is not None and float(np.abs(lift.grid).max()) >= membrane.grid.least_lift
         if lift is not None and lifts:
             lift = lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor))
-            membrane.lift(lift)
+            membrane.grid.spread_across(lift.grid[:, 0])
             self._move_clamps(lift)
         self.mechanics.search()
         return moves or lifts
 
     def _move_as_membrane(self, membrane: Membrane, correction: Correction, edge: EdgeState) -> None:
-        """Move the mesh by a correction, or the edge alone once corrections are abandoned. edge: see `Membrane.solve`."""
+        """Move the mesh by a correction, or the edge alone once corrections are abandoned."""
         progress = self.progress
         progress.failed_corrections += 1
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
@@ -338,7 +331,7 @@ class MultilevelRelaxation(Relaxation):
             # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
             most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
             share = self._correction.next_factor(correction.vector, most)
-            part = correction if share == 1.0 else membrane.solve(*edge, share)[0]
+            part = correction if share == 1.0 else membrane.solve(edge, share)[0]
             self._move_in_parts(membrane, part)
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:

@@ -354,8 +354,7 @@ class Relaxation(Drive):
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the equilibrium under a load, and its state variables."""
         self.solve(LoadPoint(gradient, temperature))
-        mechanics: Any = self.mechanics
-        return mechanics.observe().nominal_stress, mechanics.state_variables()
+        return self.mechanics.observe().nominal_stress, self.mechanics.state_variables()
 
     def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
         """Prepare a load level; return its load, with the strains from which a wanted tension is reached: the present ones, and
@@ -372,14 +371,10 @@ class Relaxation(Drive):
         """Start the next level: predict its state and apply its load; see `Convergence.with_drift`."""
         self._start_level(load)
         self.mechanics.begin_level()
-        if to_ratio <= 1.0:
-            self._begin_test()
+        if to_ratio <= 1.0:  # test whether the equilibrium is stable, surely before the load and at the end of a stage
+            self.mechanics.begin_test(is_certain=not 0.0 < self.progress.load_factor < 1.0)
         self.progress.solving = True
         self._begin_solving(to_ratio)
-
-    def _begin_test(self) -> None:
-        """Test whether the equilibrium of this level is stable; surely before the load and at the end of a stage."""
-        self.mechanics.begin_test(is_certain=not 0.0 < self.progress.load_factor < 1.0)
 
     def _start_level(self, load: LoadPoint) -> None:
         """Extrapolate the state from the last two levels, and apply the load."""
@@ -422,9 +417,19 @@ class Relaxation(Drive):
     def stalled(self) -> Diverged:
         """The error of a level that makes no progress."""
         steps = self.equilibrium.convergence.patience * self.mechanics.check_steps
-        return NoProgress(
-            f"{self._level_text()} did not converge: no progress in {steps:,} steps; try a larger model.nodes_per_loop"
-            f"{self._tolerance_text()}, or other output.frames{self._overlaps_text} ({self._residual_text()})"
+        return NoProgress(self._unconverged(f": no progress in {steps:,} steps; try"))
+
+    def exceeded_steps(self) -> Diverged:
+        """The error of a level that exceeds its step limit."""
+        return StepLimitExceeded(self._unconverged(f" in {self.step_limit:,} steps; raise solver.max_steps, or try"))
+
+    def _unconverged(self, how: str) -> str:
+        """What a level lacks for convergence, and what may help."""
+        (wire, node), tolerance = self.mechanics.fastest(), self.scene.solver.residual_tolerance
+        return (
+            f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop or solver.residual_tolerance, or other"
+            f" output.frames{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g}, fastest at"
+            f" wire {wire}, node {node}{self.mechanics.causes()})"
         )
 
     @property
@@ -443,14 +448,6 @@ class Relaxation(Drive):
             f" by strains, or up to the largest converged tension: {largest[0]} in weft, {largest[1]} in warp"
         )
 
-    def exceeded_steps(self) -> Diverged:
-        """The error of a level that exceeds its step limit."""
-        return StepLimitExceeded(
-            f"{self._level_text()} did not converge in {self.step_limit:,} steps; raise solver.max_steps{self._tolerance_text()}"
-            + ("" if self._tolerance_counts else ", or change output.frames or model.nodes_per_loop")
-            + f" ({self._residual_text()})"
-        )
-
     def _level_text(self) -> str:
         """The level and its load: the wanted tension, or the strain, in weft and warp."""
         load = [percent(strain) for strain in np.diag(stretch(self.state.gradient)) - 1.0]
@@ -458,31 +455,6 @@ class Relaxation(Drive):
             for side in np.nonzero(self._wanted.driven)[0]:
                 load[side] = engineering(float(self._wanted.tension[side]), "N/m")
         return f"load level {self.progress.load_factor:.3g} of load step {self.progress.stage!r} (weft {load[0]}, warp {load[1]})"
-
-    @property
-    def _tolerance_counts(self) -> bool:
-        """Whether an unmet criterion depends on `solver.residual_tolerance`. Residual or drift do, multipliers do not."""
-        is_above = self.progress.residual >= self.scene.solver.residual_tolerance
-        return is_above or self.equilibrium.convergence.drifts(self.row)
-
-    def _tolerance_text(self) -> str:
-        """The tolerance among what may be raised, where it would help."""
-        return " or solver.residual_tolerance" if self._tolerance_counts else ""
-
-    def _unmet_text(self) -> str:
-        """The criterion that keeps a mesh from convergence whose forces balance."""
-        if self.progress.residual >= self.scene.solver.residual_tolerance:
-            return ""
-        drifts = self.equilibrium.convergence.drifts(self.row)
-        return " the tension drifts," if drifts else " multipliers or membrane corrections not converged,"
-
-    def _residual_text(self) -> str:
-        """Residual, fastest node and likely causes, in words."""
-        wire, node = self.mechanics.fastest()
-        return (
-            f"residual {self.progress.residual:.2g}, tolerance {self.scene.solver.residual_tolerance:g},{self._unmet_text()}"
-            f" fastest at wire {wire}, node {node}{self.mechanics.causes()}"
-        )
 
 
 def found_at(levels: Generator[float | Unsolved, None, None], find: Callable[[float], Any]) -> Generator[Any, None, None]:
