@@ -60,7 +60,7 @@ def stepped(name: str, steps: int) -> dict[str, np.ndarray]:
     simulation.mechanics.search()
     stage = scene.stages[0]
     gradient = np.diag([1.0 + (stage.strain_weft or 0.0), 1.0 + (stage.strain_warp or 0.0)])
-    next(simulation.drive.reach(LoadPoint(gradient, stage.temperature), None))
+    next(simulation.drive.reach(LoadPoint(gradient, stage.temperature)))
     simulation.mechanics.step(steps)
     return {**simulation.state.arrays(), "control": simulation.state.steering.values}
 

@@ -77,7 +77,7 @@ def at_load(kind: str, nodes: int, precision: str, device: str) -> Simulation:
     simulation = Simulation(build_model(scene, device))
     simulation.mechanics.search()
     drive: Any = simulation.drive
-    next(drive.reach(LoadPoint((1.0 + STRAIN) * np.eye(2), scene.stages[0].temperature), None))
+    next(drive.reach(LoadPoint((1.0 + STRAIN) * np.eye(2), scene.stages[0].temperature)))
     while drive.state.steering.ramp_step < drive.state.steering.ramp_steps:
         drive.mechanics.step(STEPS)
     return simulation

@@ -40,10 +40,6 @@ class LoadPoint:
         even = not any(self.temperature_gradient) and self.temperature == reference_temperature
         return np.array_equal(self.gradient, np.eye(2)) and even and not moved and self.tension is None
 
-    def strained(self, gradient: np.ndarray) -> LoadPoint:
-        """The same at another deformation gradient (2, 2)."""
-        return replace(self, gradient=gradient)
-
 
 REPEATS_A_CELL = 2  # of the grid of a membrane: finer ones would see the stiffness of the edges
 CORNER = 0.5  # rad by which an outline turns where a net node must stand

@@ -33,7 +33,8 @@ from .membrane import (
     is_settled,
 )
 from .progress import LoadStart, Progress
-from .relax import Relaxation, WantedTension
+from .relax import Relaxation
+from .stage_load import strained
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
@@ -142,24 +143,24 @@ class MultilevelRelaxation(Relaxation):
             if smaller is not None:
                 smaller.release(begin, end)
 
-    def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
-        prepared = super()._prepare(load, wanted)
+    def _prepare(self, load: LoadPoint) -> LoadPoint:
+        prepared = super()._prepare(load)
         if self.smaller is not None:
-            prepared = self._solve_smaller(self.smaller, load, wanted)
+            prepared = self._solve_smaller(self.smaller, load)
         if self.cell is not None and self.membrane is not None:
             gradient, temperature = prepared.gradient, prepared.temperature
             self._response = find_response(self.cell.equilibrium_at, self.cell.model, gradient, temperature, self.model.device)
             self.membrane.renew(self._response)
         return prepared
 
-    def _solve_smaller(self, smaller: Relaxation, target: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+    def _solve_smaller(self, smaller: Relaxation, target: LoadPoint) -> LoadPoint:
         """Solve the smaller mesh; return the target with its strains."""
         smaller.progress.load_factor, smaller.progress.stage = self.progress.load_factor, self.progress.stage
-        if wanted is None and not (isinstance(smaller, MultilevelRelaxation) and smaller.smaller):
+        if target.tension is None and not (isinstance(smaller, MultilevelRelaxation) and smaller.smaller):
             self._follow_path(smaller, target)
         else:
-            smaller.solve(target, wanted)
-        return target if wanted is None else wanted.strained(target, smaller.state.gradient)
+            smaller.solve(target)
+        return strained(target, smaller.state.gradient)
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
         """Load the smallest mesh in small increments: the equilibrium may depend on the load path."""

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, strip_prefix
 from ..measure import energy_scale
 from ..measure.jumps import Level, happens, level_of
-from ..measure.strain import clamp_rotation, rotation, stretch
+from ..measure.strain import stretch
 from ..measure.table import Record
 from ..mechanics.numerics import FOLLOWED_INCREMENT
 from ..mechanics.protocols import Mechanics
@@ -31,7 +30,7 @@ from .drive import Drive
 from .equilibrium import ON_THE_WAY, Equilibrium
 from .membrane import Lift
 from .progress import Progress
-from .stage_load import history_steps
+from .stage_load import history_steps, strained
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
@@ -39,25 +38,6 @@ MAX_SLOW_CUTS = 2  # the same where it fails after many steps without progress
 MOST_KEPT = 300_000  # nodes of a mesh whose last equilibrium is kept to return to: some 2 kB each
 FEWEST_LEVELS = 4  # of a stage whose levels are found automatically
 MOST_REFINED = 50_000  # nodes of a mesh with stored equilibria: between larger ones no level is added
-
-
-@dataclass(frozen=True)
-class WantedTension:
-    """Prescribed tensions of a level, by direction (weft, warp)."""
-
-    driven: np.ndarray  # (2,) bool
-    tension: np.ndarray  # (2,) [N/m]
-
-    @property
-    def given(self) -> np.ndarray:
-        """(2,) [N/m]; nan where a strain is given."""
-        return np.where(self.driven, self.tension, np.nan)
-
-    def strained(self, load: LoadPoint, gradient: np.ndarray) -> LoadPoint:
-        """A load with the strains of another `gradient` (2, 2) in the driven directions."""
-        there = stretch(load.gradient)
-        there[np.diag_indices(2)] = np.where(self.driven, np.diag(stretch(gradient)), np.diag(there))
-        return load.strained(rotation(clamp_rotation(load.gradient)).T @ there)
 
 
 @dataclass(frozen=True)
@@ -115,7 +95,7 @@ class Relaxation(Drive):
         rim, is_raised = mechanics.rim, self.scene.panel.focal_length is not None
         self.lift = Lift(mechanics, rim) if rim is not None and (is_raised or rim.is_free) else None
         self._last_gradient: np.ndarray | None = None  # of the previous level
-        self._wanted: WantedTension | None = None  # of this level
+        self._wanted: np.ndarray | None = None  # (2,) [N/m] tension of this level, nan where a strain is given
         self._before: dict[str, np.ndarray] = {}  # the last equilibrium, to return to where an increment fails
         is_small = equilibrium is None and self.model.global_model.node_count <= MOST_REFINED
         self._is_refined = is_small and isinstance(self.scene.output.frames, str)
@@ -173,11 +153,16 @@ class Relaxation(Drive):
 
     def records(self, stage: Stage, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:
         """Records of a stage; UNSOLVED wherever the mesh is to be brought to equilibrium first, see `levels`."""
-        levels = self.refined_levels(stage) if self._is_refined else self.levels(stage)
-        return found_at(levels, lambda factor: None if ends_only and factor < 1.0 else self.record(stage, factor, steady=True))
+        return self.refined_levels(stage, ends_only) if self._is_refined else self.levels(stage, ends_only)
 
-    def levels(self, stage: Stage) -> Generator[float | Unsolved, None, None]:
-        """Load factors of equal levels of a load step, each in equilibrium. UNSOLVED before each equilibrium to find.
+    def _recorded(self, stage: Stage, share: Fraction, ends_only: bool) -> Iterator[Record]:
+        """The record of the present level."""
+        self.progress.level += 1
+        if share == 1 or not ends_only:
+            yield self.record(stage, float(share), steady=True)
+
+    def levels(self, stage: Stage, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
+        """Records of equal levels of a load step, each in equilibrium. UNSOLVED before each equilibrium to find.
 
         Where that fails, `Diverged` is thrown in: the increment is halved from the last equilibrium on, MAX_CUTS times at most.
         """
@@ -186,10 +171,9 @@ class Relaxation(Drive):
         unloaded = progress.stage_index == 0
         while (share := (progress.level + (not unloaded)) * width) <= 1:
             yield from self._increment(stage, share, width)
-            progress.level += 1
-            yield float(share)
+            yield from self._recorded(stage, share, ends_only)
 
-    def refined_levels(self, stage: Stage) -> Generator[float | Unsolved, None, None]:
+    def refined_levels(self, stage: Stage, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
         """The same for few levels, refined where something happens between two of them.
 
         There the mesh returns to the lower level and is loaded half-way. The upper level is kept, and recorded when all levels
@@ -229,8 +213,7 @@ class Relaxation(Drive):
             self._lower = targets.pop()
             if upper.has_left:  # what was found beyond may be of another branch
                 targets[:] = [Target(target.share) for target in targets]
-            progress.level += 1
-            yield float(upper.share)
+            yield from self._recorded(stage, upper.share, ends_only)
 
     def _fewest_levels(self, stage: Stage) -> int:
         """Levels of a stage in which nothing happens: increments of a tight knit stay on its path."""
@@ -281,12 +264,12 @@ class Relaxation(Drive):
             progress.load_factor = there
             if factor == 0.0:
                 self.release(progress.part / parts, (progress.part + 1) / parts)
-            wanted = None
+            load = self.target(stage, there)
             if driven.any() and there > 0.0:
-                wanted = WantedTension(driven, tension_start + there * (tension_end - tension_start))
+                load = replace(load, tension=np.where(driven, tension_start + there * (tension_end - tension_start), np.nan))
             try:
-                is_on_the_way = self.scene.depends_on_path and wanted is None and progress.part + 1 < parts
-                yield from self.reach(self.target(stage, there), wanted, ON_THE_WAY if is_on_the_way else 1.0)
+                is_on_the_way = self.scene.depends_on_path and load.tension is None and progress.part + 1 < parts
+                yield from self.reach(load, ON_THE_WAY if is_on_the_way else 1.0)
             except Diverged as error:
                 self._cut(error)
                 continue
@@ -325,30 +308,28 @@ class Relaxation(Drive):
         """Apply `wire.set_fraction` from one share of it to another."""
         self.mechanics.release(begin, end)
 
-    def reach(self, load: LoadPoint, wanted: WantedTension | None, to_ratio: float = 1.0) -> Iterator[Unsolved]:
+    def reach(self, load: LoadPoint, to_ratio: float = 1.0) -> Iterator[Unsolved]:
         """Find the equilibrium at a load, or continue an unfinished one. to_ratio: see `Convergence.with_drift`."""
-        progress, self._wanted = self.progress, wanted
+        progress, self._wanted = self.progress, load.tension
         as_knitted = progress.stage_index == 0 and progress.level == 0 and progress.load_factor == 0.0
-        if progress.steps == 0 and wanted is None and self.mechanics.is_in_equilibrium(load):
+        if progress.steps == 0 and self.mechanics.is_in_equilibrium(load):
             return
         self.mechanics.may_overlap = as_knitted and progress.part == 0
         self.mechanics.rub(not as_knitted)
         if not progress.solving:
-            load = self._prepare(load, wanted)
-            if wanted is not None:
-                load = replace(load, tension=wanted.given)
+            load = self._prepare(load)
             self.begin_level(load, to_ratio)
         yield UNSOLVED
-        while wanted is not None and not self.mechanics.has_load:
+        while load.tension is not None and not self.mechanics.has_load:
             self.mechanics.advance_history()
-            self.begin_level(replace(load.strained(self.state.gradient), tension=wanted.given), to_ratio)
+            self.begin_level(replace(load, gradient=self.state.gradient), to_ratio)
             yield UNSOLVED
         self.mechanics.may_overlap = False
         progress.solving, progress.level_share = False, 0.0
 
-    def solve(self, load: LoadPoint, wanted: WantedTension | None = None, to_ratio: float = 1.0) -> None:
+    def solve(self, load: LoadPoint, to_ratio: float = 1.0) -> None:
         """Find the equilibrium under a load; to_ratio: see `Convergence.with_drift`. Raises `Diverged`."""
-        for _ in self.reach(load, wanted, to_ratio):
+        for _ in self.reach(load, to_ratio):
             self.equilibrium.solve()
 
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -356,12 +337,10 @@ class Relaxation(Drive):
         self.solve(LoadPoint(gradient, temperature))
         return self.mechanics.observe().nominal_stress, self.mechanics.state_variables()
 
-    def _prepare(self, load: LoadPoint, wanted: WantedTension | None) -> LoadPoint:
+    def _prepare(self, load: LoadPoint) -> LoadPoint:
         """Prepare a load level; return its load, with the strains from which a wanted tension is reached: the present ones, and
         the expansion of the wires."""
-        if wanted is None:
-            return load
-        return wanted.strained(load, self._expansion(load) * load.gradient)
+        return strained(load, self._expansion(load) * load.gradient)
 
     def _expansion(self, load: LoadPoint) -> float:
         """Length of the wires at the temperature of a load over that now."""
@@ -452,21 +431,6 @@ class Relaxation(Drive):
         """The level and its load: the wanted tension, or the strain, in weft and warp."""
         load = [percent(strain) for strain in np.diag(stretch(self.state.gradient)) - 1.0]
         if self._wanted is not None:
-            for side in np.nonzero(self._wanted.driven)[0]:
-                load[side] = engineering(float(self._wanted.tension[side]), "N/m")
+            for side in np.flatnonzero(np.isfinite(self._wanted)):
+                load[side] = engineering(float(self._wanted[side]), "N/m")
         return f"load level {self.progress.load_factor:.3g} of load step {self.progress.stage!r} (weft {load[0]}, warp {load[1]})"
-
-
-def found_at(levels: Generator[float | Unsolved, None, None], find: Callable[[float], Any]) -> Generator[Any, None, None]:
-    """Results of `find` at the load factors of levels, without None. UNSOLVED, and exceptions thrown in, pass through."""
-    step = next(levels, None)
-    while step is not None:
-        if isinstance(step, Unsolved):
-            try:
-                yield step
-            except Diverged as error:
-                step = levels.throw(error)
-                continue
-        elif (found := find(step)) is not None:
-            yield found
-        step = next(levels, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,6 +48,15 @@ def load_at(
         raised = 0.0 if scene.panel.focal_length is None else 1.0 if stage_index else factor
         stations = (1 - factor) * rim.pulled(before.pull if before else ()) + factor * rim.pulled(stage.pull)
     return LoadPoint(target, temperature_at(stage, start, factor), tuple(slope.tolist()), stations, raised=raised)
+
+
+def strained(load: LoadPoint, gradient: np.ndarray) -> LoadPoint:
+    """A load with the strains of another `gradient` (2, 2) where its tension is given."""
+    if load.tension is None:
+        return load
+    there = stretch(load.gradient)
+    there[np.diag_indices(2)] = np.where(np.isfinite(load.tension), np.diag(stretch(gradient)), np.diag(there))
+    return replace(load, gradient=rotation(clamp_rotation(load.gradient)).T @ there)
 
 
 def history_steps(begin: LoadPoint, end: LoadPoint, rim: Rim | None) -> int:
