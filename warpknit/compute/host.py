@@ -70,11 +70,6 @@ class Buffers:
 _BUFFERS = Buffers()
 
 
-def copied(array: wp.array) -> np.ndarray:
-    """The array of a GPU on the host: a copy, which keeps its memory."""
-    return _BUFFERS.copy(array) if array.capacity >= LEAST_BYTES else np.asarray(array.numpy())
-
-
 _VIEW = "host_view"  # attribute of an array on the CPU: its view, made once
 
 
@@ -110,8 +105,9 @@ def fetch(array: wp.array) -> np.ndarray:
 
 
 def take(array: wp.array) -> np.ndarray:
-    """Values of an array on the host, in its memory; nothing else may write to it."""
-    return np.asarray(array.numpy()) if is_in_place(array.device) else copied(array)
+    """Values of an array on the host, in its memory, or a copy of a GPU's; nothing else may write to it."""
+    on_host = is_in_place(array.device) or array.capacity < LEAST_BYTES
+    return np.asarray(array.numpy()) if on_host else _BUFFERS.copy(array)
 
 
 def number_at(array: wp.array, place: int) -> int:

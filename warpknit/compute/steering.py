@@ -107,17 +107,8 @@ class Steering:
     weight_square = Entry(c.WEIGHT_SQUARE)
     lever = Entry(c.LEVER)
 
-    RUNNING, STALE, DIVERGED, EVALUATING, ACCEPTING, WAITING = (
-        float(status)
-        for status in (
-            c.STATUS_RUNNING,
-            c.STATUS_STALE,
-            c.STATUS_DIVERGED,
-            c.STATUS_EVALUATING,
-            c.STATUS_ACCEPTING,
-            c.STATUS_WAITING,
-        )
-    )
+    RUNNING, STALE, DIVERGED = float(c.STATUS_RUNNING), float(c.STATUS_STALE), float(c.STATUS_DIVERGED)
+    EVALUATING, ACCEPTING, WAITING = float(c.STATUS_EVALUATING), float(c.STATUS_ACCEPTING), float(c.STATUS_WAITING)
 
     def __init__(self, array: wp.array | np.ndarray, world: int | None = None) -> None:
         """array: [CONTROL_COUNT], or (world, CONTROL_COUNT), on a device or on the host; world: index of its row."""

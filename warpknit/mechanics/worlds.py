@@ -69,9 +69,9 @@ class Worlds(ABC):
         self.strains.begin(rows, np.array([given if load.tension is None else load.tension for load in loads.values()]))
         self.prepare(rows)
 
-    @abstractmethod
     def prepare(self, rows: np.ndarray) -> None:
         """Prepare worlds for the motion of their loads."""
+        return
 
     def is_loading(self, rows: np.ndarray) -> np.ndarray:
         """[row] whether a load is being applied."""
@@ -91,9 +91,9 @@ class Worlds(ABC):
     def search(self, rows: np.ndarray) -> None:
         """Search neighbours, and reset the travel budget."""
 
-    @abstractmethod
     def overlap(self, rows: np.ndarray) -> np.ndarray:
-        """[row] largest overlap of wires since the last call, over their thickness."""
+        """[row] largest overlap of wires since the last call, over their thickness; none in a plane."""
+        return np.zeros(len(rows))
 
     def advance(self, rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Take steps with neighbour searches; return steps taken [row] and whether diverged [row]."""

@@ -63,9 +63,6 @@ class PlanarWorlds(Worlds):
         super().__init__(models, self.state.steering, model.axial_stiffness * length)
         self.members = [PlanarMechanics(self, one, world) for world, one in enumerate(models)]
 
-    def prepare(self, rows: np.ndarray) -> None:
-        """Nothing: the masses are for loads of any kind."""
-
     def count_stress(self) -> None:
         for stepper in self.stepper.steppers:
             stepper.count_stress()
@@ -76,10 +73,6 @@ class PlanarWorlds(Worlds):
     def search(self, rows: np.ndarray) -> None:
         for row in rows.tolist():
             self.members[row].search()
-
-    def overlap(self, rows: np.ndarray) -> np.ndarray:
-        """[row] zero: wires of the plane do not pass through each other."""
-        return np.zeros(len(rows))
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
         residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
@@ -145,7 +138,6 @@ class PlanarMechanics(Mechanics):
         self._has_temperature_field = any(any(stage.temperature_gradient) for stage in model.scene.stages)
         # values at the end of the previous level
         self._last = [wp.zeros_like(value) for value in self._level_values()] if self._relaxes else []
-        self._predictions: dict[int, list[wp.Launch]] = {}  # by parity
         self._active_as_knitted = 0  # pairs that carry force as knitted
 
     def compile(self) -> None:
@@ -179,30 +171,21 @@ class PlanarMechanics(Mechanics):
         return [s.node_ux[s.parity], s.node_uy[s.parity], s.body_ux, s.body_uy, s.tension_offset, s.pair_offset]
 
     def predict(self, ratio: float) -> None:
-        self.state.steering.set(extrapolation=ratio)
-        if self.state.parity not in self._predictions:
-            self._predictions[self.state.parity] = self._record_prediction()
-        for launch in self._predictions[self.state.parity]:
-            launch.launch()
-        self.stop()
-
-    def _record_prediction(self) -> list[wp.Launch]:
-        """Record the launches of `predict` at the current parity."""
-        values, s = self._level_values(), self.state
+        s = self.state
+        s.steering.set(extrapolation=ratio)
         # within the margin of the neighbour search, so that no body changes sides
         max_move = 0.5 * self.neighbours.margin / self.model.precision.unit
         if self.model.scene.hook is not None:
             max_move = np.inf  # the frame moves a fixed wire affinely (mesh/hook_mesh.py); the prediction must undo all of it
-        launches = []
-        for value, last in zip(values, self._last, strict=True):
+        for value, last in zip(self._level_values(), self._last, strict=True):
             limit = np.inf if value is s.tension_offset or value is s.pair_offset else max_move
             named = {"control": s.control, "limit": wp.float64(limit), "value": value, "last": last}
             if value is s.body_ux or value is s.body_uy:
-                launches.append(bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named))
+                launch = bind(extrapolate_held_bodies, value.shape[0], pair_force=s.pair_force, **named)
             else:
-                lowest = wp.float64(0.0 if value is s.pair_offset else -np.inf)
-                launches.append(bind(extrapolate, value.shape[0], lowest=lowest, **named))
-        return [launch.record(self.model.device) for launch in launches if launch.threads > 0]
+                launch = bind(extrapolate, value.shape[0], lowest=wp.float64(0.0 if value is s.pair_offset else -np.inf), **named)
+            launch.run(self.model.device)
+        self.stop()
 
     def stop(self) -> None:
         """Set all velocities to zero."""
