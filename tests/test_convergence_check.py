@@ -102,4 +102,4 @@ def test_a_mesh_whose_forces_balance_waits_for_its_tension() -> None:
     made, rows = convergence(Drift(2)), np.array([0])
     for ratio, drifts in ((3.0, False), (0.5, True), (3.0, False)):
         made.with_drift(rows, np.array([ratio]), lambda _: np.array([np.eye(2)]))
-        assert (made._met[0] > 0) == drifts
+        assert made.drifts(0) == drifts

@@ -86,6 +86,10 @@ class Convergence:
         drift = moved / (self.tolerance * scale)
         return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, UNKNOWN))
 
+    def drifts(self, row: int) -> bool:
+        """Whether only the tension criterion keeps a mesh from convergence."""
+        return bool(self._met[row] > 0)
+
     def is_stalled(self, rows: np.ndarray, ratio: np.ndarray) -> np.ndarray:
         """[row] whether a level makes no progress; checks that the drift has to wait for do not count."""
         met = self._met[rows]

@@ -405,8 +405,10 @@ class Relaxation(Drive):
     def _unconverged(self, how: str) -> str:
         """What a level lacks for convergence, and what may help."""
         (wire, node), tolerance = self.mechanics.fastest(), self.scene.solver.residual_tolerance
+        helps = self.progress.residual >= tolerance or self.equilibrium.convergence.drifts(self.row)
         return (
-            f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop or solver.residual_tolerance, or other"
+            f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop"
+            f"{' or solver.residual_tolerance' if helps else ''}, or other"
             f" output.frames{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g}, fastest at"
             f" wire {wire}, node {node}{self.mechanics.causes()})"
         )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from statistics import median
@@ -40,6 +39,7 @@ class SampleRun:
 
     model: Model
     most_checks: int | None = None  # None: to the end of WORK
+    worlds: Sequence[Model] = ()  # that run beside each other in place of the model; their steps add up
     steps: int = 0
     place: float = 0.0  # load steps that are done, with the share of the present one
     marks: list[tuple[float, int]] = field(default_factory=list)  # place and steps of each load level
@@ -50,7 +50,8 @@ class SampleRun:
 
     def run(self) -> SampleRun:
         """Take the steps. Raises `ModelError` where a run does."""
-        simulation = Simulation(self.model, monitor=self._monitor)
+        simulation = Simulation(self.model, worlds=self.worlds)
+        simulation.monitor = lambda progress: self._monitor(progress, simulation.steps)
         simulation.compile()
         self.begin = time.perf_counter()
         try:
@@ -64,17 +65,17 @@ class SampleRun:
         self.seconds, self.steps = time.perf_counter() - self.begin, simulation.progress.steps
         return self
 
-    def _monitor(self, progress: Progress) -> None:
-        if self.clock and progress.steps == self.clock[-1][1]:  # a smaller mesh is solved
-            self.clock[-1] = time.perf_counter(), progress.steps
+    def _monitor(self, progress: Progress, steps: int) -> None:
+        if self.clock and steps == self.clock[-1][1]:  # a smaller mesh is solved
+            self.clock[-1] = time.perf_counter(), steps
             return
-        self.clock.append((time.perf_counter(), progress.steps))
+        self.clock.append((time.perf_counter(), steps))
         before = self.marks[-1][0] if self.marks else 0.0
         if self.model.scene.solver.drive == "ramp":
             self.place = progress.stage_index + min(1.0, progress.time / self.model.loading_time)
         else:
             self.place = before + progress.level_share * (progress.stage_index + progress.load_factor - before)
-        work = progress.steps * max(FEWEST_NODES, self.model.node_count) / WORK
+        work = steps * max(FEWEST_NODES, self.model.node_count) / WORK
         is_late = self.model.node_count > SAMPLE_NODES and self.clock[-1][0] - self.begin > MOST_SECONDS
         if (work > 1.0 and len(self.marks) > 2) or work > MOST_EXCESS or is_late or len(self.clock) == self.most_checks:
             raise _Enough
@@ -124,27 +125,10 @@ def measure_meshes(scene: Scene, count: int) -> Measured:
     variants = VariantModels(scene)
     models = [variants.model(number) for number in variants.take(count)]
     run = measure_run(models[0], models[0].node_count, models[0].scene)
-    return replace(run, seconds=run.seconds * _share_side_by_side(models))
-
-
-def _share_side_by_side(models: Sequence[Model]) -> float:
-    """Time of a step of a mesh among the others, over its time alone."""
     if len(side_by_side(models)) > 1:
-        return 1.0
-    alone, clock = SampleRun(models[0], TIMED_CHECKS).run().step_time(), list[tuple[float, int]]()
-    simulation = Simulation(models[0], worlds=models)
-
-    def monitor(_progress: Progress) -> None:
-        clock.append((time.perf_counter(), sum(drive.progress.steps for drive in simulation.drives)))
-        if len(clock) > TIMED_CHECKS:
-            raise _Enough
-
-    simulation.monitor = monitor
-    simulation.compile()
-    with suppress(_Enough, Diverged):
-        list(simulation.run())
-    times = [(b[0] - a[0]) / (b[1] - a[1]) for a, b in pairwise(clock) if b[1] > a[1]]
-    return median(times) / alone if times and alone else 1.0
+        return run
+    alone, beside = (SampleRun(models[0], TIMED_CHECKS, worlds).run().step_time() for worlds in ((), models))
+    return replace(run, seconds=run.seconds * beside / alone)
 
 
 def sample_model(scene: Scene) -> tuple[Model, bool]:
