@@ -405,12 +405,13 @@ class Relaxation(Drive):
     def _unconverged(self, how: str) -> str:
         """What a level lacks for convergence, and what may help."""
         (wire, node), tolerance = self.mechanics.fastest(), self.scene.solver.residual_tolerance
-        helps = self.progress.residual >= tolerance or self.equilibrium.convergence.drifts(self.row)
+        advice, unmet = " or solver.residual_tolerance", ""
+        if self.progress.residual < tolerance and not self.equilibrium.convergence.drifts(self.row):
+            advice, unmet = "", " multipliers or membrane corrections not converged,"
         return (
-            f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop"
-            f"{' or solver.residual_tolerance' if helps else ''}, or other"
-            f" output.frames{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g}, fastest at"
-            f" wire {wire}, node {node}{self.mechanics.causes()})"
+            f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop{advice}, or other output.frames"
+            f"{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g},{unmet} fastest at wire {wire},"
+            f" node {node}{self.mechanics.causes()})"
         )
 
     @property
