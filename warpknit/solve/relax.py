@@ -410,8 +410,8 @@ class Relaxation(Drive):
             advice, unmet = "", " multipliers or membrane corrections not converged,"
         return (
             f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop{advice}, or other output.frames"
-            f"{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g},{unmet} fastest at wire {wire},"
-            f" node {node}{self.mechanics.causes()})"
+            f"{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g},{unmet} fastest at"
+            f" wire {wire}, node {node}{self.mechanics.causes()})"
         )
 
     @property
