@@ -27,6 +27,21 @@ CASES: dict[str, tuple[str, list[str]]] = {
         "atlas_cell.toml",
         ["solver.preset=draft", "solver.drive=ramp", "solver.loading_time=2e-5 s", "output.frames=1"],
     ),
+    "planar cell, by tension": (
+        "atlas_cell.toml",
+        ["solver.preset=draft", "load.tension_weft=0.02 N/m", "load.tension_warp=0.02 N/m", "output.frames=1"],
+    ),
+    "spatial patch, by tension": (
+        "atlas_cell_spatial.toml",
+        [
+            "model.boundary=gripped",
+            "knit.repeats=[1, 1]",
+            "solver.preset=draft",
+            "load.tension_weft=0.02 N/m",
+            "load.tension_warp=0.02 N/m",
+            "output.frames=1",
+        ],
+    ),
     "spatial cell": ("atlas_cell_spatial.toml", ["solver.preset=draft", "output.frames=1"]),
     "spatial patch, friction, yield": (
         "atlas_cell_spatial.toml",
