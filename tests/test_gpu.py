@@ -40,8 +40,8 @@ def last_of(scene: Scene, device: str, ranks: Ranks | None = None) -> tuple[Simu
 @on_gpu
 @pytest.mark.parametrize("name", CASES)
 def test_a_run_has_the_figures_of_the_cpu(name: str, device: str) -> None:
-    """Tensions and strains within twice the residual tolerance, either of which may be off by it, and contacts that are active but
-    for those that just touch."""
+    """Tensions and strains within twice the residual tolerance, either of which may be off by it. Active contacts but for those
+    that just touch."""
     scene = scene_of(name)
     found, expected = (last_of(scene, place)[1].observables for place in (device, "cpu"))
     tolerance = 2.0 * scene.solver.residual_tolerance
