@@ -66,12 +66,14 @@ class EqualTensionPath:
 def load_equally(
     meshes: Any, largest: float, monitor: Callable[[float], None] = lambda _: None, tension: float | None = None
 ) -> EqualTensionPath:
-    """The path to first yield, else to the largest of all tensions [N/m], doubled DOUBLINGS times: service, `tension`, map.
+    """The path to first yield, or to DOUBLINGS times twice the largest tension of interest.
+
+    That is the largest of the service tensions, `tension` and `largest` [N/m].
 
     A load step that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
     records before. `monitor` gets the share done.
 
-    meshes: one in double precision, or a list, whose rows are means. largest: in the map.
+    meshes: one in double precision, or a list, whose rows are means. largest: of the map.
     """
     path = path_of(meshes)
     scene = path.scene

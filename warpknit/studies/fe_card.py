@@ -224,7 +224,8 @@ def heading(fe: FeCard, code: str, mark: str, notes: Sequence[str]) -> list[str]
         *(f"Warning: {warning}." for warning in fe.warnings),
         *notes,  # the last one may announce lines that follow
     ]
-    return [f"{mark} {line}" for text in paragraphs for line in textwrap.wrap(_ascii(text), LINE)]
+    texts = (text.encode("ascii", "replace").decode("ascii") for text in paragraphs)
+    return [f"{mark} {line}" for text in texts for line in textwrap.wrap(text, LINE)]
 
 
 def fabric_note(fe: FeCard, measure: str, reference: str) -> str:
@@ -236,7 +237,3 @@ def fabric_note(fe: FeCard, measure: str, reference: str) -> str:
         f" initial stress: give the nodes as knitted by {reference}. Weft and warp are independent in it, and it has no"
         " expansion: its tangent differs from the card."
     )
-
-
-def _ascii(text: str) -> str:
-    return text.encode("ascii", "replace").decode("ascii")

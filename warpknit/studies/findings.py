@@ -86,24 +86,14 @@ class Findings:
         return self.requested is not None or self.card is not None
 
     @property
-    def has_means(self) -> bool:
-        """Whether rows and answers under equal tensions are means over meshes."""
-        return bool(self.path.rows) and "meshes" in self.path.rows[0]
-
-    @property
     def of_meshes(self) -> str:
         """The meshes of answers and service tensions, in words; empty where the scene has one mesh."""
         if self.scene.variants.count == 1:
             return ""
-        if not self.has_means:
+        counts = [row.meshes for row in self.path.rows if "meshes" in row]
+        if not counts:
             return "of one mesh with equal loops"
-        least, most = (find(row.meshes for row in self.path.rows) for find in (min, max))
-        return f"means of {most} meshes" if least == most else f"means of {least} to {most} meshes"
-
-    @property
-    def the_mesh(self) -> str:
-        """The mesh of pictures, openings and heat, at the begin of a sentence."""
-        return "One mesh with equal loops" if self.of_meshes else "The mesh"
+        return f"means of {' to '.join(map(str, sorted({min(counts), max(counts)})))} meshes"
 
     @property
     def by_tension(self) -> bool:

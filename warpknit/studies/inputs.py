@@ -14,6 +14,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -57,12 +58,7 @@ class Fitted:
 
 def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
     """Loops with a wire length of `wanted` [m] each. Raises `InputError` if it cannot be reached."""
-    low, high = factors(scene)
-
-    def missing(factor: float) -> float:
-        return knit_scene(scaled(scene, factor)).wire_length - wanted
-
-    factor = _factor(scene, missing, low, high, wanted)
+    factor = _factor(scene, lambda factor: knit_scene(scaled(scene, factor)).wire_length, *factors(scene), wanted)
     return fitted_by(scene, factor, "the wire length per loop", "loop length")
 
 
@@ -78,9 +74,11 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
         raise InputError(f"{scene.path}: --fit-loop-length: {wrong}; give one length, or one for each bar")
     fit, found = scene, []
     for bar, length in enumerate(wanted):
-        factor = _bar_factor(fit, bar, length)
-        fit = _with_bar(fit, bar, factor)
-        found.append(factor)
+        larger = partial(_with_bar, fit, bar)
+        low, high = _bounded(fit, bars[bar : bar + 1], larger)
+        length_of = partial(_run_in, larger, bar)
+        found.append(_factor(scene, length_of, low, high, length, of=f" for bar {bar + 1}"))
+        fit = larger(found[-1])
     text = ", ".join(f"bar {bar + 1}: {factor:.3f}" for bar, factor in enumerate(found))
     note = f"loop proportions of each bar times a factor fitted to its run-in ({text})"
     meant, hooks = len(knit_scene(scene).clasps), len(knit_scene(fit).clasps)
@@ -89,18 +87,17 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
     return Fitted(fit, (note,), {"fitted_to": "run-in", "bar_factors": tuple(found)})
 
 
-def _bar_factor(scene: Scene, bar: int, wanted: float) -> float:
-    """Factor on the loops of a bar for `wanted` [m] a course."""
+def _run_in(larger: Callable[[float], Scene], bar: int, factor: float) -> float:
+    """[m] wire of a bar a course, with its loops larger by a factor."""
+    return knit_scene(larger(factor)).run_in(bar)
+
+
+def _factor(scene: Scene, length: Callable[[float], float], low: float, high: float, wanted: float, of: str = "") -> float:
+    """Factor between `low` and `high` at which a `length` [m] is as `wanted`. Raises `InputError`."""
 
     def missing(factor: float) -> float:
-        return knit_scene(_with_bar(scene, bar, factor)).run_in(bar) - wanted
+        return length(factor) - wanted
 
-    low, high = _bounded(scene, scene.knit.bars[bar : bar + 1], lambda factor: _with_bar(scene, bar, factor))
-    return _factor(scene, missing, low, high, wanted, of=f" for bar {bar + 1}")
-
-
-def _factor(scene: Scene, missing: Callable[[float], float], low: float, high: float, wanted: float, of: str = "") -> float:
-    """Factor between `low` and `high` at which the length [m] `missing` is zero. Raises `InputError`."""
     ends = missing(low), missing(high)
     if not min(ends) <= 0.0 <= max(ends):
         raise InputError(

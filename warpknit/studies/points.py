@@ -226,7 +226,10 @@ def run_point(
     """
     try:
         simulation = Simulation(build_model(load(), device))
-        settings, least = settings_of(simulation.model), least_work(simulation.model)
+        model, least = simulation.model, 0.0  # of a ramp: node-steps by its loading time and first step
+        settings = settings_of(model)
+        if model.scene.solver.drive == "ramp":
+            least = len(model.scene.stages) * model.loading_time / model.time_step * model.node_count
         if least > max_node_steps:
             limit = f"where the limit is {rounded(max_node_steps):,}"
             return _ended("cost limit", f"not run: at least {rounded(least):,} node-steps, {limit}").changed(**settings)
@@ -278,13 +281,6 @@ def node_steps(simulation: Simulation) -> int:
             drives.append(drive)
             pending += [other for other in (getattr(drive, "smaller", None), getattr(drive, "cell", None)) if other is not None]
     return sum(drive.progress.steps * drive.model.node_count for drive in drives)
-
-
-def least_work(model: Model) -> float:
-    """Least node-steps of a ramp, from loading time and first step; 0 of others."""
-    if model.scene.solver.drive != "ramp":
-        return 0.0
-    return len(model.scene.stages) * model.loading_time / model.time_step * model.node_count
 
 
 def settings_of(model: Model) -> dict[str, object]:

@@ -159,7 +159,9 @@ def write_report(
     if not path.rows and (largest > 0.0 or tension is not None):
         path = load_equally(double, largest, part_of(monitor, 0, parts))
     if several and path.rows and (not means.rows or (tension is not None and tension not in means.at)):
-        means = _mean_path(scene, largest, tension, part_of(monitor, 2, parts))
+        meshes = meshes_of(scene, scene.solver.residual_tolerance)
+        means = load_equally(meshes, largest, part_of(monitor, 2, parts), tension)
+        means = replace(means if tension is None else with_state_at(meshes, means, tension), states={})
     if (curves, path, means) != (kept.curves, kept.path, kept.means):
         write_states(scene, out, KeptStates(curves, path, means))
     if tension is not None:
@@ -217,15 +219,6 @@ def write_report(
     found = found if found.earlier_kept else replace(found, file_notes=write_files(found, out))
     ends = [*begins.values(), time.perf_counter()][1:]
     return replace(found, times={name: end - start for (name, start), end in zip(begins.items(), ends, strict=True)})
-
-
-def _mean_path(scene: Scene, largest: float, tension: float | None, monitor: Callable[[float], None]) -> EqualTensionPath:
-    """Means over the meshes of `[variants]` under equal tensions, without their states; empty where they do not converge."""
-    meshes = meshes_of(scene, scene.solver.residual_tolerance)
-    path = load_equally(meshes, largest, monitor, tension)
-    if tension is not None:
-        path = with_state_at(meshes, path, tension)
-    return replace(path, states={})
 
 
 def _card(

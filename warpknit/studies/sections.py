@@ -97,7 +97,7 @@ def _row(cells: Sequence[str], headings: int) -> str:
     return "<tr>" + "".join(f"<{kind}>{html.escape(cell)}</{kind}>" for kind, cell in zip(kinds, cells, strict=True)) + "</tr>"
 
 
-BAND = " Bands: eight in ten of the meshes."
+BAND = " Bands: eight in ten meshes, if there are several."
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
@@ -119,17 +119,16 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
         " one for each wire. The table below has the same shares at service tensions. The wire is elastic and free of stress as"
         f" knitted: the load alone causes its stress. First yield is at an {limit_text(scene)}."
     )
-    band = BAND if found.has_means else ""
     page.figure(
         figures["tension"],
         "Active contacts and largest wire stress against equal tensions in weft and warp. The best tension is in the"
         " middle of its valid range: the widest range with the most active contacts below yield. Grey: snap-through to another"
-        f" equilibrium.{band}",
+        f" equilibrium.{BAND}",
     )
     if "heat" in figures:
         page.figure(
             figures["heat"],
-            f"{found.the_mesh} while its temperature changes as in each [[path]]: under a held tension, and in a frame with an"
+            f"The mesh while its temperature changes as in each [[path]]: under a held tension, and in a frame with an"
             f" expansion of {1e6 * scene.model.frame_expansion:g} x 1e-6/K (model.frame_expansion).",
         )
     elif found.no_heat:
@@ -168,7 +167,7 @@ def mesh_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
     if "mesh" in figures:
         page.figure(
             figures["mesh"],
-            f"{found.the_mesh} at the tension of the card: stress of the wires at the nodes, active and open contacts. A star"
+            "The mesh at the tension of the card: stress of the wires at the nodes, active and open contacts. A star"
             " marks the largest stress, which may lie between two nodes, under a contact.",
         )
 
@@ -228,8 +227,7 @@ def curve_section(page: Page, found: Findings, figure: Path) -> None:
     page.figure(
         figure,
         "Tension in weft and warp. Orange: wire beyond its elastic limit, where the curves may leave the picture. Grey:"
-        " compressed, where a real mesh wrinkles. Dotted: snap-through to another equilibrium."
-        + (BAND if found.has_means else ""),
+        " compressed, where a real mesh wrinkles. Dotted: snap-through to another equilibrium." + BAND,
     )
     for warning in missing_points(curves):
         page.warning(warning)
