@@ -129,8 +129,6 @@ class _Mapper:
         self.nodes = first.node_count
         self.pairs = scene.sweep.pairs
         self.maps = [self._read(mesh) for mesh in range(scene.variants.count)]  # of each mesh, the rows by pair
-        while self.maps and not self.maps[-1]:
-            self.maps.pop()
         self.steps = self._stage = 0
         self._interrupts = Interrupts()
         self._begin = self._saved = self._shown = time.perf_counter()
@@ -171,7 +169,7 @@ class _Mapper:
 
     @property
     def rows(self) -> list[MapRow]:
-        return mean_map([list(rows.values()) for rows in self.maps])
+        return mean_map([list(rows.values()) for rows in self.maps if rows])
 
     @property
     def model_warnings(self) -> list[ResultWarning]:
@@ -194,7 +192,7 @@ class _Mapper:
         Meshes of one pair, which take similar numbers of steps, stand side by side: a thread steps some of them at once.
         """
         variants, first = self.scene.variants, first_meshes(self.scene.variants)
-        missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if not self._has(mesh, pair)]
+        missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if pair not in self.maps[mesh]]
         if missing or first == variants.count:
             return missing
         found = {
@@ -209,10 +207,7 @@ class _Mapper:
             return wanted(variants.count, variants.standard_error, first, error) == first
 
         more = [pair for pair, rows in found.items() if not is_enough(rows)]
-        return [(mesh, pair) for pair in more for mesh in range(first, variants.count) if not self._has(mesh, pair)]
-
-    def _has(self, mesh: int, pair: Pair) -> bool:
-        return mesh < len(self.maps) and pair in self.maps[mesh]
+        return [(mesh, pair) for pair in more for mesh in range(first, variants.count) if pair not in self.maps[mesh]]
 
     def _model(self, mesh: int) -> Any:
         return self.first if self.variants is None else self.variants.of_place(mesh)
@@ -220,7 +215,6 @@ class _Mapper:
     def _solve(self, missing: list[tuple[int, Pair]]) -> None:
         """Solve pairs of meshes; one mesh after the other where worlds share loops."""
         meshes = max(mesh for mesh, _pair in missing) + 1
-        self.maps += [{} for _ in range(len(self.maps), meshes)]
         several = f", {meshes} meshes" if meshes > 1 else ""
         self._stage += 1
         pairs = len({pair for _mesh, pair in missing})
@@ -306,7 +300,7 @@ class _Mapper:
             f" {scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             loads=self.sweep.quantity,
             cells=Values(wanted=len(self.pairs), done=len(rows), steady=sum(row.stop_reason == STEADY for row in rows)),
-            variants=len(self.maps),
+            variants=sum(map(bool, self.maps)),
             model=Values(
                 kind=scene.model.kind,
                 kind_reason=scene.kind_reason,
@@ -331,7 +325,7 @@ class _Mapper:
     def _draw(self, summary: MapSummary) -> None:
         from ..export.map_figure import Marks, map_figure
 
-        scene, wire, rows, count = self.scene, self.scene.wire, self.rows, len(self.maps)
+        scene, wire, rows, count = self.scene, self.scene.wire, self.rows, summary.variants
         weft, warp = self.sweep.axes
         load = None if summary.optimum is None else summary.optimum.load
         marks = Marks(
