@@ -66,7 +66,7 @@ class EqualTensionPath:
 def load_equally(
     meshes: Any, largest: float, monitor: Callable[[float], None] = lambda _: None, tension: float | None = None
 ) -> EqualTensionPath:
-    """The path to first yield, or to DOUBLINGS times twice the largest tension of interest.
+    """The path to first yield, or through DOUBLINGS of the largest tension.
 
     That is the largest of the service tensions, `tension` and `largest` [N/m].
 
