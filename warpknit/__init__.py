@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any
 from .base import errors
 
 __version__ = "0.2.0"
-sys.modules["warpknit.errors"] = errors  # for `from warpknit.base.errors import SceneError`
+sys.modules["warpknit.errors"] = errors  # for `from warpknit.errors import SceneError`
 
 if TYPE_CHECKING:
     from . import measure, scene

@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ..base.text import at_most, engineering, short_repr
@@ -299,8 +299,8 @@ def thread_line(number: int, frame: LoopFrame) -> Thread:
     """Centre line of one thread."""
     stitches, courses = frame.lapping.threads[number], frame.lapping.courses
     height = courses * frame.course
-    keys = _thread_keys(stitches, height, frame)
-    plan_keys = np.concatenate([keys.plan, keys.plan[:1] + [0.0, height]])
+    plan_keys, owner, place, heights = _thread_keys(stitches, height, frame)
+    plan_keys = np.concatenate([plan_keys, plan_keys[:1] + [0.0, height]])
     chord = np.diff(plan_keys, axis=0)
     knots = np.concatenate([[0.0], np.cumsum(np.sqrt(np.hypot(chord[:, 0], chord[:, 1])))])
     drift = height / knots[-1]
@@ -308,9 +308,9 @@ def thread_line(number: int, frame: LoopFrame) -> Thread:
     plan_keys[-1] = plan_keys[0]
     plan = CubicSpline(knots, plan_keys, bc_type="periodic")
     wrap = 3
-    z_knots = np.interp(keys.place, np.arange(len(knots)), knots)
+    z_knots = np.interp(place, np.arange(len(knots)), knots)
     z_knots = np.concatenate([z_knots[-wrap:] - knots[-1], z_knots, z_knots[:wrap] + knots[-1]])
-    rise = PchipInterpolator(z_knots, np.concatenate([keys.height[-wrap:], keys.height, keys.height[:wrap]]))
+    rise = PchipInterpolator(z_knots, np.concatenate([heights[-wrap:], heights, heights[:wrap]]))
 
     count = SAMPLES_PER_STITCH * len(stitches)
     fine = np.linspace(0.0, knots[-1], 16 * count + 1)
@@ -322,41 +322,35 @@ def thread_line(number: int, frame: LoopFrame) -> Thread:
     points[:, :2] = plan(parameter)
     points[:, 1] += drift * parameter
     points[:, 2] = rise(parameter)
-    belongs = keys.owner[np.searchsorted(knots, parameter, side="right") - 1]
+    belongs = owner[np.searchsorted(knots, parameter, side="right") - 1]
     return Thread(points, float(arc[-1]), number * courses + belongs, stitches[0].bar)
 
 
-class _ThreadKeys(NamedTuple):
-    plan: NDArray[np.float64]  # (k, 2) [m] key points of one period
-    owner: NDArray[np.intp]  # (k,) stitch of the thread that the curve after each key point belongs to
-    place: NDArray[np.float64]  # (m,) places of the heights, as indices into plan
-    height: NDArray[np.float64]  # (m,) [m]
+def _thread_keys(stitches: tuple[Stitch, ...], height: float, frame: LoopFrame) -> tuple[NDArray[Any], ...]:
+    """Key points of one period: the stitches with one point in the middle of each underlap.
 
-
-def _thread_keys(stitches: tuple[Stitch, ...], height: float, frame: LoopFrame) -> _ThreadKeys:
-    """Key points of one period: the stitches with one point in the middle of each underlap."""
+    plan (k, 2) [m]; owner (k,), stitch of the thread that the curve after each key point belongs to; places (m,) of the heights,
+    as indices into plan; heights (m,) [m].
+    """
     feet = [_feet(stitch, frame) for stitch in stitches]
     loops = []
     for index, stitch in enumerate(stitches):
         onward = stitch.direction * (feet[(index + 1) % len(stitches)][0] - feet[index][1]) / frame.wale
         turn = int(onward > 1e-9) - int(onward < -1e-9)
         loops.append(loop_keys(stitch, turn, frame))
-    plan: list[ArrayLike] = []
-    owner: list[ArrayLike] = []
-    place: list[ArrayLike] = []
-    heights: list[ArrayLike] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     count = 0
     for index, (stitch, loop) in enumerate(zip(stitches, loops, strict=True)):
         after = (index + 1) % len(loops)
         start = loops[after].plan[0] + [0.0, height if after == 0 else 0.0]
         bridge, bridge_place = _underlap(loop.plan[-1], start, stitch, stitches[after], frame)
-        level = frame.heights.underlap(stitch, frame.layers) * frame.diameter
-        plan += [loop.plan, bridge]
-        owner += [np.full(len(loop.plan) + len(bridge) // 2, index), np.full((len(bridge) + 1) // 2, after)]
-        place += [count + loop.place, count + len(loop.plan) + bridge_place]
-        heights += [loop.height, np.full(len(bridge_place), level)]
-        count += len(loop.plan) + len(bridge)
-    return _ThreadKeys(*map(np.concatenate, (plan, owner, place, heights)))
+        level = np.full(len(bridge_place), frame.heights.underlap(stitch, frame.layers) * frame.diameter)
+        owner = np.repeat([index, after], [len(loop.plan) + len(bridge) // 2, (len(bridge) + 1) // 2])
+        parts += [(loop.plan, owner, count + loop.place, loop.height)]
+        count += len(loop.plan)
+        parts += [(bridge, owner[:0], count + bridge_place, level)]
+        count += len(bridge)
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
 def _underlap(

@@ -332,7 +332,11 @@ def curves_of(arrays: dict[str, np.ndarray], interpolation: str) -> CurveFile:
         name = f"curve {number + 1} of {arrays['paths'][number]}"
         try:
             points = upright(check_points(points), int(arrays["up"]))
-            curves.append(_curve(points, str(arrays["bases"][number]), str(arrays["wraps"][number]), interpolation))
+            basis, wrap = str(arrays["bases"][number]), str(arrays["wraps"][number])
+            if basis not in ("linear", *BASES) or wrap not in WRAPS:
+                raise BadFile(f"basis {basis!r} and wrap {wrap!r}")
+            is_linear = basis == "linear"
+            curves.append(polyline(points, interpolation, closed=wrap == "periodic") if is_linear else cubic(points, basis, wrap))
             kept.append(number)
         except BadFile as error:
             bad.append(f"{name}: {error}")
@@ -362,14 +366,6 @@ def _seven_digits(values: np.ndarray) -> np.ndarray:
     """The decimal numbers that single precision stands for."""
     different, place = np.unique(values, return_inverse=True)
     return np.array([float(f"{value:.7g}") for value in different])[place]
-
-
-def _curve(points: np.ndarray, basis: str, wrap: str, interpolation: str) -> Curve:
-    if basis not in ("linear", *BASES) or wrap not in WRAPS:
-        raise BadFile(f"basis {basis!r} and wrap {wrap!r}")
-    if basis == "linear":
-        return polyline(points, interpolation, closed=wrap == "periodic")
-    return cubic(points, basis, wrap)
 
 
 Reader = Callable[[Any, str, bool, float | None], CurveFile]  # of a file, interpolation, whether closed, and time code

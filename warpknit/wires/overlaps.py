@@ -6,7 +6,7 @@ width, pi D/2, or of the thickness: a bend without a fold can be that tight.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -123,13 +123,9 @@ class ClosePlaces:
 def close_places(wires: Wires, thickness: float | np.ndarray) -> ClosePlaces | None:
     """The places where wires of `thickness` [m], one or (wire,), are near each other; None where they are too many."""
     segments = segments_of(wires)
-    found, count = [], 0
-    for near in near_pairs(segments, wires, thickness):
-        if near is None or count > MOST_TOUCHING:
-            return None
-        found.append(near.taken(near.share < REACH))
-        count += len(found[-1].distance)
-    pairs = joined(found)
+    pairs = kept_pairs(near_pairs(segments, wires, thickness), lambda near: near.share < REACH)
+    if pairs is None:
+        return None
     place = _place_numbers(segments, wires, pairs)
     order = np.lexsort((pairs.share, place))
     closest = pairs.taken(order[np.unique(place[order], return_index=True)[1]])
@@ -151,6 +147,18 @@ def joined(parts: list[NearPairs]) -> NearPairs:
         two, one = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
         return NearPairs(two, two, one, one, np.zeros((0, 2)), one)
     return NearPairs(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(NearPairs)))
+
+
+def kept_pairs(
+    blocks: Iterator[NearPairs | None], is_kept: Callable[[NearPairs], np.ndarray], most: float = MOST_TOUCHING
+) -> NearPairs | None:
+    """Pairs of all blocks that are kept (pair,); None where there are more than `most`."""
+    found: list[NearPairs] = []
+    for near in blocks:
+        if near is None or sum(len(part.distance) for part in found) > most:
+            return None
+        found.append(near.taken(is_kept(near)))
+    return joined(found)
 
 
 def near_pairs(
@@ -201,22 +209,17 @@ def segment_distances(
 
 
 def segments_of(wires: Wires) -> Segments:
-    begins, ends, numbers, arcs = [], [], [], []
-    for number in range(len(wires.points)):
-        begin, end = wires.ends(number)
-        length = np.linalg.norm(end - begin, axis=1)
-        begins.append(begin)
-        ends.append(end)
-        numbers.append(np.full(len(begin), number))
-        arcs.append(np.concatenate([[0.0], np.cumsum(length)[:-1]]))
-    begin, end = np.concatenate(begins), np.concatenate(ends)
+    ends = [wires.ends(number) for number in range(len(wires.points))]
+    arcs = [np.concatenate([[0.0], np.cumsum(np.linalg.norm(end - begin, axis=1))[:-1]]) for begin, end in ends]
+    wire = np.repeat(np.arange(len(ends)), [len(arc) for arc in arcs])
+    begin, end = (np.concatenate(part) for part in zip(*ends, strict=True))
     moved = np.zeros((len(begin), 2))
     if wires.period is not None:
         moved = -np.floor(0.5 * (begin + end)[:, :2] / wires.period)
         shift = np.concatenate([moved * wires.period, np.zeros((len(begin), 1))], axis=1)
         begin, end = begin + shift, end + shift
     length = np.linalg.norm(end - begin, axis=1)
-    return Segments(begin, end, np.concatenate(numbers), np.concatenate(arcs), length, moved.astype(np.int64))
+    return Segments(begin, end, wire, np.concatenate(arcs), length, moved.astype(np.int64))
 
 
 def _wire_between(segments: Segments, wires: Wires, a: np.ndarray, b: np.ndarray, repeat: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from warpknit.base.hermite import hermite
 from warpknit.base.text import engineering, short_percent
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.directors import dot
-from warpknit.wires.overlaps import CLOSEST, NearPairs, joined, near_pairs, segments_of
+from warpknit.wires.overlaps import CLOSEST, NearPairs, kept_pairs, near_pairs, segments_of
 
 LENGTH = 1.5  # thicknesses
 GAIN = 1.5  # of moves before they are spread
@@ -169,13 +169,15 @@ def _at(wires: Wires, nodes: _Nodes, points: np.ndarray) -> Wires:
 
 def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None:
     """Pairs of segments nearer than NEAR thicknesses that are no neighbours; None where they are too many."""
-    segments, near_ones = segments_of(wires), []
-    for near in near_pairs(segments, wires, thickness, reach=NEAR, with_neighbours=True):
-        if near is None:
-            return None
+    segments = segments_of(wires)
+
+    def is_listed(near: NearPairs) -> np.ndarray:
         longest = near.between + segments.length[near.segment].sum(axis=1)
-        near_ones.append(near.taken((near.share < NEAR) & (longest >= ALONG * near.touch)))
-    pairs = joined(near_ones)
+        return np.asarray((near.share < NEAR) & (longest >= ALONG * near.touch))
+
+    pairs = kept_pairs(near_pairs(segments, wires, thickness, reach=NEAR, with_neighbours=True), is_listed, np.inf)
+    if pairs is None:
+        return None
     first, second = pairs.segment.T
     repeat, shift = pairs.repeat + segments.moved[second] - segments.moved[first], np.zeros((len(first), 3))
     if wires.period is not None:

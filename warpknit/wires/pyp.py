@@ -147,29 +147,23 @@ def _with_natural_shape(curve: Curve, given: dict[str, np.ndarray]) -> Curve:
         raise BadFile("two points of a wire in one place")
     edge = curve.pieces[:, 3] - curve.pieces[:, 0]
     after = edge / np.linalg.norm(edge, axis=1)[:, None]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        natural_turn, strain = _natural_shape(after, given)
-    if not all(np.isfinite(values).all() for values in (natural_turn, strain) if values is not None):
-        raise BadFile("a director in *RefD1 along its edge, or a wire that turns back")
-    return replace(curve, natural_turn=natural_turn, twist=strain)
-
-
-def _natural_shape(after: np.ndarray, given: dict[str, np.ndarray]) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Natural turns and twist strains, as in `Curve`; after (point, 3): directions of the edges."""
     before, angle, count = np.roll(after, 1, axis=0), given["*Q"][:, 3], len(after)
-    if "*RefD1" in given:
-        reference = across(given["*RefD1"], after)
-    else:
-        reference = even_directors(after, np.array([0]), np.array([count]), np.array([True]))
     turn = strain = None
-    if "*RK" in given:
-        d1 = np.cos(angle)[:, None] * reference + np.sin(angle)[:, None] * np.cross(after, reference)
-        d2 = np.cross(after, d1)
-        turn = _turns(given["*RK"], 0.5 * (d1 + np.roll(d1, 1, axis=0)), 0.5 * (d2 + np.roll(d2, 1, axis=0)))
-    if "*RT" in given:
-        own = given["*RefT"][:, 0] if "*RefT" in given else twist(np.roll(reference, 1, axis=0), reference, before, after)
-        strain = angle - np.roll(angle, 1) + own - given["*RT"][:, 0]
-    return turn, strain
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if "*RefD1" in given:
+            reference = across(given["*RefD1"], after)
+        else:
+            reference = even_directors(after, np.array([0]), np.array([count]), np.array([True]))
+        if "*RK" in given:
+            d1 = np.cos(angle)[:, None] * reference + np.sin(angle)[:, None] * np.cross(after, reference)
+            d2 = np.cross(after, d1)
+            turn = _turns(given["*RK"], 0.5 * (d1 + np.roll(d1, 1, axis=0)), 0.5 * (d2 + np.roll(d2, 1, axis=0)))
+        if "*RT" in given:
+            own = given["*RefT"][:, 0] if "*RefT" in given else twist(np.roll(reference, 1, axis=0), reference, before, after)
+            strain = angle - np.roll(angle, 1) + own - given["*RT"][:, 0]
+    if not all(np.isfinite(values).all() for values in (turn, strain) if values is not None):
+        raise BadFile("a director in *RefD1 along its edge, or a wire that turns back")
+    return replace(curve, natural_turn=turn, twist=strain)
 
 
 def _turns(curvature: np.ndarray, d1: np.ndarray, d2: np.ndarray) -> np.ndarray:

@@ -192,8 +192,7 @@ def read_wires(
     """
     try:
         found, metres = curves_in(path, interpolation, closed, unit, time)
-        if period is not None:
-            found = _repeating(found, np.array(period) / metres)
+        found = _repeating(found, None if period is None else np.array(period) / metres)
         return _wires(found, metres, node_spacing)
     except (BadFile, WireFileError) as error:
         fault = error if isinstance(error, WireFileError) else unreadable(path, error)
@@ -249,14 +248,19 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
     return replace(wires, notes=tuple(notes))
 
 
-def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
-    """The same with open curves as periodic ones, where their ends are repeats apart."""
-    if found.period is not None:
+def _repeating(found: CurveFile, period: np.ndarray | None) -> CurveFile:
+    """The same with open curves as periodic ones, where their ends are repeats `period` (2,) apart; None: as in the file."""
+    if found.period is not None and period is not None:
         raise WireFileError("is not allowed: the file has its own period", "leave it out", "period")
+    repeat = found.period if period is None else period
+    if repeat is None:
+        return found
     curves: list[Curve] = []
     for number, curve in enumerate(found.curves, start=1):
-        _check_reach(number, curve, period)
-        if curve.kind == "open":
+        if (np.abs(curve.pieces[:, :, :2]).max(axis=(0, 1)) > MOST_REPEATS * repeat).any():  # of another unit, or damaged
+            wrong = f"wire {number} reaches farther than {MOST_REPEATS:g} repeats of {repeat[0]:.4g} x {repeat[1]:.4g} file units"
+            raise WireFileError(wrong, "write one repeat of the mesh", "period")
+        if curve.kind == "open" and period is not None:
             apart = curve.pieces[-1, 3] - curve.pieces[0, 0]
             repeats = np.round(apart[:2] / period)
             away = np.abs(apart - [*(repeats * period), 0.0]).max()
@@ -269,22 +273,13 @@ def _repeating(found: CurveFile, period: np.ndarray) -> CurveFile:
                 )
             curve = replace(curve, kind="periodic", shift=(int(repeats[0]), int(repeats[1])))
         curves.append(curve)
-    return replace(found, curves=tuple(curves), period=period)
-
-
-def _check_reach(number: int, curve: Curve, period: np.ndarray) -> None:
-    """Refuse a repeat (2,) that is tiny beside a curve: of another unit, or damaged."""
-    if (np.abs(curve.pieces[:, :, :2]).max(axis=(0, 1)) > MOST_REPEATS * period).any():
-        wrong = f"wire {number} reaches farther than {MOST_REPEATS:g} repeats of {period[0]:.4g} x {period[1]:.4g} file units"
-        raise WireFileError(wrong, "write one repeat of the mesh", "period")
+    return replace(found, curves=tuple(curves), period=repeat)
 
 
 def _wires(found: CurveFile, metres: float, node_spacing: float) -> Wires:
     """The curves resampled, in m."""
     arcs = []
     for number, curve in enumerate(found.curves, start=1):
-        if found.period is not None:
-            _check_reach(number, curve, found.period)
         farthest = float(np.abs(curve.pieces).max()) * metres
         if not farthest <= LARGEST:
             raise WireFileError(
