@@ -120,7 +120,7 @@ class Lapping:
 
     @cached_property
     def _loops(self) -> dict[tuple[int, int], list[int]]:
-        """Numbers of the loops on each needle of the repeat in each course, layer by layer."""
+        """Numbers of the loops on each needle in each course, by layer."""
         found: dict[tuple[int, int], list[int]] = defaultdict(list)
         for number, stitch in enumerate(self.stitches):
             if stitch.kind != "inlay":

@@ -84,7 +84,7 @@ def lenses_of_scattered(scattered: Knitted, repeat: Knitted, bunches: Sequence[S
         known[key].append(number)
 
     def counterpart(lens: Lens, column: int, row: int) -> Lens | None:
-        """Lens of scattered loops for a lens of the repeat, moved by columns and rows of repeats."""
+        """Lens of scattered loops for a lens moved by repeats."""
         low, high = (
             np.concatenate([repeat.courses_at(t, ends[w : w + 1]) for w, t in enumerate(lens.thread)])
             for ends in (lens.low, lens.high)

@@ -249,7 +249,7 @@ def _as_used(scene: Scene, wires: Wires) -> Wires:
 
 
 def _repeating(found: CurveFile, period: np.ndarray | None) -> CurveFile:
-    """The same with open curves as periodic ones, where their ends are repeats `period` (2,) apart; None: as in the file."""
+    """The same, with open curves as periodic ones. period (2,) between their ends; None: in the file."""
     if found.period is not None and period is not None:
         raise WireFileError("is not allowed: the file has its own period", "leave it out", "period")
     repeat = found.period if period is None else period
