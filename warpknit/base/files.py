@@ -12,7 +12,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import numpy as np
 
@@ -71,10 +71,8 @@ def held_directory(path: str | os.PathLike[str], patience: float) -> Iterator[in
 
 
 @contextmanager
-def write_aside(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
+def write_aside(path: str | os.PathLike[str], mode: Literal["w", "wb"] = "w") -> Iterator[IO[Any]]:
     """Open `path` for writing text in UTF-8 (mode "w") or bytes ("wb"); it takes its place when the block ends well."""
-    if mode not in ("w", "wb"):
-        raise ValueError(f"mode {mode!r}: 'w' and 'wb' are possible")
     encoding, newline = ("utf-8", "") if mode == "w" else (None, None)
     with path_aside(path) as aside:
         try:

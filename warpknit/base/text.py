@@ -209,13 +209,9 @@ def _short(value: Any) -> str:
     """A value in a few characters."""
     if isinstance(getattr(value, "shape", None), tuple):
         return str(tuple(value.shape))
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if value is None or isinstance(value, str | int):
-        return repr(value)
     if isinstance(value, list | tuple | dict):
         return f"of {len(value)}"
-    return str(getattr(value, "name", type(value).__name__))
+    return repr(value) if value is None or isinstance(value, str | int | float) else type(value).__name__
 
 
 def is_at_grips(interior: float, largest: float) -> bool:
