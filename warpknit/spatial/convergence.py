@@ -1,4 +1,4 @@
-"""Stability of the equilibria of a spatial mesh, and which wires lie in each other, in words."""
+"""Stability of equilibria of a spatial mesh, and overlapping wires in words."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from .clamps import Edge
 from .convergence import overlap_text, parting_text, refuse_overlaps
 from .model import SpatialModel
 from .observables import SpatialObservables, read
-from .rod_arrays import root_mean_square, set_natural_shape
+from .rod_arrays import set_natural_shape
 from .rod_relaxation import CHECK_STEPS
 from .sites import Sites
 from .strip import RodStrip
@@ -117,7 +117,7 @@ class SpatialMechanics(Mechanics):
     def set_dead_load(self, force: np.ndarray) -> None:
         """Put dead loads on the nodes of the mesh of all ranks, (node, 3) [N]."""
         own = force if self.model.strip is None else force[self.model.strip.nodes_of_mesh]
-        self.state.set_load(own, root_mean_square(force))
+        self.state.set_load(own, force)
         self._untested = np.inf
 
     @property
@@ -178,7 +178,7 @@ class SpatialMechanics(Mechanics):
         return strain
 
     def _thermal_strain(self, load: LoadPoint) -> np.ndarray:
-        """[node] thermal strain of the segment behind a node beyond that in the middle of the panel."""
+        """[node] thermal strain of the segment behind a node; 0 in the middle."""
         rods, wire, panel = self.model.rods, self.model.scene.wire, self.model.panel
         middle = rods.position[:, :2] + 0.5 * rods.rest_edge[:, :2]
         excess = (middle - (np.asarray(panel.low) + 0.5 * np.asarray(panel.size))) @ np.array(load.temperature_gradient)

@@ -57,7 +57,7 @@ def node_stiffness(rods: Rods, pieces: np.ndarray | None = None, places: np.ndar
 def node_frame(
     e: np.ndarray, f: np.ndarray, before: np.ndarray, director: np.ndarray, bends: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Axis of the turn n and bisector b (node, 3), and components of n along the directors (node, 2).
+    """Axis n of the turn, bisector b (node, 3), and n along the directors (node, 2).
 
     e, f (node, 3): tangents before and behind a node, with directors `before` and `director`; where it does not bend, n is any.
     """

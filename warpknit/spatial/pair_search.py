@@ -115,7 +115,7 @@ class PairList:
         return pairs
 
     def replayed(self, name: str, make: Callable[[], list[Launch]], version: Any = None) -> None:
-        """Launch on this list, by launches that are recorded once by name, and again for another version of their arrays."""
+        """Launch on this list; recorded once by name and version of other arrays."""
         if name not in self.recorded or self.recorded[name][0] != version:
             self.recorded[name] = version, replay(make(), self.device)
         self.recorded[name][1]()
@@ -141,7 +141,7 @@ class PairList:
         return number_at(self.near_before, total - 1)
 
     def state_dict(self, begin: int, end: int, nodes: slice) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint of the pairs from `begin` to `end`, which belong to `nodes`."""
+        """Arrays for a checkpoint of pairs `begin` to `end`, which belong to `nodes`."""
         kept = {name: fetch(getattr(self, name))[_part(name, begin, end)].copy() for name in (*PAIR_ARRAYS, *SLIP_ARRAYS)}
         for name in ("pair_first", "pair_second"):
             kept[name] -= nodes.start
@@ -228,7 +228,7 @@ class PairSearch:
         return np.asarray(self.cells.radius + stepper.strip.ranks.largest(fetch(reach)))
 
     def find(self, pairs: PairList, before: PairList, *, filling: bool) -> int:
-        """Count the pairs of each segment and find where they begin in a list, or fill it with them; returns their number.
+        """Count the pairs of each segment, or fill a list with them; returns their number.
 
         before: the list of now, whose counts worlds keep that are not searched.
         """

@@ -75,16 +75,6 @@ class SpatialWires:
         return self.held_node[::2]
 
 
-@dataclass(frozen=True)
-class _FormNodes:
-    """Nodes of a form along its thread: node i has the number begin + i step of the thread, which need not be whole."""
-
-    arcs: np.ndarray  # [node] [m]
-    segment: np.ndarray  # [node] [m] of arc to the next node
-    begin: float
-    step: float
-
-
 class SpacedThread:
     """A thread by its spatial arc length s [m], with its nodes. Both continue beyond a period."""
 
@@ -176,19 +166,20 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         key += [np.rint(panel.wire_begin / same), np.rint(panel.wire_length / same)]
     _, example, form = np.unique(np.stack(key), axis=1, return_index=True, return_inverse=True)
     form = form.reshape(-1)
-    points, lines, nodes = [], [], []
+    points, lines, begins, steps = [], [], [], []  # of each form; its node i has the number begin + i step of the thread
     for w in example:
         thread = threads[panel.wire_thread[w]]
         if closed:
             arcs = thread.at_node(int(entry[w]) + np.arange(int(panel.wire_count[w]) + 1))
-            along = _FormNodes(arcs[:-1], np.diff(arcs), int(entry[w]), 1.0)
+            arcs, segment, begin, step = arcs[:-1], np.diff(arcs), float(entry[w]), 1.0
         else:
-            along = _clamped_nodes(thread, float(panel.wire_begin[w]), float(panel.wire_length[w]))
-        nodes.append(along)
-        points.append(thread(along.arcs))
-        lines.append(line_along(thread, thread.slope(along.arcs), along.arcs, along.segment))
+            arcs, segment, begin, step = _clamped_nodes(thread, float(panel.wire_begin[w]), float(panel.wire_length[w]))
+        begins.append(begin)
+        steps.append(step)
+        points.append(thread(arcs))
+        lines.append(line_along(thread, thread.slope(arcs), arcs, segment))
     origin = np.column_stack([panel.block_origin[block], np.zeros(len(block))])
-    begin, step = np.array([one.begin for one in nodes])[form], np.array([one.step for one in nodes])[form]
+    begin_of, step_of = np.array(begins)[form], np.array(steps)[form]
     wire = panel.pair_wire.reshape(-1, 2)
     number = panel.pair_seed.reshape(-1, 2) - panel.wire_first[wire] + entry[wire]
 
@@ -198,7 +189,7 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         for t, thread in enumerate(threads):
             here = panel.wire_thread[wire] == t
             found[here] = thread.number(thread.at_plan(number[here] * table.spacing[t]))
-        return (found - begin[wire]) / step[wire]
+        return (found - begin_of[wire]) / step_of[wire]
 
     seed = place(number)
     wires = SpatialWires(
@@ -222,8 +213,8 @@ def place_wires(cloth: Cloth, table: Table, panel: Panel, thickness: float, *, e
         wires,
         held_node=held.ravel(),
         held_lever=lever.reshape(-1, 2),
-        panel_begin=(entry - begin) / step,
-        panel_step=1.0 / step,
+        panel_begin=(entry - begin_of) / step_of,
+        panel_step=1.0 / step_of,
     )
 
 
@@ -239,8 +230,11 @@ def line_along(
     return CentreLine(slope, places - curve(arcs)[:, None], step)
 
 
-def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> _FormNodes:
-    """Nodes of a wire with clamps at plan arc lengths `begin` and begin + `length` [m]."""
+def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Nodes of a wire with clamps at plan arc lengths `begin` and begin + `length` [m].
+
+    Arc lengths [m] of nodes and of segments; node i has the number begin + i step of the thread: also these two, any numbers.
+    """
     ends = thread.at_plan(np.array([begin, begin + length]))
     low, high = thread.number(ends)
     segments = max(MIN_SEGMENTS, round(float(high - low)))
@@ -249,7 +243,7 @@ def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> _FormNo
     first = float(low) - (1.0 - held) * step
     arcs = thread.at_node(first + np.arange(segments + 2) * step)
     arcs[[0, -1]] = 2.0 * ends - arcs[[1, -2]]
-    return _FormNodes(arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]), first, step)
+    return arcs, np.append(np.diff(arcs), arcs[-1] - arcs[-2]), first, step
 
 
 def tilt(hook: Hook) -> float:

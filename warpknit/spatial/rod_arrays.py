@@ -98,11 +98,6 @@ class RodArrays:
 AS_IN_RODS = "wire_first", "wire_count", "wire_closed", "previous", "following", "held", "natural_length", "half_in_clamp"
 
 
-def root_mean_square(force: np.ndarray) -> float:
-    """[N] of forces (node, 3)."""
-    return float(np.sqrt(np.mean(np.sum(np.square(force, dtype=np.float64), axis=1))))
-
-
 @dataclass(frozen=True)
 class RodState:
     """Unknowns of the dynamics and what each step computes from them; [node]."""
@@ -165,10 +160,11 @@ class RodState:
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         return RodState(**{name: array[rows_of(array, number, count)] for name, array in arrays.items()})
 
-    def set_load(self, force: np.ndarray, scale: float | None = None) -> None:
-        """Put dead loads (node, 3) [N] on the nodes; scale [N]: their root mean square over the mesh, default: over these."""
+    def set_load(self, force: np.ndarray, of_mesh: np.ndarray | None = None) -> None:
+        """Put dead loads (node, 3) [N] on the nodes; of_mesh: of all its nodes, default these."""
         store(self.load_force, force)
-        self.steering.set(dead_load=root_mean_square(force) if scale is None else scale)
+        square = np.sum(np.square(force if of_mesh is None else of_mesh, dtype=np.float64), axis=1)
+        self.steering.set(dead_load=float(np.sqrt(np.mean(square))))
 
     @property
     def steering(self) -> Steering:
@@ -340,7 +336,7 @@ def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None
 
 @cache
 def declare_overloads(precision: Precision) -> None:
-    """Declare overloads of the kernels of MODULES for arrays of rods, before the first launch.
+    """Declare overloads of the kernels of MODULES, before the first launch.
 
     A module is compiled with the overloads that are known when it is loaded, and anew for each one that comes later.
     """

@@ -290,7 +290,7 @@ class RodRelaxation:
                     store(self.clamps.velocity, np.repeat(slower, each) * fetch(self.clamps.velocity))
 
     def _set_masses(self) -> None:
-        """Set fictitious masses for the state last evaluated and its contact bounds, by the bound above."""
+        """Set fictitious masses for the state last evaluated, by the bound above."""
         stepper, (wave_length, spacing) = self.stepper, self._of_masses
         wave, share, spin_share = (
             2.0 * math.pi / wave_length,

@@ -59,7 +59,7 @@ UNEVEN = 1.2  # nodes of the wires of a thread over their mean, above which thre
 
 
 class WireGroup(NamedTuple):
-    """Consecutive wires with their blocks, nodes and forces, which stay in a thread's cache until they move the nodes."""
+    """Consecutive wires, whose forces stay in a thread's cache until they move the nodes."""
 
     wires: range
     blocks: range
@@ -134,9 +134,9 @@ class RodStepper:
         return items[own.start * each : own.stop * each]
 
     def _wire_groups(self, wires: range, block_wire: np.ndarray, parts: int) -> list[list[WireGroup]]:
-        """Groups of wires of each thread, with similar numbers of nodes and the same memory for their forces; on a GPU one group.
+        """Groups of wires of each thread, with similar numbers of nodes.
 
-        block_wire: wire of each block.
+        Groups of a thread share the memory of their forces; on a GPU there is one. block_wire: wire of each block.
         """
         rods, state, on_cpu = self.rods, self.state, self.device == "cpu"
         first_node = np.append(rods.wire_first, rods.node_count)
@@ -233,7 +233,7 @@ class RodStepper:
         return [*launches, *self._wait()]
 
     def _control_launches(self, partial: wp.array, worlds: range) -> list[Launch]:
-        """Launches that update the control array of some worlds by rows of sums of all wires."""
+        """Launches that update the control array of worlds by sums of wires."""
         sums, rows = fewer_rows(partial) if self.worlds == 1 else ([], partial)
         named = {"first_world": worlds.start, "world_rows": len(rows) // self.worlds, "wire_partial": rows}
         named |= {"stress_rows": len(self.stress_count) // self.worlds, "stress_count": self.stress_count}

@@ -55,7 +55,7 @@ class StripRodStepper(RodStepper):
         self._move_clamps: Callable[[], None] | None = None
 
     def _side(self, wires: list[np.ndarray], collects: int) -> tuple[list[int], Mirror, Callable[[], None]]:
-        """Begins of each neighbour's values, of nodes and then of blocks, their buffer, and a function that copies them."""
+        """Begins of each neighbour's values, their buffer, and a function that copies them."""
         state, device, block_wire = self.state, self.device, fetch(self.arrays.block_wire)
         by_block = is_in_place(device)  # on a GPU travel is the fastest node's
         begins, parts = [0], [[np.zeros(0, dtype=np.int64)] for _ in range(4)]

@@ -224,14 +224,12 @@ class SpatialWorlds(Worlds):
         return int(self.stepper.sums.total(exceeds[:, None].astype(float), np.array([world]))[0, 0])
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
-        with self.stepper.only(rows):
-            self.stepper.evaluate(rows=rows)
-            return self.stress_now(rows)
+        self.stepper.evaluate(rows=rows)
+        return self.stress_now(rows)
 
     def stress_at(self, rows: np.ndarray) -> np.ndarray:
-        with self.stepper.only(rows):
-            self.stepper.evaluate(0.0, rows=rows)
-            return self.stress_now(rows)
+        self.stepper.evaluate(0.0, rows=rows)
+        return self.stress_now(rows)
 
     def stress_now(self, rows: np.ndarray) -> np.ndarray:
         with self.stepper.only(rows):
