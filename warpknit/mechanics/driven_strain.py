@@ -6,13 +6,14 @@ the masses of the strains from the affine stiffness, and takes their motion into
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from ..compute.steering import Steering
 from ..kernels.control import LEAST_WAY
+from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch, true_stress
+from ..mesh.rim import PATH_STRAIN
 
 COUNTS = 2.0**58  # of EA times the length of all wires: whole numbers in float64 up to a mean strain of 3 %, which no wire takes
 STRAIN_LIMIT = 3e-4  # of a step
@@ -31,29 +32,13 @@ class DrivenStrain:
 
     KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_last_strain", "_last_force", "_carried", "tension", "largest")
 
-    def __init__(
-        self,
-        steering: Steering,
-        worlds: int,
-        stress_at: Callable[[np.ndarray], np.ndarray],
-        stress_now: Callable[[np.ndarray], np.ndarray],
-        *,
-        area: float,
-        clamp_share: np.ndarray,
-        rigidity: float,
-        scale: float,
-        tolerance: float,
-        strain_range: float,
-    ) -> None:
-        """stress_at: evaluates rows, and returns their nominal stress (row, 2, 2) [N/m]; stress_now: that last evaluated.
-
-        area [m2] of a world at rest; clamp_share (2,): distance of its outermost clamps over its size; rigidity [N m]: sum of EA
-        times length over its wires; scale [N/m]: EI/C^3; tolerance: of the residual; strain_range: most strain from one
-        equilibrium to the next.
-        """
-        self._steering, self.stress_at, self._stress_now = steering, stress_at, stress_now
-        self._area, self._scale, self._clamp_share = area, scale, clamp_share
-        self.tolerance = min(TOLERANCE, TOLERANCE_SHARE * tolerance)
+    def __init__(self, group: Any, worlds: int, rigidity: float) -> None:
+        """group: the `Worlds` (worlds.py) of these strains; rigidity [N m]: sum of EA times length over the wires of a world."""
+        model = group.model
+        self._group, self._steering = group, group.steering
+        self._area, self._clamp_share = model.panel.area, model.panel.clamp_share  # [m2] at rest; (2,) of the size
+        self._scale = tension_scale(model)  # [N/m] EI/C^3
+        self.tolerance = min(TOLERANCE, TOLERANCE_SHARE * model.scene.solver.residual_tolerance)
         self.wanted = np.full((worlds, 2), np.nan)  # [N/m] over the whole size, where a direction is given by tension
         self.tension, self.largest = np.zeros((2, worlds, 2))  # [N/m] at the last check, and largest of an equilibrium
         self._mass = np.ones((worlds, 2))  # [N/m]
@@ -61,13 +46,10 @@ class DrivenStrain:
         self._checks = np.zeros(worlds, dtype=int)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
         self._carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
-        constants = {
-            "cell_area": area,
-            "stress_unit": rigidity / COUNTS,
-            "strain_limit": STRAIN_LIMIT,
-            "strain_range": strain_range,
-        }
-        steering.set(None, **constants)
+        strain_range = PATH_STRAIN if model.scene.depends_on_path else np.inf  # from one equilibrium to the next
+        self._steering.set(
+            None, cell_area=self._area, stress_unit=rigidity / COUNTS, strain_limit=STRAIN_LIMIT, strain_range=strain_range
+        )
 
     def driven(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2) bool: directions given by tension."""
@@ -118,7 +100,7 @@ class DrivenStrain:
             there = now.copy()
             there[:, side, side] += PROBE * (1 - 2 * sign)
             self._steering.set(rows, gradient=back @ there)
-            both[side, sign] = self._tension(rows, self.stress_at(rows))
+            both[side, sign] = self._tension(rows, self._group.stress_at(rows))
         self._steering.set(rows, gradient=gradient)
         self._stiffness[rows] = np.moveaxis((both[:, 0] - both[:, 1]) / (2.0 * PROBE), 0, 2)
         stiffness = np.abs(self._stiffness[rows]).sum(axis=2)
@@ -137,7 +119,7 @@ class DrivenStrain:
         self._steering.set(rows, is_driven=0.0, strain_speed=0.0, at_limit=0.0, strain_origin=origin)
         if not len(own):
             return
-        self.tension[own] = self._tension(own, self.stress_at(own))
+        self.tension[own] = self._tension(own, self._group.stress_at(own))
         self._probe(own)
         driven = self.driven(own)
         begin = np.where(driven, self.tension[own], 0.0)
@@ -162,7 +144,7 @@ class DrivenStrain:
         if not which.any():
             return work, energy
         own, driven = rows[which], driven[which]
-        strain, tension = self._strain(own), self._tension(own, self._stress_now(own))
+        strain, tension = self._strain(own), self._tension(own, self._group.stress_now(own))
         force = np.where(driven, tension * (1.0 + strain[:, ::-1]), 0.0)
         is_known = np.isfinite(self._last_strain[own]) & driven
         moved = np.where(is_known, strain - self._last_strain[own], 0.0)

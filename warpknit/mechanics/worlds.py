@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..compute.steering import Steering
-from ..measure import tension_scale
-from ..mesh.rim import PATH_STRAIN, LoadPoint
+from ..mesh.rim import LoadPoint
 from .driven_strain import DrivenStrain
 from .protocols import Check
 
@@ -28,18 +27,7 @@ class Worlds(ABC):
         """models: of each world; steering: a row a world; rigidity [N m]: sum of EA times length over the wires of a mesh."""
         self.model: Any = models[0]
         self.steering = steering
-        self.strains = DrivenStrain(
-            steering,
-            len(models),
-            self.stress_at,
-            self.stress_now,
-            area=self.model.panel.area,
-            clamp_share=self.model.panel.clamp_share,
-            rigidity=rigidity,
-            scale=tension_scale(self.model),
-            tolerance=self.model.scene.solver.residual_tolerance,
-            strain_range=PATH_STRAIN if self.model.scene.depends_on_path else np.inf,
-        )
+        self.strains = DrivenStrain(self, len(models), rigidity)
         self.touches = np.ones(len(models), dtype=bool)  # at the last check: elastic wires that do not have no history
         self._waiting: dict[int, LoadPoint] | None = None  # worlds whose loads begin together
 

@@ -82,7 +82,7 @@ class PlanarWorlds(Worlds):
         self.slowest_mode.measure(rows)
         sums = self.sums(rows)
         boundary, missing = self.strains.motion(rows), self.strains.ratio(rows)
-        self.multipliers.rules.begin_level(rows[missing > 1.0])  # the load moves
+        self.multipliers.begin_level(rows[missing > 1.0])  # the load moves
         if not loading.all():
             self.slowest_mode.renew_damping(rows[~loading], [part[~loading] for part in boundary])
             residual[~loading], ratio[~loading] = self._update(rows[~loading], sums.of(~loading))
@@ -220,7 +220,7 @@ class PlanarMechanics(Mechanics):
     # --- convergence of a relaxation
 
     def begin_level(self) -> None:
-        self.group.multipliers.rules.begin_level(self.rows)
+        self.group.multipliers.begin_level(self.rows)
 
     @property
     def _sums(self) -> Sums:
@@ -284,7 +284,7 @@ class PlanarMechanics(Mechanics):
         group, worlds = self.group, len(self.group.members)
         owners = [Owner(self.state), Owner(self.neighbours), Owner(self)]
         if self._relaxes:
-            of_worlds = [Owner(one, self.world, worlds) for one in (group.multipliers.rules, group.slowest_mode, group.strains)]
+            of_worlds = [Owner(one, self.world, worlds) for one in (group.multipliers, group.slowest_mode, group.strains)]
             owners += [Owner(self.history), *of_worlds]
         return owners
 

@@ -20,7 +20,6 @@ from ..kernels.multiplier_update import update_pair_offset, update_tension_offse
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..mechanics.numerics import AXIAL_ERROR, OUTLIER_ALLOWANCE, TURN_ALLOWANCE, error_ratio
 from .diagnostics import Diagnostics, Sums
-from .model import Model
 from .numerics import contact_along, unit_step_mass
 from .step import Stepper
 
@@ -43,14 +42,38 @@ TURNS = (TURN_ALLOWANCE, 0.5 * np.pi)  # [rad] smallest and largest turn that th
 
 
 class Multipliers:
-    """Updates the multipliers of worlds, and their stiffnesses and masses."""
+    """Updates the multipliers of worlds, and their stiffnesses and masses.
+
+    The first axis of arrays counts worlds; `rows` are indices of some of them.
+    """
+
+    KEPT = (
+        "rate", "_best", "_stalled", "_penetration", "_deep_updates", "_stretched_updates", "_taut_updates", "_imposed"
+    )  # fmt: skip
 
     def __init__(self, diagnostics: Diagnostics) -> None:
         """`diagnostics` holds the tensions and strains of the last convergence check."""
         self.diagnostics, self.stepper, self.model = diagnostics, diagnostics.stepper, diagnostics.model
         self.state = self.stepper.state
-        self.rules = MultiplierRules(self.model, len(self.stepper.states))
         self._axial = wp.zeros_like(self.state.wire_axial)  # [world, wire] [N] stiffness after the update
+        model, worlds = self.model, len(self.stepper.states)
+        wires = (worlds, len(model.panel.wire_first))
+        softened, h = model.axial_stiffness / model.softening, float(model.table.spacing.min())
+        self._along = contact_along(model.scene)
+        self._masses_at_start = [
+            unit_step_mass(softened, model.bending_stiffness, model.contact_stiffness, h, turn, contact_along=self._along)
+            for turn in TURNS
+        ]
+        self.rate = np.full(worlds, RATE)
+        self._best = np.full(worlds, np.inf)
+        self._stalled = np.zeros(worlds, dtype=int)  # updates without progress
+        self._penetration = np.zeros(worlds)
+        self._deep_updates = np.zeros(worlds, dtype=int)  # successive updates with deep penetration
+        self._stretched_updates = np.zeros(wires, dtype=int)  # successive updates
+        self._taut_updates = np.zeros(wires, dtype=int)  # successive updates without progress
+        self._imposed = np.zeros(wires)  # mean stretch error at the last progress
+        self._taut_patience = TAUT_PATIENCE * max(1.0, (model.scene.model.nodes_per_loop / TAUT_NODES) ** 2)
+        self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
 
     def bound_softening(self, rows: np.ndarray) -> None:
         """Bound the softening of each wire by its shape."""
@@ -70,11 +93,11 @@ class Multipliers:
 
     def update(self, rows: np.ndarray, sums: Sums, nearly_converged: np.ndarray) -> np.ndarray:
         """Update every multiplier once; return the constraint errors [row] over their tolerance."""
-        rules, penalty = self.rules, self.state.steering.contact_stiffness[rows]
-        stiffer = rules.renewed_axial_stiffness(self._stiffness(rows), sums, nearly_converged, rows)
-        self._move_offsets(rows, stiffer, rules.rate[rows])
-        self._renew(rows, stiffer, rules.renewed_penalty(penalty, sums, rows), sums)
-        return rules.residual_ratio(sums, rows)
+        penalty = self.state.steering.contact_stiffness[rows]
+        stiffer = self.renewed_axial_stiffness(self._stiffness(rows), sums, nearly_converged, rows)
+        self._move_offsets(rows, stiffer, self.rate[rows])
+        self._renew(rows, stiffer, self.renewed_penalty(penalty, sums, rows), sums)
+        return self.residual_ratio(sums, rows)
 
     def _stiffness(self, rows: np.ndarray) -> np.ndarray:
         """[row, wire] [N] axial stiffness of the dynamics."""
@@ -103,7 +126,7 @@ class Multipliers:
         """Set new stiffnesses, and raise fictitious masses where the step is unstable."""
         state = self.state
         before = np.asarray(fetch(state.wire_mass)[rows], dtype=np.float64)
-        mass = self.rules.renewed_mass(before, axial, penalty, sums)
+        mass = self.renewed_mass(before, axial, penalty, sums)
         stiffer = penalty != state.steering.contact_stiffness[rows]
         for row, value in zip(rows[stiffer].tolist(), penalty[stiffer].tolist(), strict=True):
             self.stepper.states[row].stiffen_contact(value)
@@ -112,36 +135,7 @@ class Multipliers:
         if np.any(mass != before):
             store_at(state.wire_mass, rows, mass)
 
-
-class MultiplierRules:
-    """Rates of the multipliers, and updates of stiffnesses and masses: what they remember from update to update.
-
-    NumPy only. The first axis of arrays counts worlds; `rows` are indices of some of them.
-    """
-
-    KEPT = (
-        "rate", "_best", "_stalled", "_penetration", "_deep_updates", "_stretched_updates", "_taut_updates", "_imposed"
-    )  # fmt: skip
-
-    def __init__(self, model: Model, worlds: int) -> None:
-        self.model = model
-        wires = (worlds, len(model.panel.wire_first))
-        softened, h = model.axial_stiffness / model.softening, float(model.table.spacing.min())
-        self._along = contact_along(model.scene)
-        self._masses_at_start = [
-            unit_step_mass(softened, model.bending_stiffness, model.contact_stiffness, h, turn, contact_along=self._along)
-            for turn in TURNS
-        ]
-        self.rate = np.full(worlds, RATE)
-        self._best = np.full(worlds, np.inf)
-        self._stalled = np.zeros(worlds, dtype=int)  # updates without progress
-        self._penetration = np.zeros(worlds)
-        self._deep_updates = np.zeros(worlds, dtype=int)  # successive updates with deep penetration
-        self._stretched_updates = np.zeros(wires, dtype=int)  # successive updates
-        self._taut_updates = np.zeros(wires, dtype=int)  # successive updates without progress
-        self._imposed = np.zeros(wires)  # mean stretch error at the last progress
-        self._taut_patience = TAUT_PATIENCE * max(1.0, (model.scene.model.nodes_per_loop / TAUT_NODES) ** 2)
-        self._short = (model.panel.wire_count < TAUT_LENGTH * model.scene.model.nodes_per_loop) & ~model.panel.wire_closed
+    # --- rules, NumPy only: what they remember from update to update
 
     def begin_level(self, rows: np.ndarray) -> None:
         """Reset the rate at the start of a level."""
