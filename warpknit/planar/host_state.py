@@ -261,16 +261,8 @@ class Join:
         return joined
 
 
-@dataclass(frozen=True)
-class BendingMoments:
-    """Bending moments [N m], positive to the left of the knitted shape."""
-
-    node: np.ndarray  # [node]
-    contact: np.ndarray  # [touching pair] under the body
-
-
-def bending_moments(r: HostState) -> BendingMoments:
-    """Moments by statics at the nodes, and under bodies of closed pairs, in order.
+def bending_moments(r: HostState) -> tuple[np.ndarray, np.ndarray]:
+    """Moments [N m] by statics at the nodes [node], and under bodies [closed pair]; positive to the left of the knitted shape.
 
     A body's force f acts at its contact point p, but the wire carries it on the four nodes around, as f_-1, f_0, f_1, f_2.
     Both have the same resultant and moment, so beyond the four nodes the wire feels the same, and between them the moments
@@ -288,7 +280,7 @@ def bending_moments(r: HostState) -> BendingMoments:
     moment = r.moment + r.bow_moment
     pair = np.nonzero(r.pair_force > 0)[0]
     if not len(pair):
-        return BendingMoments(moment, np.zeros(0))
+        return moment, np.zeros(0)
     first, count, closed = (values[panel.pair_wire[pair]] for values in (panel.wire_first, panel.wire_count, panel.wire_closed))
     local = r.pair_node[pair][:, None] + np.arange(-1, 3) - first[:, None]
     local = np.where(closed[:, None], local % count[:, None], np.clip(local, 0, count[:, None] - 1))
@@ -314,7 +306,7 @@ def bending_moments(r: HostState) -> BendingMoments:
     here, there = moment[node], moment[after]
     np.add.at(moment, node, under - cross(begin, pulled) - here)
     np.add.at(moment, after, under - cross(end, pulled - force.sum(axis=1)) - there)
-    return BendingMoments(moment, under)
+    return moment, under
 
 
 def normal_forces(r: HostState, pair: np.ndarray) -> np.ndarray:

@@ -233,16 +233,14 @@ class PlanarObservables(HostState):
     @cached_property
     def wire_stress(self) -> WireStress:
         """Stress E (d/2) |M|/EI + |N| E/EA [Pa] at nodes and under bodies. With the larger tension of both segments."""
-        moments = bending_moments(self)
+        at_nodes, under_bodies = bending_moments(self)
         before = np.roll(self.tension, 1)
         panel = self.model.panel
         last = panel.wire_first + panel.wire_count - 1
         before[panel.wire_first] = np.where(panel.wire_closed, self.tension[last], self.tension[panel.wire_first])
         axial = np.where(np.abs(self.tension) > np.abs(before), self.tension, before)
         under = self.pair_node[self.pair_force > 0]
-        return WireStress(
-            self._fibre_stress(moments.node, axial), self._fibre_stress(moments.contact, self.tension[under]), under
-        )
+        return WireStress(self._fibre_stress(at_nodes, axial), self._fibre_stress(under_bodies, self.tension[under]), under)
 
     def _fibre_stress(self, moment: np.ndarray, tension: np.ndarray) -> np.ndarray:
         """[Pa] in the outermost fibre."""

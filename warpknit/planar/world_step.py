@@ -95,8 +95,8 @@ class WorldStepper:
         parity[rows] = [self.states[row].parity for row in rows.tolist()]
         fetch(self._last_step)[rows] = last_step
         launches = []
-        for launch, rows_of_part, own in zip(self._launches, self._rows, self._shares(rows), strict=True):
-            if len(own):
+        for part, (launch, rows_of_part) in enumerate(zip(self._launches, self._rows, strict=True)):
+            if len(own := rows[part :: self._team.threads]):
                 fetch(rows_of_part)[: len(own)] = own
                 launch.set_dim(len(own))
                 launches.append(launch.launch)
@@ -127,10 +127,6 @@ class WorldStepper:
         block, blocks = stepper.blocks_of(part)
         found, unused = self.accelerations[stepper.world], self._unused
         return [stepper.wire_launch(stepper.state.parity, block, blocks, *found, unused[0], unused[1])]
-
-    def _shares(self, rows: np.ndarray) -> list[np.ndarray]:
-        """The rows of each thread."""
-        return [rows[part :: self._team.threads] for part in range(self._team.threads)]
 
 
 def steps_by_world(model: Model) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.errors import Diverged, InputError, ModelError
 from ..base.text import engineering, percent
 from ..compute import device_of_mesh
-from ..compute.ranks import One, Ranks
+from ..compute.ranks import One
 from ..measure.table import Record
 from ..mechanics.protocols import Mechanics, Model
 from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
@@ -160,22 +160,20 @@ class Simulation:
             if cell is None or not model.scene.has_moving_edge:
                 return Relaxation(mechanics, progress, monitored)
             return MultilevelRelaxation(mechanics, progress, monitored, cell=cell)
-        smaller = build_model(scene, self._device_of(model, scene), self._ranks_of(model, scene))
+        smaller = self._smaller_model(model, scene)
         below = self._relaxation(mechanics_of(smaller, initial_state(smaller)), Progress(), cell)
         return MultilevelRelaxation(mechanics, progress, monitored, smaller=below, cell=cell)
 
     @staticmethod
-    def _ranks_of(model: Model, smaller: Scene) -> Ranks:
-        """The ranks that share a smaller mesh: all of them, or each has a copy where strips would be too small."""
-        assert model.cloth is not None
-        share = estimated_nodes(smaller, model.cloth) // model.ranks.count
-        return model.ranks if share >= NODES_A_STRIP and smaller.knit.repeats[0] >= model.ranks.count else One()
+    def _smaller_model(model: Model, scene: Scene) -> Model:
+        """Model of a smaller mesh of the same knit, on the CPU where that is faster.
 
-    @staticmethod
-    def _device_of(model: Model, smaller: Scene) -> str:
-        """Device of a smaller mesh: the model's, or the CPU where it is faster."""
+        The ranks of the larger one share it; each has a copy where strips would be too small.
+        """
         assert model.cloth is not None
-        return device_of_mesh(estimated_nodes(smaller, model.cloth), model.device)
+        nodes, ranks = estimated_nodes(scene, model.cloth), model.ranks
+        is_shared = nodes // ranks.count >= NODES_A_STRIP and scene.knit.repeats[0] >= ranks.count
+        return build_model(scene, device_of_mesh(nodes, model.device), ranks if is_shared else One())
 
     @classmethod
     def _cell_of(cls, mechanics: Mechanics) -> Relaxation | None:
@@ -186,8 +184,7 @@ class Simulation:
             return None
         if smaller_scene(scene) is None and not scene.has_moving_edge:
             return None
-        repeat = one_repeat(scene)
-        cell = build_model(repeat, cls._device_of(model, repeat))
+        cell = cls._smaller_model(model, one_repeat(scene))
         return Relaxation(mechanics_of(cell, initial_state(cell)))
 
     # --- worlds
