@@ -67,7 +67,7 @@ def test_the_tension_of_a_step_is_that_of_its_state(boundary, repeats, friction,
     mechanics.set_load(LoadPoint(gradient, 293.15), 200)
     assert not group.advance(rows, 220)[1][0]
     mechanics.search()
-    nominal, now = group.strains.stress_at(rows)[0], mechanics.state.gradient
+    nominal, now = group.stress_at(rows)[0], mechanics.state.gradient
     expected = np.diag(true_stress(rotation(clamp_rotation(now)) @ nominal, stretch(now)))
     group.count_stress()
     mechanics.state.steering.set(is_driven=1.0, strain_mass=1e300, strain_range=np.inf)  # it does not move
