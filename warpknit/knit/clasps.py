@@ -16,7 +16,7 @@ deepest point until the grid is finer than 1e-3 of the box.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -129,23 +129,32 @@ def find_lenses(threads: Sequence[Thread], crossings: Crossings, size: NDArray[n
         arcs = (base + copies[:, None, None] * period).reshape(-1, 2)
         over, turn = (np.tile(sign[member], len(copies)) for sign in (crossings.over, crossings.turn))
         for p in range(len(member)):
-            start = base[p]
-            advance = arcs - start
-            partner = (advance[:, 0] > 0.0) & (advance[:, 0] <= limit) & (np.abs(advance[:, 1]) <= limit)
-            partner &= (over == -crossings.over[member[p]]) & (turn == -crossings.turn[member[p]])
-            for q in np.nonzero(partner)[0]:
-                low, high = np.minimum(start, arcs[q]), np.maximum(start, arcs[q])
-                if np.any(np.all((arcs > low) & (arcs < high), axis=1)):
-                    continue
+            is_opposite = (over == -crossings.over[member[p]]) & (turn == -crossings.turn[member[p]])
+            for q, low, high in lens_ends(base[p], arcs, is_opposite, limit):
                 if first == second and column == 0 and high[0] > low[1]:
                     continue
-                opposed = bool(arcs[q, 1] < start[1])
+                opposed = bool(arcs[q, 1] < base[p, 1])
                 side = int(crossings.turn[member[p]]) * (-1 if opposed else 1)
                 outline = lens_outline(threads, (first, second), column, low, high, opposed, size)
                 if polygon_area(outline) * side > 0.0:
                     corners = (int(member[p]), int(member[q % len(member)]))
                     lenses.append(Lens((int(first), int(second)), int(column), low, high, side, opposed, outline, corners))
     return tightest(lenses)
+
+
+def lens_ends(
+    start: NDArray[np.float64], arcs: NDArray[np.float64], is_opposite: NDArray[np.bool_], longest: float
+) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+    """Hooked lenses from the crossing at arcs `start` (2,) [m] onwards: number of the other corner, low and high arcs (2,).
+
+    arcs (k, 2) [m]: of crossings of the same two wires; is_opposite (k,): whether over and turn differ from those at `start`.
+    """
+    advance = arcs - start
+    is_near = (advance[:, 0] > 0.0) & (advance[:, 0] <= longest) & (np.abs(advance[:, 1]) <= longest)
+    for k in np.flatnonzero(is_opposite & is_near).tolist():
+        low, high = np.minimum(start, arcs[k]), np.maximum(start, arcs[k])
+        if not ((arcs > low) & (arcs < high)).all(axis=1).any():
+            yield k, low, high
 
 
 def tightest(lenses: list[Any]) -> list[Any]:

@@ -32,7 +32,7 @@ TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its dir
 def _clamps(
     cloth: Cloth, table: Table, strands: Strands, used: np.ndarray, first: np.ndarray, set_fraction: float
 ) -> dict[str, Any]:
-    """Fields of the panel about the clamps of the kept wires, two a wire, with their numbers for kernels/clamp.py."""
+    """Fields of a panel for the clamps of its wires, two a wire (kernels/clamp.py)."""
     thread, begin, count = strands.thread[used], strands.begin[used], strands.count[used]
     spacing = table.spacing[thread]
     arc = np.stack([strands.arc_begin[used], strands.arc_end[used]], axis=1)

@@ -70,7 +70,7 @@ def rest_table(cloth: Cloth, *, nodes_per_loop: int, set_fraction: float, lead: 
 
 
 def table_of_lines(lines: Sequence[tuple[CentreLine, int, float]], *, set_fraction: float, lead: int) -> Table:
-    """The table of centre lines, each a thread with nodes a period and the arc length between them [m]; see `rest_table`."""
+    """The table of lines; see `rest_table`. lines: centre line, nodes a period, and the arc length between nodes [m] of each."""
     columns: dict[str, list[np.ndarray]] = defaultdict(list)
     curves, starts, offset, error = [], [], 0, 0.0
     for centre_line, n, h in lines:

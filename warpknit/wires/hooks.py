@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpknit.base.text import counted
-from warpknit.knit.clasps import tightest
+from warpknit.knit.clasps import lens_ends, tightest
 from warpknit.knit.crossings import candidate_pairs, plan_cross
 from warpknit.wires.centre_lines import Wires
 from warpknit.wires.overlaps import segments_of
@@ -179,12 +179,9 @@ def _lenses(wires: Wires, c: PlanCrossings, longest: float) -> list[_Lens]:
             number = np.concatenate([image[here][kept] for kept in same])
             across = [c.arc[image[here][kept], 1] + n * wires.lengths[second] for n, kept in zip(turns, same, strict=True)]
             arcs = np.stack([np.concatenate([along[here][kept] for kept in same]), np.concatenate(across)], axis=1)
-            inside = (arcs[:, 0] > c.arc[p, 0]) & (np.abs(arcs[:, 1] - c.arc[p, 1]) <= longest)
-            for k in np.flatnonzero(inside & (c.over[number] == -c.over[p]) & (c.turn[number] == -c.turn[p])):
-                low, high = np.minimum(c.arc[p], arcs[k]), np.maximum(c.arc[p], arcs[k])
-                if not ((arcs > low) & (arcs < high)).all(axis=1).any():
-                    corners = (int(c.number[p]), int(c.number[number[k]]))
-                    found.append(_Lens((first, second), c.repeat[p], low, high, corners))
+            is_opposite = (c.over[number] == -c.over[p]) & (c.turn[number] == -c.turn[p])
+            for k, low, high in lens_ends(c.arc[p], arcs, is_opposite, longest):
+                found.append(_Lens((first, second), c.repeat[p], low, high, (int(c.number[p]), int(c.number[number[k]]))))
     return tightest(found)
 
 
