@@ -15,7 +15,6 @@ Strain measures refer to the rest shape; the tension of the mesh is a force per 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,16 +198,9 @@ def exceeded_stress(r: Observables) -> float:
     """Stress [Pa] exceeded by a share EXCEEDED of the wire. Shares are by length, because spatial nodes are close together at
     bends.
     """
-    stress, length, total = r.wire_stress.node, r.node_length, float(np.sum(r.node_length))
-    count = len(stress)
-    taken = math.ceil(2.0 * EXCEEDED * count)
-    while True:  # only the highest are sorted
-        highest = np.argpartition(stress, count - taken)[count - taken :]
-        if taken == count or np.sum(length[highest]) > 1.5 * EXCEEDED * total:
-            break
-        taken = min(count, 4 * taken)
-    order = highest[np.argsort(-stress[highest])]
-    last = int(np.searchsorted(np.cumsum(length[order]), EXCEEDED * total))
+    stress, length = r.wire_stress.node, r.node_length
+    order = np.argsort(-stress)
+    last = int(np.searchsorted(np.cumsum(length[order]), EXCEEDED * float(np.sum(length))))
     return float(stress[order[min(last, len(order) - 1)]])
 
 

@@ -82,15 +82,10 @@ def jumps_of(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:
 
 def is_heated(part: Sequence[Row]) -> bool:
     """Whether a load step changes only temperature: strain or tension is held both ways."""
-    return part[-1].temperature_K != part[0].temperature_K and all(_is_held(part, side) for side in ("weft", "warp"))
-
-
-def _is_held(part: Sequence[Row], side: str) -> bool:
-    """Whether the load along a side is constant in a load step. No strain but the frame's, or no change of tension."""
     begin, end = part[0], part[-1]
-    strain = abs(end[f"strain_{side}"] - begin[f"strain_{side}"])
-    tension = [row[f"tension_{side}_N_per_m"] for row in (begin, end)]
-    return strain <= HELD_STRAIN or abs(tension[1] - tension[0]) <= HELD_TENSION * max(map(abs, tension))
+    held = [abs(end[name] - begin[name]) <= HELD_STRAIN for name in FOLLOWING[0]]  # no strain but the frame's
+    pulled = [abs(end[name] - begin[name]) <= HELD_TENSION * max(abs(begin[name]), abs(end[name])) for name in FOLLOWING[1]]
+    return begin.temperature_K != end.temperature_K and all(map(any, zip(held, pulled, strict=True)))
 
 
 def jumps_in_heat(part: Sequence[Row], expansion: float) -> list[Jump]:
