@@ -19,7 +19,7 @@ from ..results.finding import ResultWarning
 from ..results.row import Row
 from ..scene import Scene, Stage
 from ..scene.materials import MATERIALS
-from .strength import strength_text
+from .strength import limit_text
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
 METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
@@ -80,7 +80,7 @@ def release_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarnin
         yield ResultWarning(
             "W36",
             f"wire.set_fraction = {wire.set_fraction:g} needs a bending stress of {engineering(needed, 'Pa')} in the loops;"
-            f" a wire with a {strength_text(scene)} holds {engineering(held, 'Pa')}.",
+            f" a wire with a {limit_text(scene, 'tensile_strength')} holds {engineering(held, 'Pa')}.",
             f"Set wire.set_fraction = {math.ceil(100.0 * least) / 100.0:g} or more.",
         )
 

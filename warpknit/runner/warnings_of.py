@@ -17,7 +17,7 @@ from .answers import zero_tension
 from .branches import jumps_of, tensions_text
 from .cautions import cut_cautions, ramp_cautions, scene_cautions
 from .history import ends_of, missing_steps
-from .strength import exceeded_text, strength_text
+from .strength import exceeded_text, limit_text
 
 STEEP = 0.3  # slope above which its square is not small
 LEVELS_FOLLOWED = 4  # of a stage: with fewer the work is too inaccurate to detect a snap-through
@@ -151,7 +151,7 @@ def _contacts_as_knitted(model: MeshModel, rows: Sequence[Row]) -> Iterator[Resu
     is_released = wire.set_fraction != 1.0 and first.load_factor == 0.0 and first.steady
     breaks, closed = is_released and first.stress_max_Pa > wire.tensile_strength, _contraction(model, rows) if is_released else ""
     if breaks or closed:
-        above = f", above the {strength_text(scene)}" if breaks else ""
+        above = f", above the {limit_text(scene, 'tensile_strength')}" if breaks else ""
         least = math.ceil(100.0 * (1.0 - (1.0 - wire.set_fraction) * wire.yield_stress / first.stress_max_Pa)) / 100.0
         text = f"wire.set_fraction = {wire.set_fraction:g} stresses the wire to {stress} before any load{above}{closed}."
         advice = f"Set wire.set_fraction = {least:g} or more." if least > wire.set_fraction else None
