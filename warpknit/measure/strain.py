@@ -1,4 +1,4 @@
-"""Deformation gradients and stresses of a mesh as a membrane: clamp rotation, stretch, true stress.
+"""Deformation gradients and stresses of a mesh as a membrane: clamp rotation, stretch, true stress; work of its edge.
 
 Clamps keep their direction in the model and the boundary turns the other way, F = R^T U with U upper triangular; what is
 measured of the mesh as a whole is turned back, to the frame in which the boundary is strained by U.
@@ -87,3 +87,26 @@ class Boundary:
     def kinetic_energy(self) -> float:
         """[J] of the last step."""
         return 0.5 * float(self.control.kinetic_twice)
+
+
+class EdgeWork:
+    """Work of clamps off the affine outline, and of uneven temperatures.
+
+    Integrated over the records of a run by the trapezoidal rule.
+    """
+
+    KEPT = ("_work", "_last")
+
+    def __init__(self) -> None:
+        self._work = 0.0
+        self._last: list[np.ndarray] = []  # forces [N], displacements [m], forces [J] on thermal strains, thermal strains
+
+    def add(self, *terms: tuple[np.ndarray, np.ndarray]) -> float:
+        """Add a record, as pairs (force, displacement) of equal shapes; return the work [J] since the first one."""
+        now = [values for pair in terms for values in pair]
+        if self._last:
+            for force in range(0, len(now), 2):
+                mean = 0.5 * (now[force] + self._last[force])
+                self._work += float(np.sum(mean * (now[force + 1] - self._last[force + 1])))
+        self._last = now
+        return self._work

@@ -66,11 +66,7 @@ def open_frames(scene: Scene, layout: WireLayout, out: Path) -> FrameFiles:
 def frame_of(record: Record) -> Frame:
     """The recorded state as a frame for the exports."""
     return measure.frame(
-        record.observables,
-        index=record.index,
-        stage=record.stage,
-        load_factor=record.load_factor,
-        temperature=record.temperature,
+        record.observables, index=record.index, stage=record.stage, load_factor=record.load_factor, temperature=record.temperature
     )
 
 
@@ -101,11 +97,7 @@ class Recorder:
         self._stage_shown = -1
         self._counted_from: tuple[int, float] | None = None  # steps, and [s] when they were taken, of the rate that is shown
         self.monitor = Monitor(
-            simulation,
-            out,
-            wall_before=checkpoint.wall if checkpoint else 0.0,
-            show=self._show,
-            recorded=self._recorded,
+            simulation, out, wall_before=checkpoint.wall if checkpoint else 0.0, show=self._show, recorded=self._recorded
         )
         if checkpoint is not None:
             self._take_up(checkpoint.rows)
@@ -236,12 +228,7 @@ class Recorder:
         done = (max(0, records) + progress.level_share) / max(1, self.scene.output.levels)
         if isinstance(self.scene.output.frames, str) and self.scene.solver.drive == "relax":
             done = self.rows[-1].load_factor if self.rows and self.rows[-1].stage == progress.stage else 0.0
-        self.display.update(
-            done=done,
-            load_factor=progress.load_factor,
-            node_steps_per_s=rate,
-            now=self.simulation.solving,
-        )
+        self.display.update(done=done, load_factor=progress.load_factor, node_steps_per_s=rate, now=self.simulation.solving)
 
     # --- exports ---
 

@@ -13,8 +13,7 @@ from .. import measure
 from ..base.errors import Diverged
 from ..base.text import percent
 from ..compute.kept import Kept, Owner, restore, save
-from ..measure.edge_work import EdgeWork
-from ..measure.strain import clamp_rotation, rotation, true_stress
+from ..measure.strain import EdgeWork, clamp_rotation, rotation, true_stress
 from ..measure.table import Record
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.protocols import Mechanics

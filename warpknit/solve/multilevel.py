@@ -15,8 +15,7 @@ import numpy as np
 from ..base.errors import Diverged, NoProgress
 from ..compute.kept import Kept, Owner, strip_prefix
 from ..measure import tension_scale
-from ..measure.edge_work import EdgeWork
-from ..measure.strain import strain_text
+from ..measure.strain import EdgeWork, strain_text
 from ..mechanics.numerics import renewed_throttle
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, load_response, zero_response
