@@ -20,7 +20,7 @@ def class_of_pair(model: MeshModel) -> np.ndarray:
 
 
 def classes_of(model: MeshModel) -> dict[str, int]:
-    """Number of pairs in each class of contact of a mesh, by its name A, B, ...; none of two hooked wires."""
+    """Pairs in each class of contact, by its name A, B; none of two hooked wires."""
     counts = np.bincount(class_of_pair(model)).tolist() if model.scene.hook is None else []
     return {CLASS_NAMES[number]: count for number, count in enumerate(counts) if count}
 

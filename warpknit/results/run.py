@@ -76,7 +76,7 @@ class States(Sequence[Frame]):
 
 @contextmanager
 def _of_directory() -> Iterator[None]:
-    """Errors of a record as those of its directory."""
+    """Raise errors of a record as errors of its directory."""
     try:
         yield
     except ExportError as error:

@@ -100,7 +100,7 @@ def run_scene(
 
 
 def _earlier_run(scene: Scene, out: Path, resume: bool, force: bool, probes: list[str]) -> tuple[Summary | None, bool]:
-    """The finished run in `out` on --resume, and whether there is a checkpoint to continue. Raises `RunDirectoryError`.
+    """The finished run in `out` on --resume; whether to continue a checkpoint. Raises `RunDirectoryError`.
 
     An interrupted run may still write its checkpoint: --resume and --force wait for it, a new run does not.
     """

@@ -62,10 +62,10 @@ class CommandResult(Generic[Result]):
 def check_directory(
     out: Path, kind: str, scene: Scene, *, resume: bool, force: bool, command: str | None = None
 ) -> tuple[Tree | None, bool]:
-    """Summary of a finished run, map or trade (`kind`) of the scene in `out`, on --resume; and whether to continue one there.
+    """Summary of a finished result in `out` on --resume; whether to continue one there.
 
-    command: that asks, where it is not `kind`: a report, which makes a map. Raises RunDirectoryError with the options to use,
-    where `out` has other results or other files.
+    kind: run, map or trade. command: that asks, where it is not `kind`: a report, which makes a map. Raises RunDirectoryError
+    with the options to use, where `out` has other results or other files.
     """
     if out.exists() and not out.is_dir():
         raise RunDirectoryError(f"--out: {out} is a file; give a directory")
