@@ -14,7 +14,7 @@ import zipfile
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ POINTS_A_LOOP = 128  # of the drawn curve of small meshes, about
 MOST_PARTS = 8  # between two nodes
 POINTS_DRAWN = 20_000  # largest number of points of all drawn curves; beyond, nodes only
 
+Kind = TypeVar("Kind", bound="Archived")
 Floats = NDArray[np.floating[Any]]
 Integers = NDArray[np.integer[Any]]
 
@@ -37,8 +38,32 @@ def state_file(directory: Path, index: int) -> Path:
     return directory / "states" / f"state_{index:06d}.npz"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class WireLayout:
+@dataclass(frozen=True, eq=False, repr=False)
+class Archived:
+    """Arrays that are kept in an .npz file."""
+
+    __repr__ = short_repr
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an .npz atomically."""
+        write_arrays(path, {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)})
+
+    @classmethod
+    def load(cls: type[Kind], path: str | os.PathLike[str]) -> Kind:
+        """Read an .npz. Raises ValueError where it holds something else."""
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                wanted = [f.name for f in fields(cls) if f.name in archive or f.default_factory is MISSING]
+                values = {name: archive[name] for name in wanted}
+        except (KeyError, OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            if isinstance(error, FileNotFoundError):
+                raise
+            raise ValueError(f"{path}: not a saved {cls.__name__}") from error
+        return cls(**{name: value if value.ndim else value.item() for name, value in values.items()})
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class WireLayout(Archived):
     """Nodes, wires and bodies; the same for every frame of a run.
 
         wire_start        [wire + 1]          nodes of wire w are wire_start[w]:wire_start[w + 1]
@@ -57,8 +82,6 @@ class WireLayout:
 
     A body is a place where two wires hook each other; of wires from a file also where they cross or come near each other.
     """
-
-    __repr__ = short_repr
 
     wire_start: Integers  # [wire + 1]  nodes of wire w are wire_start[w]:wire_start[w + 1]
     wire_closed: NDArray[np.bool_]  # [wire]  a closed wire continues at its first node, shifted by wire_closing
@@ -142,17 +165,9 @@ class WireLayout:
         is_first[self.curve_start[1:] - 1] = False
         return np.flatnonzero(is_first)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an .npz atomically."""
-        _save(self, path)
 
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> "WireLayout":
-        return cls(**_load(cls, path))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Frame:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Frame(Archived):
     """One recorded state.
 
         index                                 counts the records of a run from 0
@@ -178,8 +193,6 @@ class Frame:
     Nodes, wires and bodies belong to the `WireLayout` of the run. The number of contacts between stitches differs from record to
     record. On a periodic tile such a contact lies where its first wire is drawn; its second may be an image.
     """
-
-    __repr__ = short_repr
 
     index: int  # counts the records of a run from 0
     stage: str
@@ -262,11 +275,7 @@ class Frame:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an .npz atomically. Raises ValueError rather than writing a number that is not finite."""
         self.require_finite()
-        _save(self, path)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> "Frame":
-        return cls(**_load(cls, path))
+        super().save(path)
 
 
 def curve_parts(nodes: int, nodes_per_loop: int) -> int:
@@ -309,19 +318,3 @@ def curve_position(layout: WireLayout, frame: Frame) -> Floats:
     position = frame.node_position[layout.curve_node]
     position[layout.curve_closing, :2] += layout.wire_closing[layout.wire_closed] @ frame.deformation.T
     return position
-
-
-def _save(record: WireLayout | Frame, path: str | os.PathLike[str]) -> None:
-    write_arrays(path, {f.name: np.asarray(getattr(record, f.name)) for f in fields(record)})
-
-
-def _load(kind: type, path: str | os.PathLike[str]) -> dict[str, Any]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            wanted = [f.name for f in fields(kind) if f.name in archive or f.default_factory is MISSING]
-            values = {name: archive[name] for name in wanted}
-    except (KeyError, OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, FileNotFoundError):
-            raise
-        raise ValueError(f"{path}: not a saved {kind.__name__}") from error
-    return {name: value if value.ndim else value.item() for name, value in values.items()}
