@@ -133,7 +133,8 @@ def test_mean_curvature_of_a_wave() -> None:
     y = np.arange(2000) / 2000
     points = np.stack([0.2 * np.sin(2 * np.pi * y), y, 0 * y], axis=1)
     length = float(np.linalg.norm(np.diff(np.vstack([points, [0.0, 1.0, 0.0]]), axis=0), axis=1).sum())
-    cloth = Cloth(np.ones(2), 1, 1, "general", (Thread(points, length, np.zeros(2000, dtype=int), 0),), (), None, (), None)
+    line = Thread(points, length, np.zeros(2000, dtype=int), 0)
+    cloth = Cloth(np.ones(2), 1, 1, "general", (line,), (), None, (), None, np.zeros(0, dtype=int))
     assert cloth.mean_curvature * length == pytest.approx(4 * math.atan(2 * math.pi * 0.2), rel=1e-3)
 
 
