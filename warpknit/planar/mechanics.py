@@ -318,13 +318,8 @@ class HistoryVariables:
             self._dissipate(np.sum(self._slipped.numpy()[own]))
         if self.model.yield_moment:
             self._yield()
-        if self.model.treatment.anchored:
-            self._draw_anchors()
-
-    def _draw_anchors(self) -> None:
-        """Move the anchors of bodies whose spring is at its force limit."""
-        bodies = self.model.panel.body_count
-        anchor_launch(draw_anchors, bodies, self.model, self.state).run(self.model.device)
+        if self.model.treatment.anchored:  # anchors of bodies whose spring is at its force limit move
+            anchor_launch(draw_anchors, self.model.panel.body_count, self.model, self.state).run(self.model.device)
 
     def _yield(self) -> None:
         """Update plastic turning: backward Euler, bilinear bending with kinematic hardening."""

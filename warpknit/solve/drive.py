@@ -54,9 +54,9 @@ class Drive(ABC):
         return self.mechanics.stations
 
     @property
-    @abstractmethod
     def dissipated(self) -> float:
         """[J] since the start."""
+        return self.mechanics.dissipated
 
     @abstractmethod
     def stage(self, stage: Stage) -> Iterator[Record]:

@@ -103,10 +103,6 @@ class Relaxation(Drive):
         self._targets: list[Target] = []  # the next ones of this stage, the nearest one last
 
     @property
-    def dissipated(self) -> float:
-        return self.mechanics.dissipated
-
-    @property
     def owners(self) -> list[Owner]:
         equilibrium = self.equilibrium
         return [*super().owners, Owner(equilibrium.convergence, self.row, len(equilibrium.relaxations))]

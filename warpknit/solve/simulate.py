@@ -166,7 +166,7 @@ class Simulation:
 
     @staticmethod
     def _smaller_model(model: Model, scene: Scene) -> Model:
-        """Model of a smaller mesh of the same knit, on the CPU where that is faster.
+        """Build a smaller mesh of the same knit, on the CPU where faster.
 
         The ranks of the larger one share it; each has a copy where strips would be too small.
         """

@@ -13,11 +13,6 @@ from ..scene import Scene, Stage
 from .progress import LoadStart
 
 
-def stage_before(scene: Scene, stage_index: int) -> Stage | None:
-    """The previous load step, or None."""
-    return scene.stages[stage_index - 1] if stage_index else None
-
-
 def temperature_at(stage: Stage, start: LoadStart, factor: float) -> float:
     """[K] at a load factor of a stage."""
     return start.temperature + factor * (stage.temperature - start.temperature)
@@ -40,7 +35,7 @@ def load_at(
     target[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * expansion
     turn += factor * (stage.clamp_rotation - turn)
     target = rotation(-turn) @ target
-    before = stage_before(scene, stage_index)
+    before = scene.stages[stage_index - 1] if stage_index else None
     slope = np.array(before.temperature_gradient if before else (0.0, 0.0))
     slope = (1 - factor) * slope + factor * np.array(stage.temperature_gradient)
     stations, raised = None, 0.0
