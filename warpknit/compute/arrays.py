@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field, fields
 from typing import Any, TypeVar
 
@@ -27,7 +28,7 @@ def new_arrays(
     arrays: type[T],
     device: str,
     counts: dict[str, int],
-    values: dict[str, Any],
+    values: Mapping[str, Any],
     precision: Precision = DOUBLE,
     worlds: tuple[int, ...] = (),
 ) -> T:

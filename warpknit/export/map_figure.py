@@ -7,7 +7,7 @@ R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle
 from pathlib import Path
@@ -41,9 +41,9 @@ PLACE_MARKERS = "osD^v"
 LEGEND_COLUMNS, WIDE_LABEL, WIDEST_LABEL = 3, 28, 44  # columns, one less where a label has more characters, and one more
 LEAST_LINE = 0.75  # cells: shorter pieces of lines between jumps are left out
 LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
-LINES: dict[str, Any] = {"colors": "white", "linewidths": 0.9}
+LINES: Mapping[str, Any] = {"colors": "white", "linewidths": 0.9}
 LOAD_SIZE = 10.0  # [pt2] of the dot at a load
-ON_COLOURS: dict[str, Any] = {"linewidth": 3.0, "foreground": "white"}
+ON_COLOURS: Mapping[str, Any] = {"linewidth": 3.0, "foreground": "white"}
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge

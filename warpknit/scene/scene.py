@@ -241,16 +241,16 @@ def resolved_toml(scene: Scene) -> str:
     import tomli_w
 
     left_out: list[str] = []
-    table: dict[str, Any] = {"name": scene.name}
+    table: dict[str, object] = {"name": scene.name}
     mesh = "hook" if scene.hook is not None else "wires" if scene.wires is not None else "knit"
     for name in ("wire", mesh, "model", *(("panel",) if mesh == "knit" else ())):
         table[name] = _written(getattr(scene, name), name, left_out)
-    table["load"], *path = [_written(stage, "", []) for stage in scene.stages]
+    stages = [_written(stage, "", []) for stage in scene.stages]
     if scene.hook is not None:
-        kept = ("name", "displacement", "temperature")
-        table["load"], *path = [{name: stage[name] for name in kept} for stage in (table["load"], *path)]
-    if path:
-        table["path"] = path
+        stages = [{name: stage[name] for name in ("name", "displacement", "temperature")} for stage in stages]
+    table["load"] = stages[0]
+    if stages[1:]:
+        table["path"] = stages[1:]
     for name in ("contact", "solver", "output", "variants"):
         table[name] = _written(getattr(scene, name), name, left_out)
     for name in ("sweep", "reflection"):
