@@ -59,7 +59,7 @@ def test_it_leaves_the_states_and_the_stage(tmp_path: Path, layout: WireLayout, 
 
 
 def test_memory_is_flat_in_frames(tmp_path: Path, make_frame: Callable[..., Frame]) -> None:
-    """The memory after 4 and after 16 frames of 13 MB differs by less than a frame."""
+    """A frame of 13 MB adds less than a twelfth of it, in the mean of 40."""
     nodes, wires = 100, 4000
     layout = WireLayout(
         wire_start=np.arange(wires + 1) * nodes, wire_closed=np.zeros(wires, dtype=bool), period=np.ones(2), diameter=1e-5,
@@ -72,13 +72,12 @@ def test_memory_is_flat_in_frames(tmp_path: Path, make_frame: Callable[..., Fram
     )  # fmt: skip
     used = []
     with frame_files(tmp_path, layout, colour_stress_max=5e8) as files:
-        for index in range(16):
+        for index in range(48):
             files.add_frame(replace(frame, index=index))
-            if index in (3, 15):
-                files.flush()
-                used.append(psutil.Process().memory_info().rss)
+            used.append(psutil.Process().memory_info().rss)
         files.close(complete=True)
-    assert used[1] - used[0] < position.nbytes + frame.node_stress.nbytes
+    growth = (np.median(used[40:]) - np.median(used[:8])) / 40
+    assert growth < (position.nbytes + frame.node_stress.nbytes) / 12
 
 
 def test_what_goes_wrong_in_the_thread_is_raised_in_the_run(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:

@@ -119,7 +119,7 @@ class MeshCurrents:
                         direction=direction,
                         is_specular=not g.any(),
                         moment=across @ current,
-                        strength=k * Z0 / (2.0 * self.wires.area * kz),
+                        strength=k * Z0 / (2.0 * self.kernel.area * kz),
                         power=kz / float(np.sqrt(k**2 - transverse @ transverse)),
                     )
                 )

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..wires.overlaps import segment_distances
 
-AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
 class Polyline:
@@ -100,18 +100,9 @@ class _Segments:
 
     def pairs(self, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pairs that may be nearer than `reach` [m], each once; periods (pair, 2) from first to second."""
-        middle = 0.5 * (self.begin + self.end)
-        home = np.floor(middle[:, :2] @ np.linalg.inv(self.cell)).astype(np.int64)
-        inside = middle.copy()
-        inside[:, :2] -= home @ self.cell
-        images = np.concatenate([inside + [*(np.array(step) @ self.cell), 0.0] for step in AROUND])
-        near = cKDTree(inside).query_ball_tree(cKDTree(images), reach + self.size.max())
-        first = np.repeat(np.arange(len(inside)), [len(those) for those in near])
-        second = np.concatenate([np.array(those, dtype=np.int64) for those in near])
-        step, second = np.divmod(second, len(inside))
-        image = np.array(AROUND)[step] + home[first] - home[second]
-        once = (first < second) | ((first == second) & (image @ [3, 1] > 0))
-        return first[once], second[once], image[once]
+        first, second, image, _ = near_images(0.5 * (self.begin + self.end), self.cell, reach + self.size.max())
+        is_other = (first != second) | image.any(axis=1)
+        return first[is_other], second[is_other], image[is_other]
 
     def distances(self, first: np.ndarray, second: np.ndarray, image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """[pair] [m] distances of segments, and where on them they are nearest."""
@@ -131,9 +122,8 @@ class _Segments:
     def beside(self, first: int, second: int, image: np.ndarray) -> Iterator[Key]:
         """The pairs of neighbouring segments."""
         for step in AROUND:
-            if step != (0, 0):
-                (one, before), (other, after) = self._next(first, step[0]), self._next(second, step[1])
-                yield one, other, *(image + after - before).tolist()
+            (one, before), (other, after) = self._next(first, step[0]), self._next(second, step[1])
+            yield one, other, *(image + after - before).tolist()
 
     def _next(self, segment: int, step: int) -> tuple[int, np.ndarray]:
         """The segment a step further along its wire, and the periods between."""
@@ -141,3 +131,22 @@ class _Segments:
         low, high = self.start[wire], self.start[wire + 1]
         turns, place = divmod(segment - low + step, high - low)
         return int(low + place), turns * self.curves[wire].lattice
+
+
+def near_images(points: np.ndarray, cell: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs of points (point, 3) [m] within `reach` [m] in a periodic cell, each once, with those of a point and itself.
+
+    First and second, periods (pair, 2) from the first to the second, distance [m].
+    """
+    inverse = np.linalg.inv(cell)
+    home = np.floor(points[:, :2] @ inverse).astype(np.int64)
+    inside = points.copy()
+    inside[:, :2] -= home @ cell
+    most = np.ceil(reach * np.linalg.norm(inverse, axis=0)).astype(int)
+    steps = np.array(list(np.ndindex(*(2 * most + 1)))) - most
+    images = cKDTree(np.concatenate([inside + [*(step @ cell), 0.0] for step in steps]))
+    near = cKDTree(inside).sparse_distance_matrix(images, reach, output_type="ndarray")
+    step, second = np.divmod(near["j"], len(points))
+    first, image = near["i"], home[near["i"]] - home[second] + steps[step]
+    once = (first < second) | ((first == second) & (image @ [2 * most[1] + 1, 1] >= 0))
+    return first[once], second[once], image[once], near["v"][once]

@@ -24,6 +24,7 @@ import numpy as np
 from scipy import sparse
 from scipy.special import wofz
 
+from .curves import near_images
 from .waves import mode_decay
 
 NEGLIGIBLE = 3.6  # erfc(3.6) = 4e-7: both sums end there
@@ -88,22 +89,9 @@ class PieceKernel:
 
         The correction is the integral of 1/d less its value at the middles; the rest of the image term is smooth.
         """
-        inverse, reach = np.linalg.inv(self.cell), NEGLIGIBLE / self.splitting
-        home = np.floor(self.middle[:, :2] @ inverse)
-        inside = self.middle.copy()
-        inside[:, :2] -= home @ self.cell
-        most = np.ceil(reach * np.linalg.norm(inverse, axis=0)).astype(int)
-        found = []
-        for step in np.ndindex(*(2 * most + 1)):
-            image = np.array(step) - most
-            away = inside + np.array([*(image @ self.cell), 0.0])
-            square = sum((inside[:, None, axis] - away[None, :, axis]) ** 2 for axis in range(3))
-            first, second = np.nonzero(square < reach**2)
-            shift = home[first] - home[second] + image
-            once = (first < second) | ((first == second) & (shift @ [2 * most[1] + 1, 1] >= 0))
-            found.append([part[once] for part in (first, second, shift, square[first, second])])
-        self.first, self.second, self.image, square = (np.concatenate([part[n] for part in found]) for n in range(4))
-        self.distance = np.sqrt(square + self.radius**2)
+        reach = NEGLIGIBLE / self.splitting
+        self.first, self.second, self.image, apart = near_images(self.middle, self.cell, reach)
+        self.distance = np.hypot(apart, self.radius)
         is_itself = (self.first == self.second) & ~self.image.any(axis=1)
         self.weight = np.where(is_itself, 0.5, 1.0) * self.length[self.first] * self.length[self.second]
         near = self.distance < BESIDE * (self.length[self.first] + self.length[self.second]) + 4.0 * self.radius

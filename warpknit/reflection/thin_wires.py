@@ -25,11 +25,6 @@ class ThinWires:
     branch_middle: np.ndarray | None = None  # (branch, 3) [m] where the halves meet, as drawn from the first end; None: straight
 
     @property
-    def area(self) -> float:
-        """[m2] of the cell."""
-        return abs(float(np.linalg.det(self.cell)))
-
-    @property
     def branches(self) -> np.ndarray:
         """(branch, 3) [m] from the first end to the second."""
         return self._span(self.branch_node, self.branch_shift)
