@@ -134,9 +134,9 @@ class _Segments:
 
 
 def near_images(points: np.ndarray, cell: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs of points (point, 3) [m] within `reach` [m] in a periodic cell, each once, with those of a point and itself.
+    """Pairs of points (point, 3) [m] within `reach` [m] in a periodic cell, each once.
 
-    First and second, periods (pair, 2) from the first to the second, distance [m].
+    First and second, periods (pair, 2) from the first to the second, distance [m]. A point is a pair with itself too.
     """
     inverse = np.linalg.inv(cell)
     home = np.floor(points[:, :2] @ inverse).astype(np.int64)
