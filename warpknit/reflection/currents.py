@@ -196,7 +196,7 @@ def scattering_at(
     The matrices of `StoredEnergy` take nearly all of the time of a frequency, and are smooth below the first grating lobe:
     resonances are in their inverse alone. So they are interpolated between Chebyshev-Lobatto points, which are doubled until the
     last interpolation predicts the waves at the new points within TOLERANCE. The result has the new points as well, so its
-    error is smaller. Where that takes as many points as there are frequencies, the matrices of each are found.
+    error is smaller. The matrices of each frequency are found where that takes no more points.
 
     wire: [Ohm/m] impedance of the wire at a frequency. contacts: admittances [contact] [S] of each state at a frequency.
     """
