@@ -85,7 +85,7 @@ def test_a_map_over_tensions_goes_on_and_draws_its_axes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("sweep", "said"),
     [
-        ("{strain_weft=[0.1], tension_warp=[0.1]}", "sweep.tension_warp: [0.1] "),
+        ("{strain_weft=[0.1], tension_warp=[0.1]}", "sweep.tension_weft: "),
         ("{tension_weft=[0.1]}", "sweep.tension_warp: "),
         ('{tension_weft=["-1 N/m"], tension_warp=[0.1]}', "sweep.tension_weft[0]"),
     ],
