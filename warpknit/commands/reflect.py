@@ -41,7 +41,7 @@ def with_reflection(
 ) -> CommandResult[Any]:
     """The result of a command; if it finished and its scene has [reflection], the waves from its states are in `directory`.
 
-    is_first: of the ranks, the one that solves the waves. Raises InputError for a [reflection] that cannot be solved.
+    is_first: whether this rank solves the waves. Raises InputError for a [reflection] that cannot be solved.
     """
     if scene.reflection is not None:
         options_of(scene)

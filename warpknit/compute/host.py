@@ -105,7 +105,10 @@ def fetch(array: wp.array) -> np.ndarray:
 
 
 def take(array: wp.array) -> np.ndarray:
-    """Values of an array on the host, in its memory, or a copy of a GPU's; nothing else may write to it."""
+    """Values of an array on the host.
+
+    In its memory, or a copy of a GPU's; nothing else may write to it.
+    """
     on_host = is_in_place(array.device) or array.capacity < LEAST_BYTES
     return np.asarray(array.numpy()) if on_host else _BUFFERS.copy(array)
 

@@ -152,7 +152,7 @@ def shade_compression(axes: Axes, tensions: Sequence[NDArray[Any]]) -> None:
 
 
 def mark_handles(figure: Figure) -> list[Artist]:
-    """Legend entries for the dots over a snap-through, and for the bands of several meshes, where they are drawn."""
+    """Legend entries of drawn snap-throughs, and of bands of several meshes."""
     drawn = {artist.get_gid() for axes in figure.axes for artist in (*axes.lines, *axes.collections)}
     look: LineLook = {**JUMP_STYLE, "color": GREY}
     dots, bands = Line2D([], [], label=JUMP, **look), Patch(label=MESHES, color=GREY, alpha=BAND, linewidth=0.0)

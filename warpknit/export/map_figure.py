@@ -202,7 +202,7 @@ def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, leve
 
 
 def _name_lines(axes: Axes, drawn: ContourSet, names: dict[float, str]) -> None:
-    """Write the names of levels on their lines, but over no mark, no other name and no edge of the map."""
+    """Write the names of levels on their lines, over nothing else."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()  # all that takes room is in place

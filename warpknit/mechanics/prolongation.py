@@ -118,7 +118,7 @@ class RepeatProlongation:
         """Undo the last `carry`; nothing to undo in a plane, where bodies take any displacement."""
 
     def taken(self, now: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
-        """Transferred fields of the small mesh, which has those of `now`: whole, or their change; None without a change."""
+        """Transferred fields of the small mesh, from its fields now: whole, or their change; None without a change."""
         last, self._last = self._last, now
         if not any(np.any(now[name] != last[name]) for name in now):
             return None
@@ -139,7 +139,7 @@ class RepeatProlongation:
         ).run(self._device)  # fmt: skip
 
     def add_to_bodies(self, change: dict[str, wp.array], response: Response, name: str, value: wp.array, **how: Any) -> None:
-        """The same for a field of bodies, or of their pairs (two `per_body`), kept positive if `is_positive`."""
+        """The same for a field of bodies, or their pairs (two `per_body`); positive with `is_positive`."""
         if self.large.panel.body_count:
             bind(
                 prolong_bodies, len(value), m=self._meshes, **self._of_bodies, change_x=change["body_x"],

@@ -1,4 +1,4 @@
-"""What the engine needs of a model, by which it loads, steps, checks and records it.
+"""What the engine needs of a model to load, step, check and record it.
 
 `Model` is constant, a state moves, `Mechanics` loads and observes one world. `Worlds` (worlds.py) steps and checks worlds, one or
 many side by side.

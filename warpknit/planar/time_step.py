@@ -52,7 +52,7 @@ NEAR = 0.02  # of the reach of a contact: smaller gaps count as closed
 
 
 class Terms(NamedTuple):
-    """Gradients of terms at the nodes and bodies that they touch, one entry for each."""
+    """Gradients of terms at their nodes and bodies, one entry for each."""
 
     place: np.ndarray  # [entry] node; behind all nodes, bodies
     number: np.ndarray  # [entry] of the term
@@ -148,7 +148,10 @@ def _curve_weights(u: np.ndarray) -> np.ndarray:
 
 
 def collatz_bound(*terms: Terms) -> float:
-    """Largest (|G| d)_e/d_e, d being the row sums of |G|, with absolute values taken place by place (an upper bound)."""
+    """Upper bound by Collatz: the largest (|G| d)_e/d_e.
+
+    d are the row sums of |G|, with absolute values taken place by place.
+    """
     place, number, gradient = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     order = np.argsort(place, kind="stable")
     place, number, gradient = place[order], number[order], gradient[order]

@@ -22,7 +22,7 @@ DIRECTIONS = {"x": 0, "y": 1, "body_x": 0, "body_y": 1}  # of fields that are di
 
 
 def add_to_state(model: Model, state: State, add_to_nodes: Callable[..., None], add_to_bodies: Callable[..., None]) -> None:
-    """Change all fields of a state by functions of the name and the values of a field of nodes, or of bodies."""
+    """Change all fields of a state by functions of nodes and of bodies."""
     one, counts = wp.float64(1.0), wp.float64(1.0 / model.precision.unit)
     ones: wp.array = wp.full(len(model.panel.wire_first), 1.0, dtype=model.precision.real, device=model.device)
     add_to_nodes("x", state.node_ux[state.parity], wire_scale=ones, scale=counts)
