@@ -72,7 +72,7 @@ class Relaxation(Drive):
     """Equilibria of the load levels of `output.frames`; the first stage starts with the unloaded state.
 
     `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
-    (side_by_side.py) share it. `refined_levels` adds levels where something happens (measure/jumps.py).
+    (simulate.py) share it. `refined_levels` adds levels where something happens (measure/jumps.py).
     """
 
     rate_key = "output.frames"

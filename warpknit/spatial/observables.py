@@ -24,14 +24,13 @@ from ..measure.tiles import Tiles, has_map, panel_map_of
 from ..mesh.hook_mesh import LEFT, RIGHT, RIGHT_TOP
 from .bending import bending_moments, clamped_ends
 from .contact_arrays import Contacts
-from .contact_places import site_places, touched_places
 from .model import SpatialModel
 from .placed_wires import BETWEEN
 from .rest_curve import rest_place, section_offsets, spatial_curve
 from .rod_arrays import RodState
 from .rod_relaxation import RodRelaxation
 from .rods import Rods
-from .sites import NOWHERE, Sites
+from .sites import NOWHERE, Sites, site_places, touched_places
 from .strip import RodStrip
 from .wire_contact import WireContact
 
