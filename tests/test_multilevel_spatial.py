@@ -368,7 +368,7 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
         stress = tolerances * MEMBRANE_TOLERANCE * drive.least_tension
         correction = Correction(grid, np.zeros((0, 2)), share), stress
         monkeypatch.setattr(
-            membrane, "solve", lambda *edge, whole=correction: (whole[0].scaled(([1.0, *edge[3:]])[-1]), whole[1])
+            membrane, "solve", lambda *edge, whole=correction: (whole[0].scaled(([1.0, *edge[1:]])[-1]), whole[1])
         )
         drive._correct_as_membrane(membrane, 10.0)
         assert drive.progress.imbalance == pytest.approx(tolerances)

@@ -148,7 +148,7 @@ def _criteria(simulation: Simulation) -> dict[str, float]:
     mechanics.stepper.evaluate()
     contacts = mechanics.contact.sums()
     sums = mechanics.relaxation.sums(of_mean=False)
-    balance = float(mechanics.group.residual.measure(sums, contacts, mechanics.rows)[0])
+    balance = float(mechanics.group.residual(sums, contacts, mechanics.rows)[0])
     return {"balance": balance, "overlap": float(contacts.overlap_max[0]) / mechanics.model.rods.section.thickness}
 
 
