@@ -131,7 +131,9 @@ class Rim:
         stiffness = self.cord.stiffness / length
         across = np.maximum(tension / length, SOFT * stiffness)
         k = stiffness[:, None, None] * along + across[:, None, None] * (np.eye(axes) - along)
-        behind = sparse.kron(np.roll(np.eye(n), 1, axis=1) - np.eye(n), np.eye(axes))  # from a station to the next one
+        here = np.arange(n)
+        following = sparse.csr_matrix((np.ones(n), (here, (here + 1) % n)), shape=(n, n))
+        behind = sparse.kron(following - sparse.identity(n), sparse.identity(axes))  # from a station to the next one
         pieces = sparse.bsr_matrix((k, np.arange(n), np.arange(n + 1)))
         return (behind.T @ pieces @ behind).tocsr().sorted_indices()
 

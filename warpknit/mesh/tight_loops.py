@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from ..knit.clasps import Arm, Clasp
 from ..knit.cloth import Cloth, knit_cloth
 from ..scene import Scene
+from ..scene.knit import Knit
 
 PARTS = 4  # of the diameter, between the points that are compared
 MOST_POINTS = 20_000  # of an arm: wires of a ten-thousandth of their loops
@@ -74,15 +75,20 @@ def _points(cloth: Cloth, arm: Arm, diameter: float) -> NDArray[np.float64]:
 TIGHT = 0.8  # share of the planar approach at the first touch, below which loops are tight
 
 
-@lru_cache(maxsize=64)
 def first_touch(scene: Scene) -> float:
     """Share of the planar approach at which wires first touch; 1: not before the lenses close.
 
     Loops of the mean size stand for scattered ones. Raises `KnitError`.
     """
     thickness = scene.wire.thickness
-    cloth = knit_cloth(scene.knit.even, thickness)  # with nested lenses as one, however many bodies they get
-    return approach_at_touch(cloth, thickness, thickness + 2.0 * scene.model.body_radius)
+    return _first_touch(scene.knit.even, thickness, thickness + 2.0 * scene.model.body_radius)
+
+
+@lru_cache(maxsize=64)
+def _first_touch(knit: Knit, thickness: float, closing: float) -> float:
+    """`first_touch` of one repeat; lengths in [m]."""
+    cloth = knit_cloth(knit, thickness)  # with nested lenses as one, however many bodies they get
+    return approach_at_touch(cloth, thickness, closing)
 
 
 def is_tight(scene: Scene) -> bool:

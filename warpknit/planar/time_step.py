@@ -33,7 +33,7 @@ two checks, and avoids energy gain of strongly excited nodes near the limit.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,12 +51,32 @@ FASTER = 2.0  # largest speed before the next check over the current one
 NEAR = 0.02  # of the reach of a contact: smaller gaps count as closed
 
 
-class Terms(NamedTuple):
-    """Gradients of terms at their nodes and bodies, one entry for each."""
+@dataclass(frozen=True)
+class Wires:
+    """Square roots of the stiffnesses of the wires' terms, and their shape. A segment stands at the node that starts it.
 
-    place: np.ndarray  # [entry] node; behind all nodes, bodies
-    number: np.ndarray  # [entry] of the term
-    gradient: np.ndarray  # (entry, 2) [1/s] sqrt(k/m) g there
+    At a node the previous segment and the next meet, with tangents t', t and normals n', n. The stretches act along t' and t. The
+    swings and the bends of the two neighbours act across, along n' and n, and the node's own bend along n'/h' + n/h.
+    """
+
+    before: np.ndarray  # [node] the node before, around closed wires
+    after: np.ndarray
+    stretch: np.ndarray  # [node] of the segment
+    swing: np.ndarray  # [node] of the segment
+    bend: np.ndarray  # [node]
+    per_length: np.ndarray  # [node] [1/m] 1/h of the segment
+    tangent: np.ndarray  # [node, 2] of the segment
+    inverse_mass: np.ndarray  # [node] [1/kg], 0 where held
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts that are closed, or may close before the next check."""
+
+    node: np.ndarray  # [contact, 4] nodes of the contact
+    push: np.ndarray  # [contact, 4, 2] sqrt(k) g there
+    body: np.ndarray  # [contact]
+    body_push: np.ndarray  # [contact, 2]
 
 
 def frequency_square(host: HostState, approach: float = 0.0) -> float:
@@ -65,27 +85,20 @@ def frequency_square(host: HostState, approach: float = 0.0) -> float:
     `approach` [m]: largest approach of a body and a wire before the next check. Contacts of a body that is not free
     (mesh/hook_mesh.py) are bounded separately from the wires, with one node each.
     """
-    inverse_mass = host.model.rest.inverse_mass.numpy().astype(float)[host.entry]
-    inverse_mass[host.model.panel.held_node] = 0.0
-    wires = wire_terms(host, inverse_mass)
+    wires = wire_terms(host)
+    body_inverse_mass = float(host.control.body_inverse_mass)
     if host.model.treatment.is_free:
-        return collatz_bound(wires, contact_terms(host, inverse_mass, approach))
+        return collatz_bound(wires, near_contacts(host, approach), body_inverse_mass)
     penalty = float(host.control.contact_stiffness)
-    return collatz_bound(wires) + 2.0 * penalty * (float(host.control.body_inverse_mass) + float(inverse_mass.max()))
+    return collatz_bound(wires, None, 0.0) + 2.0 * penalty * (body_inverse_mass + float(wires.inverse_mass.max()))
 
 
-def wire_terms(host: HostState, inverse_mass: np.ndarray) -> Terms:
-    """Terms of the wires, with stiffnesses and masses of the run: of n nodes n stretches, n swings and n bends.
-
-    A segment stands at the node that starts it. Its stretch acts along its tangent t, its swing along its normal n; the bend of a
-    node acts along n'/h' and n/h on its neighbours, with the segment ' before, and along their sum on itself.
-    inverse_mass [node] [1/kg]: 0 where held.
-    """
+def wire_terms(host: HostState) -> Wires:
+    """Terms of the wires, with stiffnesses and masses of the run."""
     model, panel = host.model, host.model.panel
-    count = panel.node_count
-    nodes = np.arange(count)
+    nodes = np.arange(panel.node_count)
     last = panel.wire_first + panel.wire_count - 1
-    before, after = nodes - 1, nodes + 1  # around closed wires
+    before, after = nodes - 1, nodes + 1
     before[panel.wire_first], after[last] = last, panel.wire_first
     length = np.hypot(host.edge[:, 0], host.edge[:, 1])
     per_length = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
@@ -103,21 +116,15 @@ def wire_terms(host: HostState, inverse_mass: np.ndarray) -> Terms:
     bend[no_hinge] = hinges[no_hinge] = 0.0
     sloped = host.natural_length * (hinges + hinges[after])
     sloped[missing] = 0.0
-    bend *= 1.0 + float(host.control.slope_factor) * model.bending_stiffness * (sloped + sloped[before])
-    stretch, swing, bend = (np.sqrt(stiffness)[:, None] for stiffness in (stretch, swing, bend))
+    slope_share = float(host.control.slope_factor) * model.bending_stiffness
+    bend *= 1.0 + slope_share * (sloped + sloped[before])
+    inverse_mass = model.rest.inverse_mass.numpy().astype(float)[host.entry]
+    inverse_mass[panel.held_node] = 0.0
     tangent = host.edge * per_length[:, None]
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    turn = normal * per_length[:, None]
-    along, across = stretch * tangent, swing * normal
-    bent = bend[before] * turn[before], bend * (turn[before] + turn), bend[after] * turn
-    gradient = np.stack([along[before], along, across[before], across, *bent], axis=1)
-    segments, bends = np.stack([before, nodes], axis=1), np.stack([before, nodes, after], axis=1)
-    number = np.concatenate([segments, count + segments, 2 * count + bends], axis=1)
-    gradient *= np.sqrt(inverse_mass)[:, None, None]
-    return Terms(np.repeat(nodes, 7), number.ravel(), gradient.reshape(-1, 2))
+    return Wires(before, after, np.sqrt(stretch), np.sqrt(swing), np.sqrt(bend), per_length, tangent, inverse_mass)
 
 
-def contact_terms(host: HostState, inverse_mass: np.ndarray, approach: float) -> Terms:
+def near_contacts(host: HostState, approach: float) -> Contacts:
     """Closed contacts with nodal weights; contacts about to close with smooth-curve weights."""
     panel, control = host.model.panel, host.control
     closed = host.pair_force > 0.0
@@ -135,10 +142,7 @@ def contact_terms(host: HostState, inverse_mass: np.ndarray, approach: float) ->
     normal = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.maximum(np.hypot(edge[:, 0], edge[:, 1]), 1e-300)[:, None]
     push[there] = _curve_weights(host.pair_u[pair[there]])[:, :, None] * normal[:, None, :]
     push *= np.sqrt(control.contact_stiffness)
-    on_nodes, on_body = push * np.sqrt(inverse_mass)[node][:, :, None], push.sum(axis=1) * math.sqrt(control.body_inverse_mass)
-    place, number = np.column_stack([node, panel.node_count + pair // 2]), 3 * panel.node_count + np.arange(len(pair))
-    gradient = np.concatenate([on_nodes, on_body[:, None]], axis=1)
-    return Terms(place.ravel(), np.repeat(number, 5), gradient.reshape(-1, 2))
+    return Contacts(node, push, pair // 2, -push.sum(axis=1))
 
 
 def _curve_weights(u: np.ndarray) -> np.ndarray:
@@ -147,27 +151,106 @@ def _curve_weights(u: np.ndarray) -> np.ndarray:
     return np.stack([-0.5 * h10, 1.0 - h01 - 0.5 * h11, h01 + 0.5 * h10, 0.5 * h11], axis=1)
 
 
-def collatz_bound(*terms: Terms) -> float:
-    """Upper bound by Collatz: the largest (|G| d)_e/d_e.
+def collatz_bound(wires: Wires, contacts: Contacts | None, body_inverse_mass: float) -> float:
+    """Largest (|G| d)_e/d_e, d being the row sums of |G|; `body_inverse_mass` [1/kg]."""
+    couplings = Couplings(wires, contacts, body_inverse_mass)
+    weights = [np.ones(len(wires.before)) for _ in range(3)] + [np.ones(couplings.contact_count)]
+    bound = np.inf
+    for _ in range(PASSES):
+        rows = couplings.row_sums(*weights)
+        bound = min(bound, max((row / weight).max(initial=0.0) for row, weight in zip(rows, weights, strict=True)))
+        largest = max(row.max(initial=0.0) for row in rows)
+        weights = [np.maximum(row, LEAST_WEIGHT * largest) for row in rows]
+    return float(bound)
 
-    d are the row sums of |G|, with absolute values taken place by place.
+
+class Couplings:
+    """The entries of |G|, with absolute values taken node by node (an upper bound)."""
+
+    def __init__(self, wires: Wires, contacts: Contacts | None, body_inverse_mass: float) -> None:
+        self.wires = wires
+        self._first, self._h = wires.per_length[wires.before], wires.per_length  # 1/h' and 1/h
+        ended, started = wires.tangent[wires.before], wires.tangent
+        cosine = np.einsum("na,na->n", ended, started)
+        self._cosine = np.abs(cosine)
+        self._sine = np.abs(ended[:, 0] * started[:, 1] - ended[:, 1] * started[:, 0])
+        self._across_ended = np.abs(self._first + cosine * self._h)  # n' and n on n'/h' + n/h
+        self._across_started = np.abs(self._h + cosine * self._first)
+        self._own = self._first**2 + self._h**2 + 2.0 * cosine * self._first * self._h
+        self.contact_count = 0 if contacts is None else len(contacts.node)
+        if contacts is not None:
+            self._add_contacts(contacts, body_inverse_mass)
+
+    def _add_contacts(self, contacts: Contacts, body_inverse_mass: float) -> None:
+        wires, node = self.wires, contacts.node.ravel()
+        push, self._node = contacts.push.reshape(-1, 2), node
+        turned = np.stack([push[:, 1], -push[:, 0]], axis=1)  # tangential components of the push
+        ended, started = wires.tangent[wires.before[node]], wires.tangent[node]
+        n_ended, n_started = (np.einsum("na,na->n", turned, t) for t in (ended, started))
+        self._pushed = np.abs([
+            np.einsum("na,na->n", push, ended), np.einsum("na,na->n", push, started), n_ended, n_started,
+            n_ended * self._first[node] + n_started * self._h[node],
+        ])  # fmt: skip
+        contact, mass = np.repeat(np.arange(self.contact_count), 4), wires.inverse_mass[node]
+        through_wires = _sharing(node, contact, push, mass)
+        through_bodies = _sharing(contacts.body, contact[::4], contacts.body_push, np.full(self.contact_count, body_inverse_mass))
+        self._between = [np.concatenate(parts) for parts in zip(through_wires, through_bodies, strict=True)]
+
+    def row_sums(self, stretch: np.ndarray, swing: np.ndarray, bend: np.ndarray, contact: np.ndarray) -> list[np.ndarray]:
+        """|G| d of stretches, swings and bends, each [node], and of the contacts."""
+        w, before, after, sine, cosine = self.wires, self.wires.before, self.wires.after, self._sine, self._cosine
+        # weighted terms at a node: along t' and t, along n' and n, and its own bend
+        along, across, turn = w.stretch * stretch, w.swing * swing, w.bend * bend
+        ended, started = along[before], along
+        across_ended = across[before] + turn[before] * self._first
+        across_started = across + turn[after] * self._h
+        did = [ended, started, across_ended, across_started, turn]
+        # sums in each direction
+        felt = [
+            ended + cosine * started + sine * (across_started + self._h * turn),
+            started + cosine * ended + sine * (across_ended + self._first * turn),
+            across_ended + cosine * across_started + sine * started + self._across_ended * turn,
+            across_started + cosine * across_ended + sine * ended + self._across_started * turn,
+            sine * (self._h * ended + self._first * started) + self._across_ended * across_ended
+            + self._across_started * across_started + self._own * turn,
+        ]  # fmt: skip
+        contact_rows = np.zeros(self.contact_count)
+        if self.contact_count:
+            heavy = np.repeat(contact, 4)
+            for direction, pushed in zip(felt, self._pushed, strict=True):
+                np.add.at(direction, self._node, pushed * heavy)
+            works = np.einsum("dn,dn->n", self._pushed, np.stack(did)[:, self._node]) * w.inverse_mass[self._node]
+            contact_rows += works.reshape(-1, 4).sum(axis=1)
+            first, second, value = self._between
+            np.add.at(contact_rows, first, value * contact[second])
+        along_ended, along_started, by_ended, by_started, own = (w.inverse_mass * f for f in felt)
+        return [
+            w.stretch * (along_started + along_ended[after]),
+            w.swing * (by_started + by_ended[after]),
+            w.bend * (own + (by_ended * self._first)[after] + (by_started * self._h)[before]),
+            contact_rows,
+        ]
+
+
+def _sharing(place: np.ndarray, contact: np.ndarray, push: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Contacts at the same node or body: first contact, second contact and their entry of G [1/s2].
+
+    `place`, `contact`, `push` (entry, 2) and `mass` [1/kg] are parallel arrays.
     """
-    place, number, gradient = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     order = np.argsort(place, kind="stable")
-    place, number, gradient = place[order], number[order], gradient[order]
-    square, entries, offset = np.einsum("na,na->n", gradient, gradient), [], 1
-    while len(one := np.nonzero(place[offset:] == place[:-offset])[0]):
+    place, contact, push, mass = place[order], contact[order], push[order], mass[order]
+    entries = [(contact, contact, mass * np.einsum("na,na->n", push, push))]
+    offset = 1
+    while True:
+        one = np.nonzero(place[offset:] == place[:-offset])[0]
+        if not len(one):
+            break
         other = one + offset
-        entries.append((number[one], number[other], np.abs(np.einsum("na,na->n", gradient[one], gradient[other]))))
+        value = mass[one] * np.abs(np.einsum("na,na->n", push[one], push[other]))
+        entries += [(contact[one], contact[other], value), (contact[other], contact[one], value)]
         offset += 1
     first, second, value = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-    bound, weight = np.inf, np.ones(int(number.max()) + 1)
-    for _ in range(PASSES):
-        rows = np.bincount(number, square * weight[number], len(weight))
-        rows += np.bincount(first, value * weight[second], len(weight)) + np.bincount(second, value * weight[first], len(weight))
-        bound = min(bound, float((rows / weight).max()))
-        weight = np.maximum(rows, LEAST_WEIGHT * rows.max())
-    return bound
+    return first, second, value
 
 
 def largest_step(host: PlanarObservables, steps: int) -> float:

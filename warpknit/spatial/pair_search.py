@@ -227,8 +227,8 @@ class PairSearch:
         pairs.replayed("reach", lambda: [bind(find_reach, pairs.capacity, stepper.arrays, pairs, reach=reach)])
         return np.asarray(self.cells.radius + stepper.strip.ranks.largest(fetch(reach)))
 
-    def find(self, pairs: PairList, before: PairList, *, filling: bool) -> int:
-        """Count the pairs of each segment, or fill a list with them; returns their number.
+    def find(self, pairs: PairList, before: PairList, *, filling: bool) -> None:
+        """Count the pairs of each segment, or fill a list with them.
 
         before: the list of now, whose counts worlds keep that are not searched.
         """
@@ -248,6 +248,10 @@ class PairSearch:
             find.set_param_by_name("is_filling", int(filling))
             find.set_param_by_name("old_count", before.pair_count_of)
         stepper.team.together([find.launch for find in pairs.find])
-        if not filling:
-            wp.utils.array_scan(pairs.pair_count_of, pairs.pair_start, inclusive=False)
-        return int(fetch(pairs.pair_start)[-1] + fetch(pairs.pair_count_of)[-1])
+
+    def count(self, pairs: PairList, before: PairList) -> int:
+        """Number of pairs; finds where the pairs of each segment begin in a list."""
+        self.find(pairs, before, filling=False)
+        wp.utils.array_scan(pairs.pair_count_of, pairs.pair_start, inclusive=False)
+        last = self.stepper.rods.node_count - 1
+        return number_at(pairs.pair_start, last) + number_at(pairs.pair_count_of, last)

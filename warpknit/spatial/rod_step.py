@@ -110,7 +110,8 @@ class RodStepper:
         self._no_contact = TouchArrays.of(rods.node_count, device, precision)
         rows = self.parts if worlds == 1 else worlds
         self.stress_count = wp.zeros((rows, 4), dtype=wp.int64, device=device)  # of the stress of a step (kernels/rod_stress.py)
-        self._graphs: dict[tuple[tuple[int, ...], Any], list[wp.Graph]] = {}
+        # of each part: a graph, and its launches, whose arrays it does not keep
+        self._graphs: dict[tuple[tuple[int, ...], Any], list[tuple[wp.Graph, Any]]] = {}
         block_wire, wires = fetch(self.arrays.block_wire), self.strip.wires
         self.blocks = range(*np.searchsorted(block_wire, [wires.start, wires.stop]).tolist())  # of the own wires
         self.sums = WireSums(self.strip, rods, block_wire, self.blocks, worlds)
@@ -329,8 +330,8 @@ class RodStepper:
                 with wp.ScopedCapture(device=self.device) as capture:
                     for command in chain.from_iterable(recorded[id(step)] for step in steps):
                         command.launch()
-                self._graphs[key].append(capture.graph)
-        return self._graphs[key]
+                self._graphs[key].append((capture.graph, recorded))
+        return [graph for graph, _ in self._graphs[key]]
 
     # --- the state on the host ---
 

@@ -181,7 +181,7 @@ class WireContact:
             stepper.update_frames(own)
             self._search.place(own)
             before, pairs = self.pairs, self._other
-            total = self._search.find(pairs, before, filling=False)
+            total = self._search.count(pairs, before)
             if total > pairs.capacity:
                 larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
                 wp.copy(larger.pair_start, pairs.pair_start)
