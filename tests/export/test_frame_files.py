@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from pxr import Usd
 from reference.cases import slow
 from warpknit.export.frame_files import FrameFiles
 from warpknit.export.usd.writer import StageWriter
-from warpknit.results.frame import Frame, WireLayout
+from warpknit.results.frame import Frame, WireLayout, state_file
 
 CELL = Path(__file__).parents[2] / "scenes" / "atlas_cell.toml"
 
@@ -88,19 +89,42 @@ def test_memory_is_flat_in_frames(tmp_path: Path, make_frame: Callable[..., Fram
 
 
 def test_what_goes_wrong_in_the_thread_is_raised_in_the_run(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
-    (tmp_path / "states").write_text("in the way")
+    (tmp_path / "frames").write_text("in the way")
     with frame_files(tmp_path, layout) as files:
         files.add_frame(frames[0])
         with pytest.raises(FileExistsError) as caught:
             wait_until(lambda: files.check() is not None)  # until it raises
+        assert Path(caught.value.filename).is_relative_to(tmp_path / "frames")
+
+
+def test_a_state_is_on_the_disk_or_refused_at_once(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
+    """A record counts once its state is there."""
+    with frame_files(tmp_path, layout) as files:
+        files.add_frame(frames[0])
+        assert state_file(tmp_path, 0).exists()
+        shutil.rmtree(tmp_path / "states")
+        (tmp_path / "states").write_text("in the way")
+        with pytest.raises(FileExistsError) as caught:
+            files.add_frame(frames[1])
         assert caught.value.filename == str(tmp_path / "states")
 
 
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_run_goes_on_without_a_state_that_is_lost(
+    is_there: bool, tmp_path: Path, layout: WireLayout, frames: list[Frame]
+) -> None:
+    write(frame_files(tmp_path, layout), frames[:2])
+    state_file(tmp_path, 1).unlink()
+    if is_there:
+        state_file(tmp_path, 1).write_bytes(b"no archive")
+    write(frame_files(tmp_path, layout), frames[2:])
+    names = {path.name for path in (tmp_path / "frames").glob("wires.[0-9]*.usdc")}
+    assert names == {f"wires.{index:06d}.usdc" for index in range(len(frames)) if index != 1}
+
+
 def test_frame_that_is_not_finite_is_refused(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:
-    with frame_files(tmp_path, layout) as files:
+    with frame_files(tmp_path, layout) as files, pytest.raises(ValueError, match="frame 0: node_stress "):
         files.add_frame(replace(frames[0], node_stress=np.full(layout.node_count, np.nan)))
-        with pytest.raises(ValueError, match="frame 0: node_stress "):
-            files.flush()
     assert list(tmp_path.iterdir()) == []
 
 

@@ -155,6 +155,6 @@ def test_a_report_in_space_is_a_page_with_a_card(tmp_path, monkeypatch):
     command = ["report", str(SCENES / "contact_map.toml"), *options, "--out", str(tmp_path / "r")]
     done = CliRunner().invoke(main, command, prog_name="warpknit")
     assert done.exit_code == 0, done.output
-    assert "Model: spatial (chosen in the scene); " in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    assert "Model: spatial (chosen in the scene)" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
     card = json.loads((tmp_path / "r" / "material_card.json").read_text(encoding="utf-8"))
     assert card["quality"]["positive_definite"]

@@ -16,9 +16,9 @@ from warpknit.results.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.contact_places import site_places
 from warpknit.spatial.placed_wires import place_wires
 from warpknit.spatial.rest_curve import FIT_PLACES, spatial_curve
+from warpknit.spatial.sites import site_places
 
 SCENES = Path(__file__).parents[2] / "scenes"
 LOADED = ["solver.preset=draft", "output.frames=1"]

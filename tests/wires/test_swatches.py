@@ -63,8 +63,7 @@ def test_threads_share_the_forces_of_a_single_wire(tmp_path: Path, monkeypatch: 
         assert stepper.steering.step[0] == 60
         moved.append(fetch(stepper.state.displacement).copy())
         shares = [
-            [one.threads for one in stepper._step_launches(part) if one.kernel is find_rod_forces]
-            for part in range(stepper.parts)
+            [one.threads for one in stepper.launches(part) if one.kernel is find_rod_forces] for part in range(stepper.parts)
         ]
         assert shares == [[-(-len(stepper.blocks) // stepper.parts)]] * stepper.parts  # of an even number of blocks
     assert np.abs(moved[0]).max() > 0.0

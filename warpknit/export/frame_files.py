@@ -7,6 +7,7 @@ grow with the number of frames.
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,17 +18,23 @@ if TYPE_CHECKING:
 
 
 class FrameFiles:
-    """Writes frames into a directory, and into a stage where one is wanted. `with` ends the thread after the frame it is at."""
+    """Writes frames into a directory, and into a stage where one is wanted.
+
+    States are on the disk when `add_frame` returns; a thread writes the stage. `with` ends it after the frame it is at.
+    """
 
     def __init__(self, directory: Path, layout: WireLayout, stage: StageWriter | None) -> None:
         self._directory, self._layout, self._stage = directory, layout, stage
         self._thread = ThreadPoolExecutor(1, "frames")
         self._pending: Future[None] | None = None
+        self._ends = False
 
     def add_frame(self, frame: Frame) -> None:
         """Write a frame. Raises OSError where the disk fails, now or at a later call."""
+        frame.save(state_file(self._directory, frame.index))
         self.flush()
-        self._pending = self._thread.submit(self._write, frame)
+        if self._stage is not None:
+            self._pending = self._thread.submit(self._draw, self._stage, frame)
 
     def check(self) -> None:
         """Raise what went wrong so far."""
@@ -50,13 +57,14 @@ class FrameFiles:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._ends = True
         self._thread.shutdown()
 
-    def _write(self, frame: Frame) -> None:
-        frame.save(state_file(self._directory, frame.index))
-        if self._stage is None:
-            return
-        if not self._stage.frames:  # a run that goes on: the stage is written anew from the states
+    def _draw(self, stage: StageWriter, frame: Frame) -> None:
+        if not stage.frames:  # a run that goes on: the stage is written anew from the states that are there
             for index in range(frame.index):
-                self._stage.add_frame(drawn_frame(self._layout, Frame.load(state_file(self._directory, index))))
-        self._stage.add_frame(drawn_frame(self._layout, frame))
+                if self._ends:
+                    return
+                with suppress(OSError, ValueError):
+                    stage.add_frame(drawn_frame(self._layout, Frame.load(state_file(self._directory, index))))
+        stage.add_frame(drawn_frame(self._layout, frame))

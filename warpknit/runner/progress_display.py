@@ -27,6 +27,7 @@ class Display:
 
     title = now = text = ""  # name of the stage, what is done now where that is not the whole, and the progress in words
     done = load_factor = clock = 0.0  # share of the work and of the load; [s] of the last update
+    _left = "left"
     _begin: tuple[float, float] | None = None  # [s] of the clock and share of the work, at the first update of a stage
 
     def __enter__(self) -> Display:

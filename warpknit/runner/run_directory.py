@@ -70,7 +70,8 @@ def check_directory(
     if out.exists() and not out.is_dir():
         raise RunDirectoryError(f"--out: {out} is a file; give a directory")
     state, held, summary = _held_results(out)
-    other = _difference(out, scene) if held else ""
+    same = summary.get("scene", {}).get("hash") == scene.hash  # also where the files of the scene have moved
+    other = _difference(out, scene) if held and not same else ""
     if resume and held == kind and not other:
         return (summary, False) if state == "finished" else (None, True)
     if force:

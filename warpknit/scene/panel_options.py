@@ -97,7 +97,7 @@ def panel_options(table: PanelTable, folder: Path) -> PanelOptions:
     has_corners, has_size = table.outline == "polygon", table.outline in ("hexagon", "triangle", "disc")
     has_effect = {"corners": has_corners, "file": has_corners, "size": has_size, "rotation": table.outline != "rectangle"}
     for name, has in has_effect.items():
-        if not has and getattr(table, name):
+        if not has and getattr(table, name) not in (None, 0.0):
             raise BadValue(name, f"has no effect with outline = {table.outline!r}", "leave it out, or write another outline")
     if has_size and table.size is None:
         raise BadValue("size", f"missing for outline = {table.outline!r}", "write a length")

@@ -99,6 +99,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
         raise scene_error(IN_CODE, "", f"{shown(source)} is not a scene", "give a path, TOML text, a dict or a scene")
     is_text = isinstance(source, str) and ("\n" in source or ("=" in source and not os.path.exists(source)))
     path, expected = (IN_CODE, "give a scene in TOML") if is_text else (file_of_scene(Path(source)), "give a scene file in TOML")
+    text = ""
     try:
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
         return path, toml.loads(text)

@@ -224,7 +224,7 @@ class RodStepper:
         blocks = self.share_of(range(len(arrays.block_first)), part)
         return [frames_launch(arrays, state, blocks, when), *wait, *contact], touch
 
-    def _step_launches(self, part: int = 0, *, is_first: bool = True, is_last: bool = True) -> list[Launch]:
+    def launches(self, part: int = 0, *, is_first: bool = True, is_last: bool = True) -> list[Launch]:
         """The launches of one thread's part of a step; of a shared world the first thread also moves clamps and control."""
         launches = self._motion_launches(part, is_first=is_first, is_last=is_last)
         worlds = self.share_of(range(self.worlds), part) if self.worlds > 1 else range(part == 0)
@@ -306,9 +306,9 @@ class RodStepper:
                 forces = force_launch(self.rods, self.arrays, self.state, touch, self.share_of(self.blocks, part))
                 return [[*launches, forces, *self._wait()]]
             if steps == 1:
-                return [self._step_launches(part)]
-            between = self._step_launches(part, is_first=False, is_last=False)
-            begin, end = (self._step_launches(part, is_first=first, is_last=not first) for first in (True, False))
+                return [self.launches(part)]
+            between = self.launches(part, is_first=False, is_last=False)
+            begin, end = (self.launches(part, is_first=first, is_last=not first) for first in (True, False))
             return [begin, *[between] * (steps - 2), end]
 
         graphs = self._graphs_of(steps, launches_of)

@@ -307,7 +307,10 @@ def _read_curve(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Strains (point, 2) and tensions (point, 2) [N/m]."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            values = np.array([[float(row[name]) for name in COLUMNS] for row in csv.DictReader(file)])
+            reader = csv.DictReader(file)
+            if missing := [name for name in COLUMNS if name not in (reader.fieldnames or ())]:
+                raise LookupError(f"no column {missing[0]}")
+            values = np.array([[float(row[name] or "") for name in COLUMNS] for row in reader])
     except (OSError, LookupError, TypeError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: {reason}; give a CSV file with numbers in the columns {', '.join(COLUMNS)}") from error

@@ -10,7 +10,7 @@ from pathlib import Path
 from scipy.constants import inch, speed_of_light
 
 from .. import measure
-from ..base.text import alike, celsius, engineering, percent
+from ..base.text import alike, celsius, engineering, percent, short_percent
 from ..measure import Observables
 from ..measure.network import contact_resistances, sheet_resistance, surface, wire_resistance
 from ..reflection.table import NEAR_BEST
@@ -21,7 +21,16 @@ from ..runner.variants import Spread
 from ..scene import Scene
 from .card import AGREEMENT
 from .card_files import card_values, card_warnings, definition, mesh_values, strength_values
-from .contact_map import drift_name, drift_text, jump_warning, optimum_note, optimum_warnings, unconverged_warning
+from .contact_map import (
+    MapRow,
+    Optimum,
+    drift_name,
+    drift_text,
+    jump_warning,
+    optimum_note,
+    optimum_warnings,
+    unconverged_warning,
+)
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length
@@ -97,7 +106,7 @@ def _row(cells: Sequence[str], headings: int) -> str:
     return "<tr>" + "".join(f"<{kind}>{html.escape(cell)}</{kind}>" for kind, cell in zip(kinds, cells, strict=True)) + "</tr>"
 
 
-BAND = " Bands: eight in ten meshes, if there are several."
+BAND = " Bands: eight in ten of the meshes."
 FOR_PEOPLE = {"Pa": (1e-6, "MPa"), "kg/m^2": (1e3, "g/m2"), "1/K": (1e6, "1e-6/K")}  # factor from SI, and unit
 
 
@@ -111,7 +120,8 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
         return
     lines = answer_findings(answers, scene.wire.yield_stress, failed=path.failed)
     page.table([(line.name, line.text) for line in lines])
-    of = f"These answers are {found.of_meshes}. " if found.of_meshes else ""
+    half = "A class counts as closed where it is closed in half of the meshes. "
+    of, band = (f"These answers are {found.of_meshes}. {half}", BAND) if found.of_meshes else ("", "")
     page.text(
         f"{of}The load path has equal tensions in weft and warp. It goes in {len(path.rows) - 1} load levels from the mesh as"
         f" knitted {path.end_text}. Another load path, as in a run or the map, may give other results. A class of contacts, A,"
@@ -123,7 +133,7 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
         figures["tension"],
         "Active contacts and largest wire stress against equal tensions in weft and warp. The best tension is in the"
         " middle of its valid range: the widest range with the most active contacts below yield. Grey: snap-through to another"
-        f" equilibrium.{BAND}",
+        f" equilibrium.{band}",
     )
     if "heat" in figures:
         page.figure(
@@ -212,12 +222,29 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     if found.of_meshes:
         page.text(
             f"The map is the mean over meshes with scattered loops; the service tensions are {found.of_meshes}."
-            f" Openings, contact resistances and pictures belong to one mesh with equal loops."
+            f" Openings, contact resistances and pictures belong to one mesh with equal loops.{scatter_text(found.rows, optimum)}"
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
     for of_map in (*limits, *found.branch_notes):
         page.warning(of_map)
+
+
+def scatter_text(rows: Sequence[MapRow], optimum: Optimum | None) -> str:
+    """Scatter of single meshes at the optimum as a sentence after a space; or nothing."""
+    row = next((row for row in rows if optimum is not None and row.load == optimum.load and row.variants > 1), None)
+    if row is None:
+        return ""
+    what, unit, size = (
+        ("strain", "", (row.strain_weft, row.strain_warp)) if row.by_tension else ("tension", "_N_per_m", row.tension)
+    )
+    largest = max(row[f"std_{what}_{side}{unit}"] for side in ("weft", "warp"))
+    scatter, stress = largest / max(map(abs, size)), row.std_stress_max_Pa / row.stress_max_Pa
+    return (
+        f" At the optimum {row.variants} meshes have standard deviations of {short_percent(scatter)} in {what} and"
+        f" {short_percent(stress)} in the largest stress. The standard errors of their means are"
+        f" {short_percent(scatter / row.variants**0.5)} and {short_percent(stress / row.variants**0.5)}."
+    )
 
 
 def curve_section(page: Page, found: Findings, figure: Path) -> None:
@@ -227,7 +254,8 @@ def curve_section(page: Page, found: Findings, figure: Path) -> None:
     page.figure(
         figure,
         "Tension in weft and warp. Orange: wire beyond its elastic limit, where the curves may leave the picture. Grey:"
-        " compressed, where a real mesh wrinkles. Dotted: snap-through to another equilibrium." + BAND,
+        " compressed, where a real mesh wrinkles. Dotted: snap-through to another equilibrium."
+        + (BAND if found.of_meshes else ""),
     )
     for warning in missing_points(curves):
         page.warning(warning)
