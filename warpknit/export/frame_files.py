@@ -1,7 +1,7 @@
 """Files of the recorded states of a run: states/, scene.usda and its layers.
 
-A thread writes one frame at a time. The run goes on, and waits only if the frame before is not written yet, so memory does not
-grow with the number of frames.
+A state is on the disk before its record counts. A thread then draws it into the stage, one frame at a time. The run goes on, and
+waits only if the frame before is not drawn yet, so memory does not grow with the number of frames.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class FrameFiles:
     """Writes frames into a directory, and into a stage where one is wanted.
 
-    States are on the disk when `add_frame` returns; a thread writes the stage. `with` ends it after the frame it is at.
+    `with` ends the thread after the frame it is at.
     """
 
     def __init__(self, directory: Path, layout: WireLayout, stage: StageWriter | None) -> None:
