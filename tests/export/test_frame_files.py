@@ -1,5 +1,6 @@
 """Frames written by a thread: errors raised in the run, a bounded memory, and a whole stage whatever happens."""
 
+import errno
 import json
 import multiprocessing
 import os
@@ -120,6 +121,24 @@ def test_a_run_goes_on_without_a_state_that_is_lost(
     write(frame_files(tmp_path, layout), frames[2:])
     names = {path.name for path in (tmp_path / "frames").glob("wires.[0-9]*.usdc")}
     assert names == {f"wires.{index:06d}.usdc" for index in range(len(frames)) if index != 1}
+
+
+def test_a_full_disk_while_a_stage_is_written_anew_is_no_lost_state(
+    tmp_path: Path, layout: WireLayout, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(frame_files(tmp_path, layout), frames[:2])
+    written = StageWriter.add_frame
+
+    def fails_once(stage: StageWriter, frame: Frame, **how: bool) -> Path:
+        if frame.index == 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return written(stage, frame, **how)
+
+    monkeypatch.setattr(StageWriter, "add_frame", fails_once)
+    with frame_files(tmp_path, layout) as files:
+        files.add_frame(frames[2])
+        with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+            files.flush()
 
 
 def test_frame_that_is_not_finite_is_refused(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> None:

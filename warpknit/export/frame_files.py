@@ -7,7 +7,6 @@ waits only if the frame before is not drawn yet, so memory does not grow with th
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,6 +64,9 @@ class FrameFiles:
             for index in range(frame.index):
                 if self._ends:
                     return
-                with suppress(OSError, ValueError):
-                    stage.add_frame(drawn_frame(self._layout, Frame.load(state_file(self._directory, index))))
+                try:
+                    earlier = Frame.load(state_file(self._directory, index))
+                except (OSError, ValueError):  # lost or damaged
+                    continue
+                stage.add_frame(drawn_frame(self._layout, earlier), names=False)
         stage.add_frame(drawn_frame(self._layout, frame))

@@ -103,8 +103,11 @@ class StageWriter:
         """Indices of the frames in the stage."""
         return tuple(self._loads)
 
-    def add_frame(self, frame: Frame) -> Path:
-        """Write one frame and name it in the stage; its path. Raises ValueError where a number is not finite."""
+    def add_frame(self, frame: Frame, *, names: bool = True) -> Path:
+        """Write one frame; its path. Raises ValueError where a number is not finite.
+
+        names: whether the stage on the disk names it at once; else with the next one.
+        """
         frame.require_layout(self.layout)
         frame.require_finite()
         if self._loads and frame.index <= max(self._loads):
@@ -123,7 +126,8 @@ class StageWriter:
         self._loads[frame.index] = {"stage": frame.stage, **{name: getattr(frame, source) for name, source in LOADS.items()}}
         if is_full:
             self._full.append(frame.index)
-        self._write_scene(complete=False)
+        if names:
+            self._write_scene(complete=False)
         return path
 
     def close(self, *, complete: bool = True) -> None:
