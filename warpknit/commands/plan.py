@@ -170,8 +170,8 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
         return None
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
     run = _measured_run(farthest, sample_model(farthest)[0], overview.nodes)
-    levels = sum(levels_of_pairs(scene.sweep.pairs, scene.output.levels))
-    return first_meshes(scene.variants) * levels / scene.output.levels * run.seconds
+    levels = sum(levels_of_pairs(scene.sweep.pairs, scene.levels))
+    return first_meshes(scene.variants) * levels / scene.levels * run.seconds
 
 
 def _measured_run(scene: Scene, sample: Model, nodes: int) -> Measured:

@@ -200,7 +200,7 @@ class Output(Table):
     frames: Annotated[int | str, Integer(1, 100_000, "auto")] = key(
         "Recorded load levels per load step; each is converged when relaxing. Levels are also the increments of the load:"
         " with one to three, a mesh may reach another equilibrium. `auto`: few, and more where a class of contacts closes, the"
-        " wire first yields, slack ends, or at a snap-through. Maps and ramps have 20.",
+        " wire first yields, slack ends, or at a snap-through. Ramps and maps have 20, maps of several meshes 8.",
         AUTO,
     )
     load_tolerance: values.Tolerance = key(

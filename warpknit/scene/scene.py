@@ -151,6 +151,11 @@ class Scene:
         return scene
 
     @property
+    def levels(self) -> int:
+        """Equal load levels of a stage where none are added."""
+        return self.variant(0).output.levels if self.variants.count > 1 else self.output.levels
+
+    @property
     def of_even_loops(self) -> Scene:
         """The scene of a single mesh with equal loops, about which [variants] scatter."""
         return replace(self, knit=replace(self.knit, scatter=0.0), variants=replace(self.variants, count=1))

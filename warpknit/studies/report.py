@@ -286,7 +286,7 @@ def _path_of_map(way: LoadPath, cell: MapRow, monitor: Callable[[float], None]) 
     """Records on the load path to a cell of the map, in its levels. Raises `Diverged`."""
     scene = way.scene
     assert scene.sweep is not None
-    levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.output.levels), strict=True))
+    levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.levels), strict=True))
     return way.load(_load_of_map(scene, cell), levels[cell.load], monitor)
 
 

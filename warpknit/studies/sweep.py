@@ -219,7 +219,7 @@ class _Mapper:
         self._stage += 1
         pairs = len({pair for _mesh, pair in missing})
         self.display.stage(f"{counted(pairs, 'pair')} of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
-        levels = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.output.levels), strict=True))
+        levels = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.levels), strict=True))
         own_loops = self.scene.model.of_kind.own_loops
         alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
         groups = [list(own) for _, own in groupby(sorted(missing, key=alike), alike)]
@@ -297,7 +297,7 @@ class _Mapper:
             stop_reason=reason,
             warnings=warnings,
             path=f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
-            f" {scene.output.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
+            f" {scene.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             loads=self.sweep.quantity,
             cells=Values(wanted=len(self.pairs), done=len(rows), steady=sum(row.stop_reason == STEADY for row in rows)),
             variants=sum(map(bool, self.maps)),
