@@ -151,7 +151,7 @@ def test_the_legend_names_what_is_outside_the_map_and_what_limits_the_optimum(tm
     drawn = []
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     marks = Marks(
-        stress=RISING * 1e6, yield_stress=1e9, optimum=(0.05, 0.05), optimum_note=", beside a jump",
+        stress=RISING * 1e6, yield_stress=1e9, optimum=(0.05, 0.05), optimum_note=", beside a snap-through",
         places=(("2 N/m", None, 50.0), ("1 N/m", (0.05, 0.1), 50.0)),
     )  # fmt: skip
     map_figure(tmp_path / "a.png", STRAINS, STRAINS, RISING, title="", label="share", unit="% of pairs", marks=marks)

@@ -167,7 +167,7 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     click.option(
         "--fit-loop-length",
         metavar="LENGTH",
-        help='Fit the loops to their wire length, such as "5.6 mm", or by bar to the wire a course: "4.6 mm, 4.9 mm".',
+        help='Fit the loops to their wire length, such as "5.6 mm", or each bar to its wire a course: "4.6 mm, 4.9 mm".',
     ),
     click.option("--openings", metavar="COUNT", help='Scale wales and courses to this density of openings, such as "12 /inch".'),
     click.option(
@@ -272,9 +272,9 @@ def view(run_dir: str, host: str, port: int, browser: bool) -> None:
     help='A strain such as "6 %" or a tension such as "2 N/m"; "6 %, 2 N/m" in weft and warp.  [default: the knit\'s]',
 )
 @click.option(
-    "--courses", metavar="COUNT", help='Courses, such as "30 /inch"; a bare number counts an inch.  [default: the knit\'s]'
+    "--courses", metavar="COUNT", help='Courses, such as "30 /inch"; a bare number is per inch.  [default: the knit\'s]'
 )
-@click.option("--wales", metavar="COUNT", help='Wales, such as "26 /inch"; a bare number counts an inch.  [default: the knit\'s]')
+@click.option("--wales", metavar="COUNT", help='Wales, such as "26 /inch"; a bare number is per inch.  [default: the knit\'s]')
 @click.option("--plating", metavar="METAL,LENGTH", help='Coating of a wire, such as "gold, 0.2 um".  [default: none]')
 @click.option("--ends", metavar="N", help="Wires knitted as one yarn.  [default: 1]")
 @click.option("--diameter", metavar="LENGTH", help='Diameter of a wire, such as "15 um".  [default: 30 um]')
@@ -286,7 +286,7 @@ def view(run_dir: str, host: str, port: int, browser: bool) -> None:
 def new(file: str | None, as_list: bool, source: str | None, force: bool, **values: str | None) -> None:
     """Write a scene to start from, with comments, to FILE.
 
-    FILE is named after the knit or scene by default. On a terminal, without --knit, it asks for what the options leave open.
+    FILE is named after the knit or scene by default. On a terminal, without --knit, it prompts for the missing options.
     """
     configure_logging(logging.WARNING)
     from ..runner.summary_table import print_table

@@ -38,7 +38,7 @@ from ..wires.file_report import WireReport, wire_report
 
 MESH = ("hook", "mesh", "contact", "wires", "hooks")  # rows on the mesh in the short table
 UNUSED = "without effect"  # keys of the scene
-HOOK_ENDS = "ends: the lower ones are clamped; the upper ones keep their direction, slide up and down, the right one is driven"
+HOOK_ENDS = "ends: the lower ends are clamped; the upper ends keep their direction and slide up and down; the right one is driven"
 
 
 @dataclass(frozen=True)

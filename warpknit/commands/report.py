@@ -49,7 +49,7 @@ def make_report(
 
     tension: of the material card, in both directions; default: at the optimum of the map.
     openings: scale wales and courses to this density, "12 /inch". areal_mass: compare with this value, "10 g/m^2".
-    fit_loop_length: fit the loops to their wire length, "5.6 mm", or by bar to the wire a course, ("4.6 mm", "4.9 mm").
+    fit_loop_length: fit the loops to their wire length, "5.6 mm", or each bar to its wire a course, ("4.6 mm", "4.9 mm").
     fit_curve: fit the loops to a biaxial test, a CSV file with the columns strain_weft, strain_warp, tension_weft_N_per_m,
     tension_warp_N_per_m. `run.scene` is then the fitted scene; `run.fit` has the factor on its loops, the rms error and notes.
     cards: FE codes for which the card is written, "nastran, abaqus" or a list; default: all of docs/fe_cards.md.

@@ -298,6 +298,6 @@ def tight_loops(scene: Scene, cloth: Cloth) -> Iterator[ResultWarning]:
     if share < TIGHT:
         yield ResultWarning(
             "W02",
-            f"{loops}: the planar model closes contacts too late, and its tension is too small (first touch at"
-            f" {percent(share, 0)} of the planar approach).",
+            f"{loops}: the planar model closes contacts too late, and its tension is too small (round wires touch after"
+            f" {percent(share, 0)} of its approach).",
         )

@@ -163,7 +163,7 @@ class Reflected:
         from_ = (
             f"least tension {sides_text(least.tension, 'N/m')}"
             if least
-            else f"no least tension: larger tensions still change it by more than {NEAR_BEST:g} dB"
+            else f"no least tension: the loss still changes by more than {NEAR_BEST:g} dB at larger tensions"
         )
         losses = _losses(next(iter(of_state.values())))
         yield Finding(f"reflection {engineering(frequency, 'Hz')}", f"loss {losses}; {from_}", short=True)
@@ -177,8 +177,8 @@ class Reflected:
 def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
     """Row of the least tension with loss within NEAR_BEST from there on; rows at one frequency.
 
-    Counted are rows with tension and a stress up to the limit [Pa]. The losses of those whose tensions in weft and warp are
-    not smaller lie within NEAR_BEST of each other. One row alone shows nothing. None if there is no such tension.
+    Only rows with tension and a stress up to the limit [Pa] count. Rows with tensions at least as large in weft and warp have
+    losses within NEAR_BEST of each other. At least two rows are needed. None if there is no such tension.
     """
     tight = [row for row in rows if min(row.tension) > 0.0 and row.stress_max_Pa <= limit]
     tension, loss = np.array([row.tension for row in tight]).reshape(-1, 2), np.array([row.loss for row in tight])

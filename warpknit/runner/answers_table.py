@@ -64,7 +64,7 @@ def answer_findings(answers: Answers, yield_stress: float, *, failed: bool = Fal
 
 
 def _classes(contacts: Sequence[ClassAnswer]) -> str:
-    """At which mean tension each class closes: A and C below 0.1 N/m, B at 1.58 N/m; D open."""
+    """Mean tension at which each class closes: A and C below 0.1 N/m, B at 1.58 N/m; D open."""
     if len(contacts) == 1:
         return _closed_at(contacts[0].closes)
     names: dict[str, list[str]] = {}
@@ -99,25 +99,25 @@ def _mean(state: Row) -> str:
 def _service(point: Service, reached: str) -> str:
     """Share of active contacts at a service tension; of both records around it if they differ."""
     if sides := point.jump or point.get("between"):
-        where = "snap-through" if point.jump else "more load levels, output.frames, narrow it"
+        where = "snap-through" if point.jump else "use more load levels, output.frames"
         share = between(*(percent(0.01 * one.active_percent) for one in sides))
         return f"{share} (records at {both(*map(_tension, sides))}; {where})"
     if point.state is None or point.active_percent is None:
         return point.get("why") or f"not reached; {reached}"
     tension = _tension(point.state)
-    mean = f"mean of {tension}, " if " weft" in tension else ""
+    mean = f"at a mean of {tension}, " if " weft" in tension else ""
     return f"{percent(0.01 * point.active_percent)}, {mean}{_strain(point.state)}"
 
 
 def _inside(answers: Answers) -> str:
-    """That a first yield is that away from the grips; empty where it is the same at them."""
+    """Words for a first yield away from the grips; empty where the yield at the grips is the same."""
     first_yield, inner = answers.first_yield, answers.first_yield_interior
     differs = first_yield is not None and (inner is None or mean_tension(inner) > mean_tension(first_yield))
     return " away from the grips" if differs else ""
 
 
 def unreached_text(answers: Answers) -> str:
-    """Largest converged tension of a run that failed, beside the requested one."""
+    """Largest converged tension of a run that failed, and the requested tension."""
     answers = _without_scatter(answers, answers.tension_tolerance_N_per_m)
     top, asked = answers.largest_tension, answers.asked_tension_N_per_m
     of_asked = "" if asked is None else f" of the {exact(asked, 'N/m')} in the scene"

@@ -203,7 +203,7 @@ class Recorder:
         names = list(self.probes)
         if rows and (began := list(rows[0].probes)) != names:
             raise RunDirectoryError(
-                f"{self.out}: the run began with the probes {began}, not {names}; give the first ones, or --force"
+                f"{self.out}: the run began with the probes {began}, not {names}; give the same probes, or --force"
             )
         self.rows = rows
         if rows:  # those behind it are solved again

@@ -130,8 +130,8 @@ class Knit(Table):
     repeats: Annotated[tuple[int, int], Pair(Integer(1, 10**9))] = key("Pattern repeats along weft and warp.", (1, 1))
     scatter: values.Scatter = key(
         "Relative standard deviation of the proportions in `[knit.loop]`, drawn for each needle and course of the mesh."
-        " Deviations are limited to 2.5 times this value, and where wires would overlap. The actual scatter is therefore 5 %"
-        " below this value, in tight knits at 0.1 up to 25 % below.",
+        " Deviations are limited to 2.5 times this value, and where wires would overlap. So the actual scatter is 5 % below"
+        " this value, and in tight knits with a scatter of 0.1 up to 25 % below.",
         0.0,
     )
     seed: values.Seed = key("Random seed of the scatter.", 0)

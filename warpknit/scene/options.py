@@ -204,7 +204,7 @@ class Output(Table):
         AUTO,
     )
     load_tolerance: values.Tolerance = key(
-        "With `frames = 'auto'`: share of the load of a load step to which these events are found.", 0.02
+        "With `frames = 'auto'`: these events are found to this share of the load of a load step.", 0.02
     )
     usd: values.Flag = key("Write scene.usda while running.", True)
     usd_full_every: Annotated[int, Integer(0, 100_000)] = key(
@@ -219,7 +219,7 @@ class Output(Table):
         "Mean tension of weft and warp in service. Answers of a run and service points of a report give the share of active"
         " contacts there.",
         None,
-        left_out="2, 3.4 and 4.9 N/m; in a run, those that it reaches",
+        left_out="2, 3.4 and 4.9 N/m; a run uses the values that it reaches",
     )
     checkpoint_interval: Annotated[float, Quantity("time", above=0.0)] = key(
         "Wall time between checkpoints. It is longer if writing one takes more than a tenth of this time, and over a second.",
@@ -325,13 +325,13 @@ class Sweep(Table, one_of=(("strain_weft", "tension_weft"), ("strain_warp", "ten
     """[sweep]: the grid of strains, or of tensions, that `warpknit map` runs."""
 
     strain_weft: Annotated[tuple[values.Strain, ...], Field(min_length=1)] | None = key(
-        "Weft strains; `warpknit map` combines each with each warp strain.", None, left_out="required, or tensions"
+        "Weft strains; `warpknit map` combines each with every warp strain.", None, left_out="required, or tensions"
     )
     strain_warp: Annotated[tuple[values.Strain, ...], Field(min_length=1)] | None = key(
         "Warp strains.", None, left_out="required, or tensions"
     )
     tension_weft: Annotated[tuple[values.Tension, ...], Field(min_length=1)] | None = key(
-        "Instead of both strains: weft tensions, combined with each warp tension.", None
+        "Instead of both strains: weft tensions, each combined with every warp tension.", None
     )
     tension_warp: Annotated[tuple[values.Tension, ...], Field(min_length=1)] | None = key("Warp tensions.", None)
 

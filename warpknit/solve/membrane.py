@@ -369,10 +369,11 @@ class Lift:
         if self.imbalance < CORRECTION_GAIN * self._least_imbalance:
             self._least_imbalance, self._failed = self.imbalance, 0
         if self._failed > MAX_FAILED_CORRECTIONS:
-            errors = (
-                f"{100.0 * LIFT_TOLERANCE * height:.2g} %, its cords across it to {100.0 * out_of_balance:.2g} % of the wires"
+            lifted, cords = 100.0 * LIFT_TOLERANCE * height, 100.0 * out_of_balance
+            mechanics.notes.append(
+                f"the height of the mesh has an error of {lifted:.2g} %; forces of the cords across the mesh balance"
+                f" to {cords:.2g} % of the forces of the wires"
             )
-            mechanics.notes.append(f"the height of the mesh is balanced to {errors}")
             return
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
         if height > 1.0:  # else the mesh follows its edge

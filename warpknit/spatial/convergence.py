@@ -166,7 +166,7 @@ def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.
     first, second = (int(model.rods.wire_of[node]) for node in nodes)
     place = place_text(*measure.positions(observed)[0][nodes[0], :2])
     return f"deepest now between {wires_text(first, second)} near {place} from the corner" + "".join(
-        f", {name} {engineering(now, unit)} in force in place of {engineering(of_scene, unit)}"
+        f", {name} {engineering(now, unit)} in place of {engineering(of_scene, unit)}"
         for name, unit, now, of_scene in (
             ("contact penalty", "N/m", penalty[list(nodes)].mean(), model.contact_stiffness),
             ("axial stiffness", "N", stretch[nodes[0]], model.rods.of_nodes("axial_stiffness")[nodes[0]]),

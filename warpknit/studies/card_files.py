@@ -177,7 +177,7 @@ def mesh_values(scene: Scene) -> dict[str, str]:
 
 def validity(scene: Scene, model_warnings: Sequence[ResultWarning]) -> tuple[str, float, str, str]:
     """Row on the validity of the model, with warnings, kind and mesh."""
-    said = "; ".join(map(str, model_warnings)) or "1 if the model is good for the knit, else 0"
+    said = "; ".join(map(str, model_warnings)) or "1 if the model is valid for the knit, else 0"
     mesh = "; ".join([*(f"{name}: {text}" for name, text in mesh_values(scene).items()), *filter(None, [scene.preset_caveat])])
     return "model_valid", float(not model_warnings), "1", f"{said}; model: {scene.model.kind} ({scene.kind_reason}); {mesh}"
 

@@ -274,7 +274,7 @@ def _is_beside_jump(load: Pair | None, jumps: Sequence[Jump]) -> bool:
 
 def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool = True) -> str:
     """What limits the optimum at a load, in the few words of a label; empty where nothing does."""
-    return (", beside a jump" if _is_beside_jump(load, jumps) else "") + ("" if found_again else ", not found again")
+    return (", beside a snap-through" if _is_beside_jump(load, jumps) else "") + ("" if found_again else ", not found again")
 
 
 def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Jump] = ()) -> Optimum | None:

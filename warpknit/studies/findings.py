@@ -143,7 +143,7 @@ class Findings:
         """Note on heat at another tension than requested; or empty."""
         if not self.heated or self.requested is None or self.requested in self.path.states:
             return ""
-        return f"shown at the best tension, as the mesh does not reach {exact(self.requested, 'N/m')}"
+        return f"shown at the best tension, because the mesh does not reach {exact(self.requested, 'N/m')}"
 
     @property
     def limit_of_curves(self) -> list[ResultWarning]:

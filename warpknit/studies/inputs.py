@@ -83,7 +83,7 @@ def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
     note = f"loop proportions of each bar times a factor fitted to its run-in ({text})"
     meant, hooks = len(knit_scene(scene).clasps), len(knit_scene(fit).clasps)
     if hooks != meant:
-        note += f"; wires then hook {hooks} times per repeat in plan view, with loops of one size {meant} times"
+        note += f"; wires then hook {hooks} times per repeat in plan view, not {meant} times as with loops of one size"
     return Fitted(fit, (note,), {"fitted_to": "run-in", "bar_factors": tuple(found)})
 
 

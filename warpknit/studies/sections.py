@@ -163,7 +163,7 @@ def mesh_section(page: Page, found: Findings, figures: dict[str, Path]) -> None:
         if knitted is not None:
             rows.append(("areal mass as knitted", f"{1e3 * measure.areal_mass(knitted):.3g} g/m2"))
         if (count := openings_per_length(scene)) is not None:
-            counted = f"{complete_openings(scene)[0]} in a repeat, those with at least two thirds of the largest area"
+            counted = f"{complete_openings(scene)[0]} in a repeat, each with at least two thirds of the largest area"
             rows.append(
                 ("openings as knitted", f"{count * inch:.3g} per inch: square root of the number per square inch; {counted}")
             )
@@ -324,8 +324,8 @@ def card_section(page: Page, found: Findings) -> None:
         page.warning(warning)
     if card.difference <= AGREEMENT:
         page.text(
-            f"The stiffness changes by {percent(card.difference)} of its largest entry: the larger change with twice the strain"
-            " step, and with C21 in place of C12."
+            f"The stiffness is uncertain by {percent(card.difference)} of its largest entry: the larger of its changes with twice"
+            " the strain step and with C21 in place of C12."
         )
     for warning in found.limit_of_curves:
         page.warning(warning)
