@@ -1,9 +1,10 @@
 """Bending of spatial wires: moments by statics, at the nodes, under the contacts and between; energy, and plastic turns.
 
-A contact pushes with the force F at the point p of a segment, but the model puts it on the four nodes around, with the weights
-w_0 .. w_3, and by couples on the sections of the segments before, at and behind p, where parts c of the curve rotate with them
-(kernels/wire_curve.py). Both have the same resultant and moment, so beyond the four nodes the wire feels the same. Between them
-the moment M of a force at p follows from the model's. With the force n of a segment on its first node j, summed over contacts,
+A contact pushes with the force F at the point p of a segment. The model puts this force on the four nodes around, with the
+weights w_0 .. w_3. Parts c of the curve rotate with the sections of the segments before, at and behind p, so there are couples
+on these sections (kernels/wire_curve.py). Both systems have the same resultant and moment, so they are equivalent beyond the
+four nodes. Between them the moment M of a force at p follows from the moments of the model. With the force n of a segment on
+its first node j, summed over contacts,
 
     M_j     += (w_0 (x_(j-1) - x_j) + c_before) x F        M_(j+1) -= (w_3 (x_(j+2) - x_(j+1)) + c_behind) x F
     n_(j-1) += w_0 F       n_j += (w_0 + w_1) F       n_(j+1) -= w_3 F
@@ -45,9 +46,10 @@ class _Pushes:
 
 
 def bending_moments(r: Any) -> tuple[np.ndarray, ...]:
-    """Sizes of bending moments [N m] of a state; r: `SpatialObservables`.
+    """Magnitudes of bending moments [N m] of a state; r: `SpatialObservables`.
 
-    [node] of a clamp at the outer node of its segment; (node, BETWEEN) on the segments; [pushed place], and its segment.
+    [node] at the nodes, of a clamp at the outer node of its segment; (node, BETWEEN) on the segments; [pushed place] under the
+    contacts, and the segment of each.
     """
     rods, curve = r.model.rods, r.curve
     before, after, edge = rods.previous, rods.following, curve.edge
@@ -105,7 +107,7 @@ def _pushes(r: Any) -> _Pushes:
 
 
 def _weights(r: Any, at: _Pushes) -> np.ndarray:
-    """(push, 4) of the nodes around; beyond its ends a wire is straight."""
+    """(push, 4) weights on the four nodes around; beyond its ends a wire is straight."""
     rods, w = r.model.rods, node_weights(r.model.curve, at.node, at.place).T
     begins, ends = rods.previous[at.node] < 0, rods.following[rods.following[at.node]] < 0
     w[1] += np.where(begins, 2 * w[0], 0.0) - np.where(ends, w[3], 0.0)
@@ -130,7 +132,7 @@ def _node_moments(r: Any) -> np.ndarray:
 
 
 def _bending(moment: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """[N m] sizes of moments (n, 3) across a direction (n, 3)."""
+    """[N m] magnitudes of the parts of moments (n, 3) across a direction (n, 3)."""
     square = np.maximum(np.sum(along**2, axis=1), 1e-300)
     return np.asarray(np.linalg.norm(moment - (np.sum(moment * along, axis=1) / square)[:, None] * along, axis=1))
 
@@ -187,7 +189,7 @@ class Yielding:
 
     @property
     def hardened_energy(self) -> np.ndarray:
-        """[world] [J] stored by hardening: H kappa_p^2/2 a length, H = EI kept/(1 - kept)."""
+        """[world] [J] stored by hardening: H kappa_p^2/2 per length, H = EI kept/(1 - kept)."""
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else np.zeros(len(self.dissipated))
 
     def plastic_potential(self) -> np.ndarray:
@@ -207,7 +209,7 @@ class Yielding:
         return self._sums.of_nodes(fetch(self.state.bend_energy))
 
     def _energy(self, square: np.ndarray) -> np.ndarray:
-        """[world] EI/l times squares of turns [rad^2] over the mesh, summed."""
+        """[world] sum over the mesh of EI/l times squared turns [rad^2]."""
         bending = self.rods.of_nodes("bending_stiffness")
         stiffness = np.divide(bending, self.length, out=np.zeros(len(square)), where=self._inside)
         return self._sums.of_nodes(stiffness * square)

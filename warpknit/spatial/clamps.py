@@ -1,10 +1,11 @@
 """Clamps of a spatial mesh: moved with the load, pulled, on cords, or on a paraboloid.
 
-Stations of an edge stand along the outline (mesh/rim.py). A clamp takes the displacement q interpolated between the two stations
+Stations of an edge stand along the outline (mesh/rim.py). The displacement q of a clamp is interpolated between the two stations
 around it: from rest position c it moves to F c + q. Given stations are pulled, and raised to the height r^2/(4 f) of a
-paraboloid, free ones with the straight lines between them. A thin-plate spline through the clamps moves the whole mesh with the
-stations, so that the wires see a smooth strain, as they do when the load changes. It lays the mesh on the facets between raised
-net nodes. Free stations hang on the cord, and move with the membrane (solve/multilevel.py). Clamps keep their direction.
+paraboloid. Free stations are raised with the straight lines between given ones. A thin-plate spline through the clamps moves
+the whole mesh with the stations, so that the strain of the wires is smooth, as under a change of load. It lays the mesh on the
+facets between raised net nodes. Free stations hang on the cord, and move with the membrane (solve/multilevel.py). Clamps keep
+their direction.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class MovingClamps:
 
     @property
     def need_forces(self) -> bool:
-        """Whether some of them slide."""
+        """Whether some clamps slide, by their forces."""
         return len(self.sliding) > 0
 
     def launches(self, worlds: range) -> list[Launch]:
@@ -111,7 +112,7 @@ class MovingClamps:
         return self._of_nodes(self.stepper.state.force).sum(axis=1) * np.array([0.0, 1.0, 0.0])
 
     def _of_nodes(self, array: wp.array) -> np.ndarray:
-        """(sliding clamp, 2, 3) the vectors of both nodes."""
+        """(sliding clamp, 2, 3) vectors of both nodes of each clamp."""
         return self._entries.fetch(array).reshape(-1, 2, 3) if self.need_forces else np.zeros((0, 2, 3))
 
 
@@ -150,7 +151,7 @@ class Edge:
         return np.column_stack([load.stations, self._height(load.gradient, load.stations, load.raised)])
 
     def strain_to(self, load: LoadPoint) -> float:
-        """Mean strain by what given stations still have to move along x and y."""
+        """Mean strain of the remaining motion of given stations along x and y."""
         left = (self.target_of(load) - self.station_displacement)[self.rim.given, :2]
         return float(np.abs(left).max(initial=0.0) / np.min(self.model.panel.size))
 
@@ -175,7 +176,7 @@ class Edge:
         return moved
 
     def grip_forces(self, force: np.ndarray) -> np.ndarray:
-        """Forces (clamp, 3) [N] of clamps on wires, from the wires' (node, 3) of all ranks."""
+        """Forces (clamp, 3) [N] of clamps on wires, from the forces (node, 3) [N] of the wires of all ranks."""
         return -force[self.model.global_model.wires.held_node].reshape(-1, 2, 3).sum(axis=1)
 
     def move_given(self, share: float) -> np.ndarray:
@@ -197,5 +198,5 @@ class Edge:
 
     @property
     def clamp_displacement(self) -> np.ndarray:
-        """(clamp, 3) [m] in addition to the load."""
+        """(clamp, 3) [m] displacement of the clamps in addition to the load."""
         return np.asarray(self.rim.clamps @ self.station_displacement)

@@ -18,7 +18,7 @@ from .rods import Rods
 
 @dataclass(frozen=True)
 class WireArrays:
-    """Rest data that contact reads; the curve is that on which wires touch."""
+    """Rest data for contact, with the curve on which wires touch."""
 
     node_arc: wp.array = array(wp.float64)  # [m]
     node_radius: wp.array = array(wp.float64)  # [m]
@@ -41,7 +41,7 @@ class WireArrays:
 class TouchArrays:
     """Pairs of segments that may touch, with forces and places (kernels/wire_contact_forces.py).
 
-    A pair is a first segment's by its own number, and a second segment's by `touch_of_second`.
+    Pairs are in the order of their first segments; `touch_of_second` lists them in the order of their second segments.
     """
 
     capacity: int

@@ -1,9 +1,9 @@
 """Augmented Lagrangian multipliers of contact between wires, and the force-dependent penalty.
 
-A contact pushes with N = k (overlap + offset); at each convergence check the offsets at its nodes take up a share of its overlap,
-until it carries its force without overlap. The penalty may then be soft: it follows the force, k = FORCE_PENALTY N/d, and is at
-least `floor`. A soft contact is about as stiff as the loops that it connects, so it does not make the masses heavy. Contacts that
-share nodes share offsets: where their overlaps stall above the tolerance, the penalty is raised.
+A contact pushes with N = k (overlap + offset). At each convergence check the offsets at its nodes grow by a share of its overlap,
+until the contact carries its force without overlap. So the penalty may be soft: it follows the force, k = FORCE_PENALTY N/d, and
+is at least `floor`. A soft contact is about as stiff as the loops that it connects, so it does not make the masses heavy.
+Contacts that share nodes share offsets: where their overlaps stall above the tolerance, the penalty is raised.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class ContactMultipliers:
         return np.maximum(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
 
     def error_ratio(self, contacts: ContactSums) -> np.ndarray:
-        """[row] Overlaps over what is allowed."""
+        """[row] overlaps over their tolerance."""
         allowed = OVERLAP_ERROR * self._thickness
         return error_ratio(contacts.overlap_square, contacts.pushing, contacts.overlap_max, allowed)
 
@@ -94,7 +94,7 @@ class ContactMultipliers:
         self.raise_to_floor(rows)
 
     def raise_to_floor(self, rows: np.ndarray) -> None:
-        """Raise the penalties of worlds to what contacts need that close fast; the forces of the offsets are kept."""
+        """Raise the penalties of worlds for contacts that close fast; the forces of the offsets are kept."""
         stepper, state = self._contact.stepper, self._state
         before, offset = (stepper.by_world(array)[rows] for array in (state.contact_penalty, state.contact_offset))
         penalty = np.maximum(before, self._loading_floor[rows, None])
@@ -103,7 +103,7 @@ class ContactMultipliers:
 
     @property
     def push(self) -> np.ndarray:
-        """[node] [N] force of the offsets: what the contacts at a node push with, without overlap."""
+        """[node] [N] force of the contacts at a node without overlap: penalty times offset."""
         return np.asarray(fetch(self._state.contact_offset) * fetch(self._state.contact_penalty))
 
     def add_push(self, push: np.ndarray) -> None:

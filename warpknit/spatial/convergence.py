@@ -55,7 +55,7 @@ class Stability:
 
     @property
     def is_running(self) -> np.ndarray:
-        """[world] whether the mesh moves as disturbed."""
+        """[world] whether the mesh moves after a disturbance."""
         return (self._checks > 0) & ~self._is_over
 
     def after_check(self, ratio: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -82,7 +82,7 @@ class Stability:
         return ratio
 
     def hold_damping(self) -> None:
-        """Damp meshes little while they are tested."""
+        """Keep the damping of tested meshes small."""
         running = np.flatnonzero(self.is_running)
         if len(running):
             self.relaxation.stepper.steering.set(running, damping=DAMPING)
@@ -141,7 +141,7 @@ def refuse_overlaps(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -
 
 
 def parting_text(scene: Scene) -> str:
-    """What parts intersecting centre lines: of a knit another spacing, of drawn wires another drawing."""
+    """Advice on intersecting centre lines: another spacing of a knit, or another drawing of the wires."""
     if scene.wires is not None or scene.hook is not None:
         return "move one of them up or down there, or cut it"
     direction = "courses" if scene.knit.course_spacing > scene.knit.wale_spacing else "wales"
@@ -156,7 +156,7 @@ def wires_text(first: int, second: int) -> str:
 def overlap_text(observed: SpatialObservables, penalty: np.ndarray, stretch: np.ndarray) -> str:
     """Deepest overlap in words: wires, place, and a changed stiffness there.
 
-    penalty [node] [N/m] of contacts, stretch [node] [N] softened axial stiffness: those now.
+    penalty [node] [N/m] of contacts, stretch [node] [N] softened axial stiffness: present values.
     """
     model, contacts = observed.model, observed.touching
     if not len(contacts.overlap):

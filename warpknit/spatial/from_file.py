@@ -33,7 +33,7 @@ EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
     """The wires as a panel with bodies at possible contacts, their clamps, and rods.
 
-    Places are hooks and other crossings (wires/hooks.py), and where else wires come near each other.
+    Places are hooks and other crossings (wires/hooks.py), and other places where wires come near each other.
 
     Natural lengths, curvature and twist come from the file where it has them. sections [wire]: of each wire. loop_length [m]:
     approximate length of wire in a loop. Raises `ModelError`.
@@ -103,7 +103,7 @@ def _place_wires(wires: Wires, places: Places, slack: float, first: np.ndarray, 
 
 
 def _with_close_places(wires: Wires, placed: SpatialWires, rods: Rods, slack: float) -> SpatialWires:
-    """Sites also where wires are near each other and no site reaches."""
+    """Add sites where wires are near each other and no site reaches."""
     near = close_places(wires, 2.0 * rods.wire_radius)
     if near is None or not len(near.wire):
         return placed
@@ -122,7 +122,7 @@ def _with_close_places(wires: Wires, placed: SpatialWires, rods: Rods, slack: fl
 
 
 def _segments_in(wires: Wires, wire: np.ndarray, length: float) -> np.ndarray:
-    """(place, 2) segments in a length [m] of wires (place, 2)."""
+    """(place, 2) number of segments in a length [m] of wires (place, 2)."""
     return np.asarray(length / (wires.lengths / wires.segment_counts)[wire])
 
 

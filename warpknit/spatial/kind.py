@@ -1,4 +1,4 @@
-"""The spatial model by the names that every kind of model has (solve/model.py).
+"""The spatial model, by the names that both kinds of model have (solve/model.py).
 
 Its parts, its description for `warpknit plan`, and the settings of its probe runs (mechanics/probe_settings.py).
 """

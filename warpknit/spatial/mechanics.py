@@ -143,7 +143,7 @@ class SpatialMechanics(Mechanics):
     def _apply_release(self) -> None:
         """Release the curvature due up to the next convergence check.
 
-        Released at once, wires would move farther until then than the masses allow for contacts.
+        If it were released at once, wires would move farther in a check than the masses allow for contacts.
         """
         if self._release is None:
             return

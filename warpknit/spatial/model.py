@@ -95,12 +95,12 @@ class SpatialModel:
 
     @property
     def bodies(self) -> np.ndarray:
-        """Index in the global model [site]; known there only, also for a strip."""
+        """[site] index of each site; only the global model has it, also for a strip."""
         return np.arange(self.panel.body_count)
 
     @property
     def node_count(self) -> int:
-        """Number of nodes of the rods, unlike the panel's between clamps."""
+        """Number of nodes of the rods; the panel counts only nodes between clamps."""
         return self.rods.node_count
 
     @property
@@ -118,7 +118,7 @@ class SpatialModel:
         return 2 * self.panel.body_count
 
     def beside(self, base: SpatialModel) -> SpatialModel:
-        """This mesh as a world beside others, with the solver constants of `base`; its wires keep their sections."""
+        """This mesh as a world of several: solver constants of `base`, own wire sections."""
         thickest, whole = base.scene.variants.thickest, base.rods.section
         section, radius = replace(whole, thickness=whole.thickness / thickest), thickest * base.rods.largest_radius
         sections = () if self.rods.section == section else (self.rods.section,) * len(self.rods.wire_first)
@@ -174,7 +174,7 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
 
 
 def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
-    """Model of this rank's strip. The places where wires hook each other are the global mesh's, and known there only."""
+    """Model of this rank's strip. Only the global model has the places where wires hook each other."""
     refuse(model.scene, "run", ranks=ranks.count)
     reach = search_cells(model.rods, model.curve).radius + BORDER * model.scene.knit.wale_spacing
     strip = cut_rods(model.panel, model.rods, ranks, reach)

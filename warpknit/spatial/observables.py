@@ -86,7 +86,7 @@ class SpatialObservables(Boundary):
 
     @property
     def contact_growth(self) -> float:
-        """[J] derivative of the energy of contact by the length factor: wires grow thicker, and what is curved.
+        """[J] derivative of the energy of contact by the length factor: wires and their curves grow.
 
         Sum over contacts of N (r_p + r_q - n . (a_p - a_q)), with the offsets a of `section_offsets`.
         """
@@ -481,7 +481,7 @@ def read(
 def _contact_energy(rods: Rods, offset: np.ndarray, t: Contacts) -> float:
     """Sum over contacts of k g^2/2 [J]. g: overlap with the force N = k (g + o); `offset` [node] [m] gives o.
 
-    Multipliers take overlaps and gaps to zero, and leave none of it.
+    Multipliers reduce overlaps and gaps to zero, and this energy with them.
     """
     if not len(t.force):
         return 0.0

@@ -1,7 +1,7 @@
-"""Search for pairs of segments that may touch before the next search. By a spatial hash of the segments.
+"""Search for pairs of segments that may touch: by a spatial hash, until the next search.
 
 A search places the segments in the hash, counts the pairs of each, and fills a list with them, in the order of their first
-segments. What the count has found is kept, up to KEPT pairs of a segment, so that the list is filled without another search.
+segments. The count keeps up to KEPT pairs of a segment, so the list is filled without another search.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def _part(name: str, begin: int, end: int) -> Any:
 
 @dataclass(frozen=True)
 class SearchArrays:
-    """What a search knows of the segments."""
+    """Data of the segments for a search."""
 
     place: wp.array = array(wp.vec3)  # in the hash
     reach: wp.array = array(wp.float32)  # of the curve, from there
@@ -230,7 +230,7 @@ class PairSearch:
     def find(self, pairs: PairList, before: PairList, *, filling: bool) -> None:
         """Count the pairs of each segment, or fill a list with them.
 
-        before: the list of now, whose counts worlds keep that are not searched.
+        before: the present list; worlds that are not searched keep its counts.
         """
         stepper = self.stepper
         if not pairs.find:

@@ -79,7 +79,7 @@ class SpacedThread:
     """A thread by its spatial arc length s [m], with its nodes. Both continue beyond a period."""
 
     def __init__(self, curve: ThreadCurve, nodes: int, thickness: float, *, evenly: bool = False) -> None:
-        """nodes: of a period; evenly: at equal arc lengths, as the true masses of a ramp want it."""
+        """nodes: of a period; evenly: at equal arc lengths, as the true masses of a ramp need."""
         self._curve, self.nodes, self.evenly = curve, nodes, evenly
         self._plan = np.linspace(0.0, curve.length, int(np.ceil(SAMPLES * curve.length / thickness)) + 1)
         step = np.diff(curve(self._plan), axis=0)
@@ -233,7 +233,7 @@ def line_along(
 def _clamped_nodes(thread: SpacedThread, begin: float, length: float) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Nodes of a wire with clamps at plan arc lengths `begin` and begin + `length` [m].
 
-    Arc lengths [m] of nodes and of segments; node i has the number begin + i step of the thread: also these two, any numbers.
+    Arc lengths [m] of nodes and of segments, then first and step: node i is at first + i step, counted in nodes of the thread.
     """
     ends = thread.at_plan(np.array([begin, begin + length]))
     low, high = thread.number(ends)

@@ -89,7 +89,7 @@ def spatial_curve(
 ) -> WireCurve:
     """The curve on which wires touch, through nodes at `position` (node, 3) [m] with directors `director` (node, 3).
 
-    length_factor: thermal length over that at rest.
+    length_factor: thermal length over length at rest.
     """
     edges = edges_of(layout, position, deformation)
     tangent = edges.behind / np.linalg.norm(edges.behind, axis=1, keepdims=True)

@@ -2,7 +2,7 @@
 
 The damping is the critical damping of the slowest mode that still moves (numerics.renewed_damping).
 
-The dynamics may soften the axial stiffness; an augmented Lagrangian multiplier, the tension offset, takes the error out again:
+The dynamics may soften the axial stiffness. An augmented Lagrangian multiplier, the tension offset, removes the error:
 
     T = offset + K (|e|/L - 1)        offset -> offset + rate K (strain of the arc - T/EA)
 
@@ -115,7 +115,7 @@ class CheckArrays:
 
 @dataclass(frozen=True)
 class StateSums:
-    """Sums over the state last evaluated; [world] of those asked for."""
+    """Sums over the state last evaluated; [world] of the requested worlds."""
 
     unbalanced_square: np.ndarray  # [N2] of the free nodes, summed
     unbalanced_max: np.ndarray  # [N] the largest
@@ -128,7 +128,7 @@ class StateSums:
 
     @property
     def excess_ratio(self) -> np.ndarray:
-        """Errors of axial strains over what is allowed."""
+        """Errors of axial strains over their tolerance."""
         return error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR)
 
 
@@ -151,7 +151,7 @@ class Stalled:
         self.best[rows], self.checks[rows] = np.inf, 0
 
     def after(self, error: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """(row, constraint) bool: which have stalled with these errors at a check; their count starts anew."""
+        """(row, constraint) whether a constraint has stalled, with the errors of a check; its count then starts anew."""
         waits = (error > self._tolerance) & (error > self._progress * self.best[rows])
         self.best[rows] = np.where(waits, self.best[rows], error)
         checks = np.where(waits, self.checks[rows] + 1, 0)
@@ -186,7 +186,7 @@ class RodRelaxation:
         """softening: true axial stiffness over the dynamic one; wave_length [m] of the slowest wave, default: the longest wire;
         spacing_of: rods whose spacing of nodes counts, default: the stepper's; curve: on which wires touch, default Catmull-Rom;
         clamps: moving ones, of the same stepper; multipliers: whether they correct the softening; has_history: whether wires
-        slide or yield, and what did so while it vibrated stays so; knows_smooth: see `kinetic_energy`;
+        slide or yield, also while they vibrate; knows_smooth: see `kinetic_energy`;
         wire_stiffness [wire] [N]: least axial stiffness of the dynamics.
         """
         self.stepper = stepper
@@ -422,7 +422,7 @@ class RodRelaxation:
         return np.zeros((0, 2)) if self.clamps is None else np.stack([self.clamps.place, self.clamps.force[:, 1]], axis=1)
 
     def kinetic_energy(self, rows: np.ndarray) -> np.ndarray:
-        """[row] [J] of the mean motion since the last check; of all motion after the state was moved from outside.
+        """[row] [J] of the mean motion since the last check; after a move from outside, of all motion.
 
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count VIBRATION times less, with
         diagonal masses, which overestimate smooth motion (SMOOTH). knows_smooth: motion with equal energies by banded masses and
@@ -439,9 +439,9 @@ class RodRelaxation:
         return np.where(vibrates, by_all, mean)
 
     def multiplier_rate(self, rows: np.ndarray) -> np.ndarray:
-        """[row] share of its error that a multiplier takes up at a convergence check.
+        """[row] share of its error that a multiplier removes at a convergence check.
 
-        A multiplier that takes up the share r a step of the error of a mode with damping c keeps the mode stable for r < c.
+        If a multiplier removes the share r of the error of a mode in each step, the mode with damping c is stable for r < c.
         Multipliers of contact and of tension together may still excite a slow mode: without progress the rate is lowered, and
         raised again with it.
         """
@@ -526,6 +526,6 @@ class RodRelaxation:
         self._has_last[self.stepper.rows if rows is None else rows] = False
 
     def begin_anew(self, rows: np.ndarray | None = None) -> None:
-        """The same with the multipliers' full rate, after a move that raised their errors."""
+        """Start the damping estimate anew: with the multipliers' full rate, after a move that raised their errors."""
         self._reset_rate(self.stepper.rows if rows is None else rows)
         self.reset_damping_estimate(rows)

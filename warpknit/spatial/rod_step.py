@@ -159,22 +159,22 @@ class RodStepper:
         return shares
 
     def add_up_stress(self, launches_of: Callable[[WireGroup, StepForces, int], list[Launch]]) -> None:
-        """Let steps sum their nominal stress: launches of a group, its forces, and the row of the counts."""
+        """Sum the nominal stress in each step: launches of a group, its forces, and the row of the counts."""
         self._step_stress, self.counts_stress = launches_of, True
         self._graphs.clear()
 
     def threads_of(self, steps: int) -> int:
-        """Threads that share `steps` steps of the worlds that take them."""
+        """Threads that share `steps` steps of the active worlds."""
         return 1 + len(self._only) * self.arrays.world_nodes * steps // (2 * NODES_A_THREAD)
 
     def _wait(self) -> list[Launch]:
-        """Launches by which threads of a shared world wait for each other."""
+        """Launches that make the threads of a shared world wait for each other."""
         return self.team.barrier() if self.worlds == 1 else []
 
     def share_launch(
         self, launches: SharedLaunches, name: str, kernel: wp.Kernel, *sources: object, threads: int = 1, **named: Any
     ) -> None:
-        """Launch a kernel for the own blocks or nodes, whichever it counts; recorded once by name."""
+        """Launch a kernel for the own blocks or nodes, as it counts them; recorded once by name."""
         by_block = any(argument.label == "first_block" for argument in kernel.adj.args)
         by, items = ("first_block", self.blocks) if by_block else ("first_node", self.strip.nodes)
         launches.run(name, kernel, by, items, self.arrays, self.state, *sources, threads=threads, **named)
@@ -193,7 +193,7 @@ class RodStepper:
 
     @contextmanager
     def only(self, rows: np.ndarray | None) -> Iterator[np.ndarray]:
-        """Leave out other worlds than `rows`, default all, of what is launched."""
+        """Launch for the worlds `rows` only, default all."""
         before = self._only
         rows = before if rows is None else rows
         if len(rows) == len(before):  # `rows` are some of those

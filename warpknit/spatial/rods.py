@@ -37,7 +37,7 @@ class Section:
 
     @property
     def yields(self) -> bool:
-        """Whether it yields in bending."""
+        """Whether the section yields in bending."""
         return self.yield_curvature > 0.0 and self.hardening < 1.0
 
 
@@ -103,7 +103,7 @@ class Rods:
 
     @property
     def largest_radius(self) -> float:
-        """[m] bound on the contact radius, with the worlds beside these."""
+        """[m] bound on the contact radius over all worlds."""
         return max(self.radius_beside, float(self.wire_radius.max()))
 
     def of_wires(self, constant: str) -> np.ndarray:
@@ -166,13 +166,13 @@ class Rods:
 
     @cached_property
     def is_clamped(self) -> np.ndarray:
-        """[node] whether a clamp holds the segment, with both nodes and the section; True where there is none."""
+        """[node] whether a clamp holds the segment, its nodes and its section; True where there is no segment."""
         held = (self.held & int(HELD_NODE)) != 0
         return (self.following < 0) | (held & held[self.following] & ((self.held & int(HELD_TURN)) != 0))
 
     @cached_property
     def slope_length(self) -> np.ndarray:
-        """[node] [m] natural arc of a segment along which the moment varies; 0 for a segment that a clamp holds, and none."""
+        """[node] [m] natural arc of a segment along which the moment varies; 0 where a clamp holds it or there is none."""
         return np.where(self.is_clamped, 0.0, self.natural_arc)
 
     @cached_property
@@ -291,7 +291,7 @@ OF_NODES = (
 
 
 def joined(worlds: Sequence[Rods]) -> Rods:
-    """The rods of several worlds, one behind the other: the same wires, of any shape and section."""
+    """The rods of several worlds, one after the other: the same wires, of any shape and section."""
     first = worlds[0]
     if len(worlds) == 1:
         return first

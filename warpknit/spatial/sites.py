@@ -156,7 +156,7 @@ def _nearest(r: Any, sites: np.ndarray) -> np.ndarray:
 
 
 def _between(r: Any, sites: np.ndarray) -> np.ndarray:
-    """The same of a few sites."""
+    """Midpoints of `_nearest` for a few sites."""
     (line, drawn), (other, _) = (_line(r, sites, side) for side in (0, 1))
     shift = r.sites.shift[sites].copy()
     shift[:, :2] = shift[:, :2] @ r.gradient.T

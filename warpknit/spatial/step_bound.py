@@ -82,8 +82,9 @@ def _stiffnesses(
     contact_stiffness: float = 0.0,
     curve: RestCurve | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Mass times squared frequency [node] of stretch, bending [N/m], twist [N m] and contact [N/m]; what contact and tension
-    add to all modes [N/m], and sin^2 of the turn; by the formulas of this module.
+    """Mass times squared frequency [node] of stretch, bending [N/m], twist [N m] and contact [N/m], by the formulas above.
+
+    Also the share of contact and tension in all modes [N/m], and sin^2 of the turn.
 
     stretch_stiffness [N]: EA where left out; turning [node] [rad], the angle at the nodes; tension [N], the largest;
     contact_stiffness [N/m]; curve of the wires, Catmull-Rom's where left out.

@@ -63,7 +63,7 @@ class RodStrip:
         return self.whole.nodes_of(self.wire)
 
     def largest_of_nodes(self, values: np.ndarray) -> float:
-        """The largest of values [node] over the mesh, none below 0."""
+        """Largest of values [node] over the mesh, at least 0."""
         return float(self.ranks.largest(np.array([np.max(values[self.own], initial=0.0)]))[0])
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
@@ -150,7 +150,7 @@ class WireSums:
         return self._of_worlds(np.add.reduceat(rows[self._own], self._begin), worlds)
 
     def of_nodes(self, values: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:
-        """[world] sums of values [node], of all worlds or of some."""
+        """[world] sums of values [node], of all or some worlds."""
         return self._of_worlds(np.add.reduceat(values, self._first_node)[self._own_wires, None], worlds)[:, 0]
 
     def largest(self, rows: np.ndarray, worlds: np.ndarray | None = None) -> np.ndarray:

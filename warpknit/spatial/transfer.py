@@ -117,7 +117,7 @@ class Fields:
         return self.nodes.of_panel(values)
 
     def read_everywhere(self) -> dict[str, np.ndarray]:
-        """The same of the mesh of all ranks, on each of them."""
+        """Fields of the mesh of all ranks, on each rank."""
         return {name: self._of_all_ranks(value) for name, value in self.read().items()}
 
     def _of_all_ranks(self, values: np.ndarray) -> np.ndarray:
@@ -166,7 +166,7 @@ class Fields:
         return {name: fetch(getattr(self.stepper.state, name)).copy() for name in CHANGED}
 
     def put_back(self, snapshot: dict[str, np.ndarray]) -> None:
-        """Return to the state of a `snapshot`, at the load of now."""
+        """Return to the state of a `snapshot`, at the present load."""
         for name in CHANGED:
             store(getattr(self.stepper.state, name), snapshot[name])
         self._begin_anew()
@@ -180,7 +180,7 @@ class Fields:
     def move(self, changes: dict[str, np.ndarray]) -> None:
         """Change fields of the nodes of the rods by values [node]; held nodes and sections stay.
 
-        The turn is that beside the rotation that a section makes with its segment.
+        The turn of a section is in addition to its rotation with the segment.
         """
         none = np.zeros(self.model.node_count)
         move = np.stack([changes.get(name, none) for name in ("x", "y", "z")], axis=1)
@@ -221,9 +221,9 @@ class Fields:
 
 
 def share_of_repeat(model: SpatialModel) -> np.ndarray:
-    """[rod node] share of what a repeat does that a gripped mesh does: less within a repeat of the edge.
+    """[rod node] share of the response of endless cloth in a gripped mesh; smaller within a repeat of the edge.
 
-    By place, not along the wires: what touches moves together.
+    It depends on the place, not on the wire: wires that touch move together.
     """
     assert model.panel.outline is not None
     away = model.panel.outline.nearest(model.rods.position[:, :2])[1]
@@ -325,7 +325,7 @@ class SpatialGrid(MembraneGrid):
         store(velocity, fetch(velocity) * np.array([1.0, 1.0, 0.0]))
 
     def _answer(self, gradient: dict[str, np.ndarray], response: Response) -> dict[str, np.ndarray]:
-        """Fields [node] that the repeats change by as the grid strains them, by name; gradient: [node] of the displacement."""
+        """Changes of fields [node], by name, of repeats strained by the grid; gradient: [node] of the displacement."""
         nodes, panel, device = self.fields.nodes, self.model.panel, self.model.device
         of_panel: dict[str, wp.array] = {
             name: wp.array(part, dtype=wp.float64, device=device) for name, part in nodes.of_panel(gradient).items()
@@ -339,6 +339,6 @@ class SpatialGrid(MembraneGrid):
         return answer
 
     def _on_mesh(self, slope_x: np.ndarray, slope_y: np.ndarray) -> np.ndarray:
-        """(2, node) slopes on the deformed mesh, of those at rest."""
+        """(2, node) slopes on the deformed mesh, from the slopes at rest."""
         inverse = np.linalg.inv(self.fields.stepper.state.gradient)
         return np.stack([slope_x * inverse[0, k] + slope_y * inverse[1, k] for k in (0, 1)])

@@ -57,7 +57,7 @@ BEFORE = ("position", "length", "tangent", "director", "control")
 
 @dataclass(frozen=True)
 class ContactSums:
-    """Sums over the contacts with a force in the state last evaluated; [world] of those asked for."""
+    """Sums over the contacts with a force in the state last evaluated; [world] of the requested worlds."""
 
     mean_push: np.ndarray  # [N] mean force of those that push; 0 without any
     pushing: np.ndarray  # contacts that push
@@ -121,8 +121,9 @@ class WireContact:
         return number_at(self.pairs.pair_count, 0)
 
     def launches(self, part: int = 0, parts: int = 1) -> list[Launch]:
-        """Launches that find a part of the contact forces, first of continuing pairs. On a GPU by lists of pairs: not asleep, to
-        search, without forces.
+        """Launches that find a part of the contact forces, first for continuing pairs.
+
+        On a GPU they use lists of pairs: awake, to search, without forces.
         """
         pairs, touch = self.pairs, self.touch
         sources = (self._wires, self.stepper.arrays, self.stepper.state, touch, pairs)
@@ -159,7 +160,7 @@ class WireContact:
         return bind(count_contact_stress, len(blocks), *sources, first_block=blocks.start, has_friction=friction, **named)
 
     def _share(self, part: int, parts: int) -> dict[str, int]:
-        """Work of a thread: a part of a single world's pairs, or all of its worlds'."""
+        """Work of a thread: a part of the pairs of a single world, or all pairs of its worlds."""
         nodes = range(self.stepper.rods.node_count)
         if self.stepper.worlds > 1:
             nodes, part, parts = self.stepper.share_of(nodes, part), 0, 1
@@ -262,7 +263,7 @@ class WireContact:
         store(self.touch.touch_count, count)
 
     def refresh(self, moved: float = 0.0, rows: np.ndarray | None = None) -> None:
-        """Search again, or list near pairs again, whichever the travel has used up; moved [m]: travel by no step."""
+        """Search again, or list near pairs again, where their travel is used up; moved [m]: travel outside of steps."""
         with self.stepper.only(rows) as own:
             travel = self.stepper.steering.travel[own] + moved
             self.stepper.steering.set(own, travel=travel)
@@ -312,7 +313,7 @@ class WireContact:
         return slice(world * each, (world + 1) * each)
 
     def _pairs_of(self, world: int) -> tuple[int, int]:
-        """First pair of a world, and the one behind its last."""
+        """First pair of a world, and the pair after its last."""
         if self.stepper.worlds == 1:
             return 0, self.pair_count
         start, nodes = fetch(self.pairs.pair_start), self._nodes_of(world)
@@ -403,7 +404,7 @@ class WireContact:
             store(self.touch.touch_slip_work, 0.0)
 
     def _penetration(self) -> np.ndarray:
-        """[world] [m] largest penetration of those here."""
+        """[world] [m] largest penetration of the contacts here."""
         return fetch(self.max_penetration).reshape(self.stepper.worlds, -1).max(axis=1)
 
     def pop_max_penetration(self, rows: np.ndarray | None = None) -> np.ndarray:

@@ -129,7 +129,7 @@ class SpatialWorlds(Worlds):
         return np.concatenate([self.model.wires.held_node + k * each for k in range(self.stepper.worlds)])
 
     def _moving_clamps(self) -> MovingClamps | None:
-        """Clamps that a kernel moves with the load, and as they slide; not those that hang on a moving edge."""
+        """Clamps that a kernel moves with the load, some of them sliding; None without any, or on a moving edge."""
         wires, worlds = self.model.wires, self.stepper.worlds
         if not len(wires.held_node) or self.model.scene.has_moving_edge:
             return None
