@@ -1,1 +1,1 @@
-"""A run in its directory: records, checkpoints, summary, and what it shows."""
+"""A run in its directory: records, checkpoints, summary and tables."""

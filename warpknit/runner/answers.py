@@ -47,7 +47,7 @@ class Closing(Event):
 
 
 class ClosedRange(Values):
-    """A range of records in which a class is closed: the state `from` which and `to` which, each with its `stage`."""
+    """A range of records in which a class is closed: the states `from` and `to`, each with its `stage`."""
 
     closed_percent: float  # largest share of its pairs that are closed in the range
     lasts: bool  # true where the last record is in the range
@@ -208,8 +208,9 @@ def closing(run: Rows, name: str, threshold: float, yields: int | None = None) -
 
 
 def _closing_row(rows: Sequence[Row], closed: Sequence[bool], yields: int | None) -> int | None:
-    """Record from which a class stays closed to the load step's largest tension. Preferably before the record that
-    `yields`; else the first closed one.
+    """Record from which a class stays closed to the load step's largest tension.
+
+    Preferably a record before the wire `yields`; else the first record in which the class is closed.
     """
     for known in (rows[:yields], rows):
         begin = 0
@@ -242,8 +243,10 @@ def closed_ranges(rows: Sequence[Row], name: str, threshold: float) -> list[Clos
 
 
 def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | None]:
-    """Neighbouring rows between which the mean tension passes `tension` [N/m]. First in each load step, without changes of
-    temperature after the first passage; a row within the `error` of a tension stands twice. One None without any.
+    """Neighbouring rows between which the mean tension passes `tension` [N/m]: the first in each load step.
+
+    Changes of temperature after the first passage are left out. A row within the `error` of the tension stands twice. Without any
+    passage the result is one None.
     """
     slack = error * tension
     passages: list[Jump | None] = [(rows[0], rows[0])] if mean_tension(rows[0]) >= tension - slack else []
@@ -259,7 +262,7 @@ def _passages(rows: Sequence[Row], tension: float, error: float) -> list[Jump | 
 
 
 def _service_share(run: Rows, tension: float, around: Jump | None) -> Service:
-    """The share between two rows, or in one that is given twice; None: the mesh does not reach the tension.
+    """The share of active contacts between two rows, or in one given twice; None: tension not reached.
 
     `resolved`: whether both rows have the same share. Within a jump there is no state.
     """
@@ -338,8 +341,8 @@ def best_tension(run: Rows, limit: float, stress: str) -> Best | None:
     """Middle of the widest tension range with the most active contacts; or None. No stress there exceeds `limit` [Pa].
 
     run: up to the first row above the limit. stress: the column that counts. A range is a part of the path of one stage, or of
-    stages that go on loading at one temperature; where several have the most contacts, one at one temperature comes first, and
-    then the widest. A stage that holds the tension while the temperature changes has no range, and does not count.
+    stages that continue loading at one temperature. Of several ranges with the most contacts, a range at one temperature comes
+    first, then the widest. A stage that holds the tension while the temperature changes does not count.
     """
     parts = [part for part in _loadings(run.rows) if not _holds_tension(part)] or [list(run.rows)]
     every = [(found, part) for part in parts if (found := _best_of(replace(run, rows=part), limit, stress)) is not None]
@@ -365,7 +368,7 @@ def with_margin(best: Best, limit: float, first_yield: Event | None) -> Best:
 
 
 def _best_of(run: Rows, limit: float, stress: str) -> Best | None:
-    """The same of one part of the path. Contacts that only one record within it has do not count."""
+    """Best tension of one part of the path. Contacts that only one of its records has do not count."""
     rows = run.rows
 
     def share(row: Row) -> float:
@@ -411,7 +414,7 @@ def _sorted(pair: Sequence[Row]) -> list[Row]:
 
 
 def _middle(run: Rows, stress: str) -> Row:
-    """The state in the middle of the tensions of some rows: between two of them without a jump, else the nearest one."""
+    """The state in the middle of the tensions of some rows: between two rows without a jump, else the nearest row."""
     tensions = [mean_tension(row) for row in run.rows]
     middle = 0.5 * (min(tensions) + max(tensions))
     for before, after in pairwise(run.rows):
@@ -422,7 +425,7 @@ def _middle(run: Rows, stress: str) -> Row:
 
 
 def row_between(before: Row, after: Row, share: float, *names: str) -> Row:
-    """State, stress and columns `names` between two rows, with contacts of the nearer one."""
+    """State, stress and columns `names` between two rows; contacts of the nearest row."""
     values = {name: (1.0 - share) * before[name] + share * after[name] for name in (*STATE, "stress_max_Pa", *names)}
     return Row(**values, stage=after.stage, active_percent=(before if share < 0.5 else after).active_percent)
 

@@ -53,7 +53,7 @@ class Rows:
         return any(one is before and other is after for one, other in self.jumps)
 
     def is_near(self, before: Row, after: Row) -> bool:
-        """Whether two rows give the place of what happens between them."""
+        """Whether two rows are near enough to locate an event between them."""
         begin = before.load_factor if before.stage == after.stage else 0.0
         is_narrow = after.load_factor - begin <= self.tolerance * (1.0 + 1e-9)
         return is_narrow and not self.is_jump(before, after) and not is_slack(before, after)
@@ -100,7 +100,7 @@ def jumps_in_heat(part: Sequence[Row], expansion: float) -> list[Jump]:
 
 
 def jumps_under_tension(model: MeshModel, rows: Sequence[Row]) -> list[Jump]:
-    """Jumps of a mesh under equal tensions, along its mean tension; states that are not above all before are left out."""
+    """Jumps of a mesh under equal tensions, along its mean tension; only states above all earlier ones count."""
     tensions = np.maximum.accumulate([mean_tension(row) for row in rows])
     rising = [row for row, more in zip(rows, np.diff(tensions, prepend=-1.0) > 0.0, strict=True) if more]
     return jumps_along(model, rising, np.array([mean_tension(row) for row in rising]))

@@ -1,7 +1,8 @@
-"""Estimated errors of finished runs. One that was interrupted while they were found finds them on `--resume`.
+"""Estimated errors of finished runs. `--resume` completes an interrupted estimate.
 
 Errors of means over meshes: by their number, and by changes of nodes, friction and an overshoot of the load. Each change runs on
-two of the meshes, here or by a process beside the run. It is compared with the same two, so that their scatter drops out.
+two of the meshes, here or in a second process during the run. It is compared with the same two meshes, so their scatter drops
+out.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ def estimated(
 
 
 def estimated_again(scene: Scene, out: Path, summary: Summary, device: str, display: Display) -> CommandResult[Summary | None]:
-    """A finished run with its estimated error, which an interrupt left out."""
+    """A finished run with its estimated error, after an interrupted estimate."""
     estimator, variants = None, summary.variants
     if variants is not None and variants.count > 1 and scene.variants.sensitivity:
         estimator = Sensitivity(scene, device, {row.variant: row for row in read_rows(out / "variants.csv", Row)})
@@ -126,7 +127,7 @@ class Sensitivity:
         return {name: change for name, change in changes.items() if change is not None}
 
     def _change(self, before: Mapping[int, Row], after: Mapping[int, Row]) -> Values | None:
-        """From the rows of some meshes to other rows of the same; None where no mesh is in both."""
+        """Change between two sets of rows of the same meshes; None where no mesh is in both."""
         if not (both := before.keys() & after.keys()):
             return None
         first, second = (mesh_values_of(self.scene, [rows[k] for k in sorted(both)]).values for rows in (before, after))
@@ -134,9 +135,9 @@ class Sensitivity:
         return Values(**dict(zip(self.seen.names, relative.tolist(), strict=True)))
 
     def estimate(self, changes: Mapping[str, Values]) -> Estimate:
-        """Estimated errors of the means: of their number of meshes, of nodes and of friction, root of the sum of squares.
+        """Estimated errors of the means: root of the sum of squares over number of meshes, nodes and friction.
 
-        With a warning of changes that are not known, as none of their meshes runs to the end.
+        With a warning of changes that are not known, because no mesh runs to the end with them.
         """
         seen = self.seen
         parts = {"standard_error": seen.values.std(axis=0, ddof=1) / math.sqrt(len(seen.values)) / seen.scale}
@@ -168,7 +169,7 @@ class Sensitivity:
 
 
 def changes_of(scene: Scene) -> dict[str, Scene]:
-    """Scenes by what they change: the nodes a loop, and with these, which cost less, one thing more each."""
+    """Scenes by what they change: fewer nodes a loop, and one further change each at these nodes."""
     friction, overshoot, nodes = scene.contact.friction, scene.variants.overshoot, fewer_nodes(scene)
     coarse = replace(scene, model=replace(scene.model, nodes_per_loop=nodes))
     found = {NODES: coarse}
@@ -193,7 +194,7 @@ def _overshot(stage: Stage, overshoot: float) -> Stage:
 
 
 def changed_rows(scene: Scene, device: str, numbers: list[int], check: Check) -> ChangedRows:
-    """Rows of the meshes `numbers` with each change; of those whose loops fit, and that run to the end."""
+    """Rows of the meshes `numbers` with each change: if loops fit, and the runs reach the end."""
     meshes, models = [], []
     for name, changed in changes_of(scene).items():
         variants = VariantModels(changed, device)
@@ -218,7 +219,7 @@ class Beside:
         self._pipe, self._numbers = pipe, numbers
 
     def rows(self, numbers: list[int], check: Check) -> ChangedRows | None:
-        """Rows of the meshes; None of others than were begun, and where the process has failed."""
+        """Rows of the meshes; None if other meshes were begun, or if the process has failed."""
         if numbers != self._numbers:
             return None
         with suppress(EOFError, OSError):
@@ -231,7 +232,7 @@ class Beside:
 
 @contextmanager
 def beside(scene: Scene, device: str) -> Iterator[Beside | None]:
-    """Begin with the changes of the first meshes; None where no error is asked for, on a GPU, or on a single core."""
+    """Begin with the changes of the first meshes; None without a requested error, on a GPU, or on a single core."""
     started, numbers = None, list(range(MESHES))
     wanted = scene.variants.count > 1 and scene.variants.sensitivity
     if wanted and device == "cpu" and thread_count(2) > 1 and os.name == "posix":

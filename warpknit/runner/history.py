@@ -66,14 +66,14 @@ def kinetic_to_internal(rows: Sequence[Row], model: MeshModel) -> float:
 
 
 def energy_balance_of_stored(rows: Sequence[Row], model: MeshModel) -> float:
-    """Missing work without slack over the largest stored energy so far; 0 where almost none was stored."""
+    """Missing work, without slack steps, over the largest stored energy so far; 0 where almost none was stored."""
     largest = max(row.stored for row in rows)
     least = STORED_FLOOR * measure.energy_scale(model)
     return sum(missing_steps(rows, model), missing_work(rows[0], model)) / largest if largest > least else 0.0
 
 
 def missing_steps(rows: Sequence[Row], model: MeshModel) -> list[float]:
-    """[J] missing work between neighbouring rows; 0 while the mesh is slack, where two rows do not show the path of the force."""
+    """[J] missing work between neighbouring rows; 0 while the mesh is slack, because two rows do not resolve its force."""
     return [0.0 if is_slack(a, b) else missing_work(b, model) - missing_work(a, model) for a, b in pairwise(rows)]
 
 
@@ -125,7 +125,7 @@ def write_history(path: Path, rows: Sequence[Row], *before: str) -> None:
 
 
 def checked_probes(functions: Mapping[str, Probe] | None) -> dict[str, Probe]:
-    """Named functions of a `Record`. Raises `InputError` for a name that a column has, and for what is no function."""
+    """Named functions of a `Record`. Raises `InputError` for the name of a column, and for a value that is no function."""
     if not isinstance(functions, Mapping | None):
         raise InputError(f"probes: {functions!r} is not a dict; give functions of a record by name, {{'name': function}}")
     taken = {line.name for line in table.MEASURES}

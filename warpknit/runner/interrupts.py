@@ -13,7 +13,7 @@ STOPPING = b"\nstopping after this check; press Ctrl-C again to stop at once\n"
 def to_continue(again: str, *, resume: bool, force: bool) -> str:
     """Advice to continue an interrupted command, with its options.
 
-    again: what is given once more, as the command. resume: whether it already resumes, of itself or by the option.
+    again: what to repeat, such as the command. resume: whether it already resumes, always or by the option.
     """
     by_option = "" if resume else ", with --resume" if force else " and --resume"
     in_place = "" if not force else " without --force" if resume else " in place of --force"

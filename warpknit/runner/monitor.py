@@ -56,7 +56,7 @@ class Monitor:
         show: Callable[[Progress], None] = lambda _progress: None,
         recorded: Callable[[], Mapping[str, object]] = dict,
     ) -> None:
-        """recorded: the rows so far, and what else a checkpoint is to hold."""
+        """recorded: returns the rows so far, and further content of a checkpoint."""
         self.out = out
         self._scene = simulation.model.scene
         self._ranks = simulation.model.ranks
@@ -77,7 +77,7 @@ class Monitor:
         simulation.monitor = self._check
 
     def run(self, keep: Callable[[Record], None], then: Callable[[], Simulation | None] = lambda: None) -> LoopResult:
-        """Run to the end; `keep` receives every record. then: the simulation that follows one that has ended, or None."""
+        """Run to the end; `keep` receives every record. then: returns the next simulation after one ends, or None."""
         with self.interrupts.handled():
             try:
                 following: Simulation | None = self.simulation
@@ -119,7 +119,7 @@ class Monitor:
 def write_checkpoint(directory: Path, simulation: Simulation, wall: float, recorded: Mapping[str, Any] | None = None) -> None:
     """Save state, solver variables and progress of each world; `wall` [s] is the wall time so far.
 
-    recorded: the `rows` of the records so far, and more that is plain.
+    recorded: the `rows` of the records so far, and further plain values.
     """
     ranks = simulation.model.ranks
     turn = ranks.from_first(lambda: 1 - _valid_turn(directory))

@@ -1,4 +1,4 @@
-"""Spatial means under the load of a planar tile, where they take seconds."""
+"""Spatial means under the load of a planar tile, if they take only seconds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _TooLong(Exception):
 
 
 def spatial_means(scene: Scene, monitor: Callable[[int], None], pair: tuple[float, float] | None = None) -> SpatialMeans | None:
-    """Means of the spatial model; None for it, for meshes that are no tiles, and where it does not come to an end in time.
+    """Means of the spatial model for a planar tile; None for other meshes, and where they take too long.
 
     monitor: called at every check with the time steps so far, may raise to stop. pair: a load of [sweep]; default: the scene's.
     """
@@ -68,9 +68,9 @@ def spatial_means(scene: Scene, monitor: Callable[[int], None], pair: tuple[floa
 
 
 def _spatial(scene: Scene) -> Scene | None:
-    """The scene in the spatial model by its preset; None where it is in it, has no tile, or keys that this model lacks.
+    """The scene in the spatial model, by its preset; None for a spatial scene, without a tile, or with planar keys.
 
-    Numerics that the scene gives are of the planar model, with which fewer nodes do.
+    Nodes and other numerics of the scene are left out: they are for the planar model, which needs fewer nodes.
     """
     is_tile = scene.model.boundary == "periodic" and scene.solver.drive == "relax"
     if not scene.variants.sensitivity or scene.model.of_kind.own_loops or not is_tile:

@@ -23,7 +23,7 @@ NOTEBOOK_STEP = 0.01  # of the work, between updates of a notebook
 
 
 class Display:
-    """Progress of a command, stage by stage; it never decreases. This one shows nothing."""
+    """Progress of a command, stage by stage; it never decreases. This base class shows nothing."""
 
     title = now = text = ""  # name of the stage, what is done now where that is not the whole, and the progress in words
     done = load_factor = clock = 0.0  # share of the work and of the load; [s] of the last update
@@ -43,7 +43,7 @@ class Display:
         self.show_stage()
 
     def update(self, *, done: float | None, load_factor: float, node_steps_per_s: float | None = None, now: str = "") -> None:
-        """Show the share of the expected work that is `done` (None: unknown, a search), and of the load (0 to 1)."""
+        """Show the share of expected work that is `done` (None: unknown, in a search), and of the load (0 to 1)."""
         self.clock, self.now, self.is_search = time.monotonic(), now, done is None
         self.load_factor = max(self.load_factor, load_factor)
         self.done = max(self.done, min(self.load_factor if done is None else done, 1.0))

@@ -144,7 +144,7 @@ class Recorder:
 
     @property
     def estimator(self) -> Estimator | None:
-        """Estimates the error of the last record of a finished run; None where it is not asked for."""
+        """Estimator of the error of the last record of a finished run; None if not requested."""
         find, last = self.error_estimator, self._last
         return None if find is None or last is None else lambda _check: find(last)
 
@@ -166,7 +166,7 @@ class Recorder:
             self._last = record  # else its fields are not kept while the next one is solved
 
     def _recorded(self) -> dict[str, object]:
-        """The rows so far, for a checkpoint, whose frames are on the disk then."""
+        """The rows so far, for a checkpoint, after their frames are on the disk."""
         self.frames.flush()
         return {"rows": [vars(row) for row in self.rows]}
 
@@ -199,7 +199,7 @@ class Recorder:
         return summary
 
     def _take_up(self, rows: list[Row]) -> None:
-        """Go on behind the rows of a checkpoint."""
+        """Continue after the rows of a checkpoint."""
         names = list(self.probes)
         if rows and (began := list(rows[0].probes)) != names:
             raise RunDirectoryError(
@@ -233,7 +233,7 @@ class Recorder:
     # --- exports ---
 
     def _export(self) -> None:
-        """Draw the figures and write the VTK files that the scene asks for."""
+        """Draw the figures and write the VTK files, as the scene requests."""
         from ..export import export_record
         from ..export.knit_figure import knit_figure
         from ..export.run_record import read_run

@@ -64,7 +64,7 @@ def check_directory(
 ) -> tuple[Tree | None, bool]:
     """Summary of a finished result in `out` on --resume; whether to continue one there.
 
-    kind: run, map or trade. command: that asks, where it is not `kind`: a report, which makes a map. Raises RunDirectoryError
+    kind: run, map or trade. command: the command, where it is not `kind`: a report, which makes a map. Raises RunDirectoryError
     with the options to use, where `out` has other results or other files.
     """
     if out.exists() and not out.is_dir():
@@ -92,7 +92,7 @@ def check_directory(
 
 
 def _held_results(out: Path) -> tuple[str, str, Tree]:
-    """State and kind of the results in `out`: a finished, interrupted or killed run, map or trade; and its summary."""
+    """State and kind of the results in `out`, such as an interrupted map; and their summary."""
     for name, kind in SUMMARIES.items():
         if (summary := read_summary(out, name)) is not None:
             return "finished", kind, summary
@@ -167,7 +167,7 @@ def _free_beside(out: Path, wanted: str) -> Path:
 
 
 def directory_of(given: str | os.PathLike[str], name: str) -> Path:
-    """The path of a directory that the argument `name` gives in code. Raises RunDirectoryError for what is no path."""
+    """The path of a directory from the argument `name` in Python. Raises RunDirectoryError for a value that is no path."""
     if not isinstance(given, str | os.PathLike) or not os.fspath(given):
         raise RunDirectoryError(f"{name}: {shown(given)} is not a path; give a directory, such as 'runs/cell'")
     return Path(given)

@@ -9,7 +9,7 @@ LIMITS = {"tensile_strength": "strength", "yield_stress": "elastic limit"}  # of
 
 
 def assumed_note(key: str, is_assumed: bool) -> str:
-    """Note that a dotted key has the material's default; empty where the scene gives it."""
+    """Note on the material's default of a dotted key; empty where the scene gives it."""
     return f" (assumed; set {key})" if is_assumed else ""
 
 

@@ -35,7 +35,7 @@ PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of s
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated errors of the last state of a run; `changes` of means, which give them."""
+    """Estimated errors of the last state of a run; of means also the `changes` behind them."""
 
     error: float | None = None  # of means: root of the sum of squares of `standard_error`, `nodes` and `friction`; with
     # `run --error`: 1.3 times the largest error of `quality.estimated_errors`, plus 0.2 %; else null
@@ -79,7 +79,7 @@ class Summary:
         return self.stages[-1] if self.stages else Row()
 
     def json(self) -> Tree:
-        """All of summary.json, with the values of the last stage on top."""
+        """All of summary.json, with the values of the last stage at the top level."""
         stages = [{"name": row.stage} | sections_of(row) for row in self.stages]
         last = sections_of(self.end)
         if self.stages:

@@ -75,7 +75,7 @@ def heading(name: str, text: str, state: str) -> Finding:
 
 
 def _earlier_steps(stages: Sequence[Row]) -> Iterator[Finding]:
-    """The load steps before the last one; only their number of two hooked wires."""
+    """The load steps before the last one; for two hooked wires only their number."""
     if len(stages) > 1:
         yield Finding("load step", stages[-1].stage, where=f", the last of {len(stages)}", short=True)
     for end in stages[:-1]:
@@ -87,7 +87,7 @@ def _earlier_steps(stages: Sequence[Row]) -> Iterator[Finding]:
 
 
 def _solver_findings(result: Summary) -> Iterator[Finding]:
-    """What else is known of the computation."""
+    """Further rows on the computation."""
     solver = result.solver
     yield Finding("  wall time", f"{duration(solver.wall_s, 3)} {TIMED}")
     if solver.compile_s > 1.0:
@@ -100,7 +100,7 @@ def _solver_findings(result: Summary) -> Iterator[Finding]:
 
 
 def _spatial_finding(other: SpatialMeans) -> Finding:
-    """What the spatial model gives under the load of a planar tile."""
+    """Results of the spatial model under the load of a planar tile."""
     strain = f"{percent(other.strain_weft, 2)} weft, {percent(other.strain_warp, 2)} warp"
     tension = sides_text((other.tension_weft_N_per_m, other.tension_warp_N_per_m), "N/m")
     active, stress = percent(0.01 * other.active_percent), engineering(other.stress_max_Pa, "Pa")
@@ -120,7 +120,7 @@ def _error_finding(estimate: Estimate) -> Finding:
 
 
 def _variants_findings(variants: Means) -> Iterator[Finding]:
-    """Ranges of the figures over meshes, and whether meshes are of one kind."""
+    """Ranges of the figures over meshes, and meshes on another branch."""
     figures = {
         "strain": ("strain_weft", "strain_warp"),
         "tension": ("tension_weft_N_per_m", "tension_warp_N_per_m"),
@@ -157,7 +157,7 @@ def _shown(name: str, value: float) -> str:
 
 
 def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding]:
-    """Strain, tension and contacts of a mesh; here, between: where its contacts are that are counted in pairs, and the others."""
+    """Strain, tension and contacts of a mesh; here, between: words for contacts in pairs, and for other contacts."""
     end, panel, given = result.end, result.end.get("panel") or {}, result.scene.get("by_tension") or [True, False]
     weft, warp = (percent(end[f"strain_{side}"], 2) for side in SIDES)
     yield Finding("strain", f"{weft} weft, {warp} warp", short=any(given))
@@ -184,7 +184,7 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
 
 
 def _stress_findings(end: Row, has_grips: bool, variants: Means | None) -> Iterator[Finding]:
-    """Largest stress, and what of the wire has yielded."""
+    """Largest stress, and the yielded share of the wire."""
     stress, limit = end.stress_max_Pa, end.yield_stress_Pa
     shown = stress * (stress > LEAST_STRESS * limit)
     assumed = f" (assumed {engineering(limit, 'Pa')})" if end.yield_stress_assumed else ""

@@ -1,4 +1,4 @@
-"""The results of [variants]: means over meshes that are alike but for what scatters, and how far single ones lie from them."""
+"""The results of [variants]: means over meshes with scatter, and the deviations of single meshes."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def mesh_values_of(scene: Scene, ends: Sequence[Row]) -> MeshValues:
 
 
 def wanted(count: int, standard_error: float, found: int, error: float) -> int:
-    """Number of wanted meshes, with `found` ones and their standard `error`; `found` is enough."""
+    """Number of meshes to run, after `found` meshes with a standard `error`; `found` itself if these are enough."""
     half = count // 2
     if found < half and standard_error and half >= FEWEST:
         return half
@@ -130,7 +130,7 @@ def wanted(count: int, standard_error: float, found: int, error: float) -> int:
 
 
 def first_meshes(variants: Variants) -> int:
-    """Meshes that run first, by which it is decided whether they are enough."""
+    """Number of meshes that run first, before the check whether they are enough."""
     return wanted(variants.count, variants.standard_error, 0, math.inf)
 
 
@@ -145,7 +145,7 @@ def range_of(values: Any) -> NDArray[np.float64]:
 def mean_row(rows: Sequence[Row], median: int) -> Row:
     """Mean of rows of the same load; places and words are the `median` mesh's.
 
-    p10_NAME, p90_NAME: a figure that a tenth of the meshes is below, or above.
+    p10_NAME, p90_NAME: a tenth of the meshes is below p10, a tenth above p90.
     """
     mean = {name: _mean([row.get(name) for row in rows], value) for name, value in vars(rows[median]).items()}
     mean |= {name: float(np.median([row[name] for row in rows])) for name in CLOSING if mean.get(name) is not None}
@@ -195,7 +195,7 @@ def variant_warnings(variants: Means, asked: float) -> Iterator[ResultWarning]:
 
 
 def branch_of(seen: MeshValues) -> Branch | None:
-    """The fewer meshes of two groups between which there is a gap; None where they are one."""
+    """The smaller of two groups of meshes with a gap between them; None for a single group."""
     count = len(seen.values)
     best: tuple[float, str, NDArray[np.bool_]] | None = None
     for name, values in zip(seen.names, seen.values.T, strict=True):

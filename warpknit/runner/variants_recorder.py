@@ -70,7 +70,7 @@ class MeshGroups:
         return self._simulation(numbers)
 
     def follow(self, more: int) -> Simulation:
-        """Next simulation, with `more` more meshes, or less."""
+        """Next simulation, with up to `more` further meshes."""
         self.note_failures()
         self.finished_steps += self.simulation.steps
         self.simulation = self._next(more)
@@ -87,7 +87,7 @@ class MeshGroups:
 
     @property
     def share(self) -> float:
-        """Of the loads of the meshes begun, what is done."""
+        """Completed share of the loads of the meshes begun."""
         running = self.simulation.drives
         done = [(drive.progress.stage_index + drive.progress.load_factor) / len(self.scene.stages) for drive in running]
         done = [1.0 if world in self.simulation.failures else min(1.0, share) for world, share in enumerate(done)]
@@ -139,7 +139,7 @@ class VariantsRecorder(Recorder):
             self.members.setdefault(row.variant, []).append(row)
 
     def _whole_members(self) -> dict[int, list[Row]]:
-        """The rows of each mesh that has come to the end of its load."""
+        """The rows of each mesh that has reached the end of its load."""
         return {
             number: rows
             for number, rows in sorted(self.members.items())
@@ -150,7 +150,7 @@ class VariantsRecorder(Recorder):
         return mesh_values_of(self.scene, [rows[-1] for rows in whole.values()])
 
     def _following(self) -> Simulation | None:
-        """More meshes, where the means are not known well enough."""
+        """Simulation of further meshes, where the means are not known well enough."""
         self.meshes.note_failures()
         whole, variants = self._whole_members(), self.scene.variants
         found = len(self.meshes.begun)

@@ -90,7 +90,7 @@ def fragment_share(end: Row, side: str) -> float:
 
 
 def _yielding(stages: Sequence[Row]) -> str:
-    """How much of a plastic wire yields."""
+    """The yielded share of a plastic wire, in words."""
     share = max((end.plastic_fraction or 0.0 for end in stages), default=0.0)
     if share == 0.0:
         return "it yields in bending alone, which stays below"
@@ -181,7 +181,7 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
 
 
 def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Whether two hooked wires have lost contact."""
+    """Warning on two hooked wires that have lost contact."""
     force = [min(row.force_left_N, row.force_right_N) for row in rows]
     if not force or force[-1] > 0.0 or max(force) == 0.0:
         return
@@ -191,7 +191,7 @@ def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
 
 
 def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Warning on the first snap-through between levels, with the number of others. By the rule that marks the cells of a map."""
+    """Warning on the first snap-through between levels, with the number of others; by the rule of maps."""
     if found := jumps_of(model, rows):
         a, b = found[0]
         others = f", and at {counted(len(found) - 1, 'more place')}" if len(found) > 1 else ""
@@ -202,13 +202,13 @@ def _changed_branch(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWar
 
 
 def _between(a: Row, b: Row) -> str:
-    """Loads of two neighbouring records, as shares of the second one's load step."""
+    """Loads of two neighbouring records, as shares of the load step of the second."""
     before = a.load_factor if a.stage == b.stage else 0.0
     return f"{100.0 * before:.3g} % and {100.0 * b.load_factor:.3g} % of {b.stage!r}"
 
 
 def _unbalanced(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Warning on work that is not stored, with the records around most of it; slack does not count."""
+    """Warning on work that is not stored: with the records around most of it, without slack."""
     balance = stages[-1].get("energy_balance_of_stored", 0.0) if stages else 0.0
     if abs(balance) <= UNBALANCED or model.scene.output.levels < LEVELS_FOLLOWED:
         return

@@ -53,7 +53,7 @@ class Convergence:
         to_ratio: np.ndarray | float = 1.0,
         is_followed: np.ndarray | bool = False,
     ) -> np.ndarray:
-        """[row] larger of the residual ratio and the drift ratio of the tension; below 1: converged.
+        """[row] the larger ratio, of the residual or of the drift of the tension; below 1: converged.
 
         The drift ratio is computed where the residual ratio is small enough; only there `stress` (row, 2, 2) [N/m] is evaluated.
         to_ratio: requested ratios of the residual, of all or [row]. Above 1 the drift does not count. is_followed: whether the
@@ -87,11 +87,11 @@ class Convergence:
         return np.asarray(np.where(self._met[rows] > self.drift.required_checks, drift, UNKNOWN))
 
     def drifts(self, row: int) -> bool:
-        """Whether only the tension criterion keeps a mesh from convergence."""
+        """Whether only the drift of the tension is above its tolerance."""
         return bool(self._met[row] > 0)
 
     def is_stalled(self, rows: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-        """[row] whether a level makes no progress; checks that the drift has to wait for do not count."""
+        """[row] whether a level makes no progress; checks that only wait for the drift do not count."""
         met = self._met[rows]
         waits = (met > 0) & (met <= self.drift.required_checks)
         criterion = (met > 0).astype(int)

@@ -100,13 +100,13 @@ class Drive(ABC):
     # --- loads
 
     def begin_stage(self, stage: Stage) -> None:
-        """Begin a stage, unless it goes on."""
+        """Begin a stage, unless it has begun."""
         self.progress.stage = stage.name
         if not self.progress.start.gradient:
             self.progress.start = self.load_now()
 
     def end_stage(self) -> None:
-        """Go on to the next stage."""
+        """End a stage; the next one follows."""
         progress = self.progress
         progress.stage_index += 1
         progress.level, progress.start, progress.time, progress.keeps_own = 0, LoadStart(), 0.0, False

@@ -46,7 +46,7 @@ CORD_STEPS, CORD_ERROR = 8, 1e-3  # Newton steps of a cord in a correction, and 
 
 
 def is_settled(residual: float, before: float) -> bool:
-    """Whether short waves have decayed. Residuals over their tolerance, of this check and the one before."""
+    """Whether short waves have decayed; from the residuals over their tolerance at this and the last check."""
     return residual > SLOW_DECAY * before or residual < SETTLED
 
 
@@ -91,8 +91,8 @@ def _with_cord(stiffness: sparse.csr_matrix, cord: sparse.csr_matrix) -> sparse.
 class Aitken:
     """Aitken's relaxation factor of one kind of correction.
 
-    Full corrections overshoot where the stiffness is larger than the one they assume. The factor of the next one follows from the
-    last correction d0, applied with the factor w, and the new one d1:  w -> -w d0 . (d1 - d0)/|d1 - d0|^2
+    Full corrections overshoot where the assumed stiffness is too small. The next factor follows from the last correction d0,
+    applied with the factor w, and the new correction d1:  w -> -w d0 . (d1 - d0)/|d1 - d0|^2
     """
 
     KEPT = ("factor", "_last")
@@ -223,7 +223,7 @@ class Membrane:
         return float(np.sqrt(np.mean(total[free, axes] ** 2))) / max(wires, least * spacing)
 
     def solve_rim(self, edge: EdgeState) -> tuple[Correction, float]:
-        """The same for the edge alone, with the mesh behind it fixed."""
+        """Solve for the edge alone, with the mesh behind it fixed."""
         pull = self._pull(edge)[:, :2]
         force = np.zeros(self._tied.shape[1])
         force[-pull.size :] = pull.ravel()
@@ -350,7 +350,7 @@ class Lift:
     def _correct(self) -> None:
         """Measure the error of the height, and lift the mesh by it.
 
-        Not where it is small, or has not decreased by many corrections.
+        The mesh stays where the error is small, or where many corrections have not reduced it.
         """
         mechanics, membrane = self.mechanics, self.membrane
         membrane.imbalance()

@@ -66,5 +66,5 @@ def worlds_of(models: Sequence[Model], state: Any = None) -> Worlds:
 
 
 def kind_of(scene: Scene) -> ModuleType:
-    """The kind of model of a scene: its module `kind`, with a description in words and settings of probe runs besides."""
+    """The kind of model of a scene: its module `kind`, with a description and settings of probe runs."""
     return import_module(f"warpknit.{scene.model.kind}.kind")

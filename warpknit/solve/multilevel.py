@@ -196,8 +196,9 @@ class MultilevelRelaxation(Relaxation):
         self._move_edge(target)
 
     def _return_to_own(self, failed: np.ndarray) -> None:
-        """Return to the state before this level started from the smaller mesh; the load step goes on without one repeat.
+        """Return to the state before this level started from the smaller mesh.
 
+        After a start from one repeat, the load step continues without that repeat.
         failed: (2, 2) deformation gradient of that start.
         """
         assert self.prolongation is not None
@@ -260,7 +261,7 @@ class MultilevelRelaxation(Relaxation):
 
     @property
     def _unknown_imbalance(self) -> float:
-        """Imbalance of an uncorrected mesh; only a free edge's matters."""
+        """Imbalance of an uncorrected mesh; it matters only for a free edge."""
         return 1e30 if self.membrane is not None and self.membrane.rim.is_free else 0.0
 
     def corrected(self, ratio: float) -> float:
@@ -282,8 +283,9 @@ class MultilevelRelaxation(Relaxation):
         return TENSION_FLOOR * tension_scale(self.model)
 
     def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> bool:
-        """Apply a membrane correction unless the mesh is balanced; return whether it moved. Where its residual `ratio` exceeds 1
-        it is balanced well, and out of the plane too.
+        """Apply a membrane correction unless the mesh is balanced; return whether it moved.
+
+        ratio: of its residual; above 1 the correction balances it to a smaller imbalance, and across the mesh too.
         """
         progress, rim = self.progress, membrane.rim
         least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
@@ -335,7 +337,7 @@ class MultilevelRelaxation(Relaxation):
             self._move_in_parts(membrane, part)
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
-        """Move the mesh by a correction, in parts that it may take at once; in smaller ones after one that overlapped deeply."""
+        """Move the mesh by a correction, in parts of allowed size; parts are smaller after a deep overlap."""
         throttle = 1.0
         while (part := throttle * correction.max_factor) < 1.0 - 1e-9:
             self._move(membrane, correction.scaled(part))
@@ -346,7 +348,7 @@ class MultilevelRelaxation(Relaxation):
         self._move(membrane, correction)
 
     def _move(self, membrane: Membrane, correction: Correction) -> None:
-        """Move the mesh by a correction that it may take at once."""
+        """Move the mesh by a correction of allowed size."""
         membrane.move(correction)
         self._move_clamps(correction)
         self.mechanics.begin_level()

@@ -62,7 +62,7 @@ class Target:
 
 
 class Unsolved:
-    """Marker of the levels of a relaxation: an equilibrium is needed next."""
+    """Marker between levels of a relaxation: the next step is to find an equilibrium."""
 
 
 UNSOLVED = Unsolved()
@@ -170,10 +170,10 @@ class Relaxation(Drive):
             yield from self._recorded(stage, share, ends_only)
 
     def refined_levels(self, stage: Stage, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
-        """The same for few levels, refined where something happens between two of them.
+        """Records of few levels, and of further levels around events between them.
 
-        There the mesh returns to the lower level and is loaded half-way. The upper level is kept, and recorded when all levels
-        before it are.
+        There the mesh returns to the lower level and is loaded half-way. The upper level is kept, and recorded after all levels
+        before it.
         """
         progress, targets = self.progress, self._targets
         unloaded = progress.stage_index == 0
@@ -212,7 +212,7 @@ class Relaxation(Drive):
             yield from self._recorded(stage, upper.share, ends_only)
 
     def _fewest_levels(self, stage: Stage) -> int:
-        """Levels of a stage in which nothing happens: increments of a tight knit stay on its path."""
+        """Number of levels of a stage without events; small enough increments for a tight knit."""
         follows = self.scene.depends_on_path or self.model.cloth is None or smaller_scene(self.scene) is not None
         if follows or not self.scene.model.of_kind.has_branches or not is_tight(self.scene):
             return FEWEST_LEVELS
@@ -227,7 +227,7 @@ class Relaxation(Drive):
         return Target(share, self.snapshot(), self.mechanics.has_left, level)
 
     def _has_event(self, lower: Target, upper: Target) -> bool:
-        """Whether something happens between two levels."""
+        """Whether an event lies between two levels."""
         scale = energy_scale(self.model.global_model)
 
         def is_found() -> bool:
@@ -276,7 +276,7 @@ class Relaxation(Drive):
         progress.part, progress.cuts, self._before = 0, 0, {}
 
     def _keep(self, *, may_cut: bool) -> None:
-        """Keep the present equilibrium, unless the mesh is large; a resumed level has what was kept as it began."""
+        """Keep the present equilibrium, unless the mesh is large; a resumed level keeps its first one."""
         if self.progress.solving:
             return
         self._before = {}
@@ -284,7 +284,7 @@ class Relaxation(Drive):
             self._before = self.snapshot()
 
     def _cut(self, error: Diverged) -> None:
-        """Return to the last equilibrium, with increments half as large; raises the error where that is not to be."""
+        """Return to the last equilibrium and halve the increments; raises the error after too many cuts."""
         progress, steps = self.progress, self.progress.steps
         is_slow = isinstance(error, NoProgress) and progress.cuts >= MAX_SLOW_CUTS
         if not self._before or is_slow or error.is_final:
@@ -334,12 +334,13 @@ class Relaxation(Drive):
         return self.mechanics.observe().nominal_stress, self.mechanics.state_variables()
 
     def _prepare(self, load: LoadPoint) -> LoadPoint:
-        """Prepare a load level; return its load, with the strains from which a wanted tension is reached: the present ones, and
-        the expansion of the wires."""
+        """Prepare a load level; return its load.
+
+        Where tension is given, the load begins at the present strains, plus the expansion of the wires."""
         return strained(load, self._expansion(load) * load.gradient)
 
     def _expansion(self, load: LoadPoint) -> float:
-        """Length of the wires at the temperature of a load over that now."""
+        """Length of the wires at the temperature of a load over their present length."""
         return self.scene.wire.length_factor(load.temperature) / float(self.state.steering.length_factor)
 
     def begin_level(self, load: LoadPoint, to_ratio: float) -> None:
@@ -399,7 +400,7 @@ class Relaxation(Drive):
         return StepLimitExceeded(self._unconverged(f" in {self.step_limit:,} steps; raise solver.max_steps, or try"))
 
     def _unconverged(self, how: str) -> str:
-        """What a level lacks for convergence, and what may help."""
+        """Unmet criteria of a level, and advice."""
         (wire, node), tolerance = self.mechanics.fastest(), self.scene.solver.residual_tolerance
         advice, unmet = " or solver.residual_tolerance", ""
         if self.progress.residual < tolerance and not self.equilibrium.convergence.drifts(self.row):

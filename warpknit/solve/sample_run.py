@@ -1,4 +1,4 @@
-"""The first steps of a small mesh of a scene, measured: from them `warpknit plan` has steps and time of a run."""
+"""The first steps of a small mesh of a scene, measured: `warpknit plan` estimates steps and time from them."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Measured:
 
     @property
     def is_bound(self) -> bool:
-        """Whether a run takes more steps: the sample run has not come to a load."""
+        """Whether the steps are a lower bound: the sample run has not reached a load level."""
         return not self.small.place and not self.small.failure
 
 
@@ -132,7 +132,10 @@ def measure_meshes(scene: Scene, count: int) -> Measured:
 
 
 def sample_model(scene: Scene) -> tuple[Model, bool]:
-    """The model of the scene's mesh, and True; of fewer repeats where it is large, and False. Raises the errors of a run."""
+    """Model for a sample run, of fewer repeats where the mesh is large; and whether it is the mesh of the scene.
+
+    Raises the errors of a run.
+    """
     nodes = mesh_nodes(scene)
     if scene.hook is not None or scene.wires is not None or nodes <= SAMPLE_NODES:
         return build_model(scene), True

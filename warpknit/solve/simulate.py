@@ -154,7 +154,7 @@ class Simulation:
     # --- drives
 
     def _relaxation(self, mechanics: Mechanics, progress: Progress, cell: Relaxation | None) -> Relaxation:
-        """A relaxation with its smaller meshes."""
+        """Build a relaxation with its smaller meshes."""
         model: Model = mechanics.model
         monitored = partial(self._monitored, model=model)
         scene = smaller_scene(model.scene) if model.cloth is not None else None
@@ -257,7 +257,7 @@ class Simulation:
 class SideBySide:
     """Worlds of one topology, each with a relaxation (`members`).
 
-    Each goes through its own levels, and those that are done or have failed wait.
+    Each world has its own levels. Worlds that are done or have failed wait.
     """
 
     def __init__(

@@ -80,7 +80,7 @@ class VariantModels:
         return self.model(self.taken[place])
 
     def take(self, count: int, fits: Callable[[list[Any], Any], bool] = lambda _models, _model: True) -> list[int]:
-        """Numbers of the next meshes: up to `count`, where `fits` allows. Raises what the last one raises where no mesh fits."""
+        """Numbers of the next meshes, up to `count`, where `fits` allows. Raises the last error where no mesh fits."""
         taken: list[int] = []
         end = self.next + TRIES * max(count, self.scene.variants.count)
         while len(taken) < count and self.next < end:

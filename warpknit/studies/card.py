@@ -1,18 +1,18 @@
 """The orthotropic material card of a mesh under tension: tangent membrane stiffness and thermal expansion.
 
 The mesh is in equilibrium at a deformation gradient F0, and from there strained a little further by f, F = f F0. Everything
-refers to the tensioned mesh: its width and length count as 1, and the tension that is there is the prestress of the FE model.
+refers to the tensioned mesh: its width and length count as 1, and its tension is the prestress of the FE model.
 
     stress   S = f^-1 P F0^T / det F0 [N/m]   second Piola-Kirchhoff, P the nominal stress of measure/__init__.py
     strain   E = (f^T f - 1) / 2              Green-Lagrange
     C = dS/dE at f = 1                        by central differences, symmetric as S = dw/dE
 
 Geometric stiffness is not in C: an FE model with prestress adds it. With w the energy per tensioned area and L the length factor
-of the wires, dS/dL = d(dw/dL)/dE is had from the same states, and heat changes S by -C alpha a kelvin,
+of the wires, dS/dL = d(dw/dL)/dE follows from the same states, and heat changes S by -C alpha per kelvin,
 
     alpha = -C^-1 (dS/dL) alpha_wire.
 
-What a test machine sees is D, the change of the true tension s by the strains e, geometric stiffness included,
+A test machine measures D, the change of the true tension s by the strains e, with geometric stiffness,
 
     D_ii = C_ii + s_i     D_12 = C_12 - s_1     D_21 = C_12 - s_2.
 
@@ -176,8 +176,8 @@ def find_card(
 ) -> tuple[MaterialCard, Observables]:
     """The card under `load` and the tensioned mesh, from a state near it. model: periodic, see `exact_model`.
 
-    All states of the differences start from that mesh. `monitor` is called with the share of them that is found. ahead: a little
-    more of the load, which a mesh with friction or yield needs. Raises `Diverged` where the mesh does not converge.
+    All states of the differences start from that mesh. `monitor` is called with the completed share of the states. ahead: a load
+    a little further on, for a mesh with friction or yield. Raises `Diverged` where the mesh does not converge.
     """
     path = LoadPath(model, begin)
     base = path.to(load).observables

@@ -147,7 +147,7 @@ def _unstable(card: MaterialCard) -> ResultWarning:
 
 
 def strength_values(card: MaterialCard, scene: Scene) -> Iterator[tuple[str, float, str, str]]:
-    """Rows of the limits of the wire, and of the stress over them."""
+    """Rows of the limits of the wire, and of the stress over each."""
     wire = scene.wire
     for name, limit, what in (
         ("yield_stress", wire.yield_stress, "elastic limit"),

@@ -200,7 +200,7 @@ def load_texts(loads: Pair, by_tension: bool) -> list[str]:
 
 
 def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[ResultWarning]:
-    """What the jumps of a map mean."""
+    """Warning on the jumps of a map."""
     if not found:
         return
     loads = both(*(load_text(load, by_tension) for load in found[0]))
@@ -210,7 +210,7 @@ def jump_warning(found: Sequence[Jump], by_tension: bool = False) -> Iterator[Re
 
 
 def unconverged_warning(rows: Sequence[MapRow], by_tension: bool) -> Iterator[ResultWarning]:
-    """How many pairs of loads did not converge."""
+    """Warning on pairs of loads that did not converge."""
     failed, quantity = sum(row.stop_reason != STEADY for row in rows), "tensions" if by_tension else "strains"
     if failed:
         yield ResultWarning("W39", f"{failed} of {len(rows)} pairs of {quantity} did not converge.")
@@ -230,7 +230,7 @@ class TensionRange(Values):
 
 
 def drift_name(drift: TensionRange) -> str:
-    """What drifts, in words."""
+    """The varied tension of a range, in words."""
     return "valid both tensions" if drift.along == "both" else f"valid {drift.along} tension"
 
 
@@ -259,7 +259,7 @@ class Optimum(Row):
 
 
 def optimum_warnings(optimum: Optimum | None, jumps: Sequence[Jump]) -> Iterator[ResultWarning]:
-    """What limits the optimum: the edge of the map, and jumps to another equilibrium beside it."""
+    """Warnings on the optimum: at the edge of the map, or beside jumps to another equilibrium."""
     if optimum is None:
         return
     if optimum.at_edge:
@@ -273,7 +273,7 @@ def _is_beside_jump(load: Pair | None, jumps: Sequence[Jump]) -> bool:
 
 
 def optimum_note(load: Pair | None, jumps: Sequence[Jump], *, found_again: bool = True) -> str:
-    """What limits the optimum at a load, in the few words of a label; empty where nothing does."""
+    """Limits of the optimum at a load, in few words for a label; empty without any."""
     return (", beside a snap-through" if _is_beside_jump(load, jumps) else "") + ("" if found_again else ", not found again")
 
 
@@ -348,7 +348,7 @@ def _drifts(rows: Sequence[MapRow], best: MapRow, yield_stress: float, jumps: Se
 
 
 def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:
-    """Whether there is a jump from one cell to the next, along both loads: on each way, first along weft or first along warp."""
+    """Whether there is a jump between two cells, on both ways: weft first and warp first."""
     corners = (high[0], low[1]), (low[0], high[1])
     return all((low, corner) in jumps or (corner, high) in jumps for corner in corners)
 

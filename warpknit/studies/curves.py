@@ -28,8 +28,8 @@ def tension_strain(
 ) -> list[Row]:
     """The curves of all LOADS up to the strains `weft` and `warp`; both together grow in proportion.
 
-    meshes: one, or several, whose curves are means with the ranges of eight in ten. `monitor` is called with the share of
-    the curves that is found.
+    meshes: one, or several, whose curves are means with the ranges of eight in ten. `monitor` is called with the completed share
+    of the curves.
     """
     points = []
     for number, (name, along_weft, along_warp) in enumerate(LOADS):

@@ -1,6 +1,6 @@
 """Equilibria under equal tensions in weft and warp, from the mesh as knitted; service points; equal tensions of a map.
 
-One path serves the service tensions, the material card at a tension, the answers of a report, and what heat does (heat.py).
+One path gives the service tensions, the material card at a tension, the answers of a report, and the effect of heat (heat.py).
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def load_equally(
 
     That is the largest of the service tensions, `tension` and `largest` [N/m].
 
-    A load step that does not converge is tried with the end of the next one, MISSES times in a row; then the path ends with the
-    records before. `monitor` gets the share done.
+    If a load step does not converge, the path goes to the end of the next load step, at most MISSES times in a row. Then it ends
+    with the records before. `monitor` gets the completed share.
 
     meshes: one in double precision, or a list, whose rows are means. largest: of the map.
     """
@@ -164,7 +164,7 @@ def service_tensions(scene: Scene, requested: float | None) -> list[float]:
 
 
 def _ends(wanted: Sequence[float], largest: float) -> list[float]:
-    """Tensions [N/m] at the ends of the stages: those that are wanted, and steps of two between them."""
+    """Tensions [N/m] at the ends of the stages: the wanted tensions, and doublings between them."""
     top = max(largest, *wanted)
     step, steps = max(BEGIN * min(one for one in (largest, *wanted) if one > 0.0), LEAST * top), []
     while step < top:
@@ -336,7 +336,7 @@ def map_cell(cells: Sequence[MapRow], tension: float | None) -> MapRow | None:
 
 
 def branches_at(tension: float, row: Row | None, cells: Sequence[MapRow], card: MaterialCard | None = None) -> str:
-    """Sentence on two equilibria of the page at one `tension` [N/m]; empty where it shows one. row: under equal tensions."""
+    """Sentence on two equilibria of the page at one `tension` [N/m]; empty for a single one. row: under equal tensions."""
     load, cell = exact(tension, "N/m"), map_cell(cells, tension)
     shown = row if card is None else card.row
     where = "under equal tensions" if card is None else "on the card" if row is None else "on the card and under equal tensions"

@@ -1,8 +1,8 @@
 """Common parts of cards for FE codes: content, heading, numbers.
 
-In laws of woven fabrics either direction has a tension of its own strain alone. A mesh is no such fabric: its tensions depend
-on both strains. The curves hold on one path, that from the mesh as knitted to the card. There they give both tensions, at the
-card its prestress.
+In laws of woven fabrics the tension in each direction depends on the strain in this direction alone. The tensions of a mesh
+depend on both strains. So the curves are valid on one path, from the mesh as knitted to the card. On this path they give both
+tensions, at the card its prestress.
 
 The tangent of a card belongs to the stress and strain of its FE code. C of the card relates the second Piola-Kirchhoff stress to
 the Green-Lagrange strain. At the prestress s another pair of measures needs another tangent for the same forces. For the strain
@@ -154,7 +154,7 @@ def yarn_curves(card: MaterialCard, path: Sequence[Row]) -> tuple[YarnCurve, Yar
 def _rising(side: str, stretch: np.ndarray, nominal: np.ndarray) -> YarnCurve:
     """Rising curve by stretch, from the mesh as knitted through the first point.
 
-    Raises `NoConstants` where the others of less tension than the first are far off the curve.
+    Raises `NoConstants` where points with less tension than the first point are far off the curve.
     """
     points = [(stretch[0], nominal[0])]
     order, least = np.argsort(stretch), 1.0 + FIRST * (stretch[0] - 1.0)

@@ -1,6 +1,6 @@
 """Material cards as input of FE codes: blocks to include in a model.
 
-Each file states its units, the prestress, the stress and strain of its constants, and what it cannot carry (docs/fe_cards.md).
+Each file states its units, the prestress, the stress and strain of its constants, and what it leaves out (docs/fe_cards.md).
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ STATEMENT = {
 def _nastran(fe: FeCard) -> Card:
     """Nastran: MAT2 and MAT8 with a PSHELL without bending, in fields of 16 columns.
 
-    A card without a MAT8 says so. Solvers differ: a differential stiffness has either the stretches of an element or only its
-    rotations, and each needs its own tangent. So there is a pair of each.
+    A card without a MAT8 states this. Solvers differ: a differential stiffness has either the stretches of an element or only its
+    rotations. Each needs its own tangent, so there are two pairs.
     """
     card, notes, lines = fe.card, [], []
     rho, temperature = density(card.areal_mass), card.temperature

@@ -109,7 +109,7 @@ class Findings:
 
     @property
     def sweep_text(self) -> str:
-        """The loads of the map, and where they are from."""
+        """The loads of the map, and their source."""
         axes = zip(("weft", "warp"), axes_of(self.rows), strict=True)
         ends = " and ".join(f"{' to '.join(load_texts((axis[0], axis[-1]), self.by_tension))} in {side}" for side, axis in axes)
         default = self.scene.sweep == default_sweep(self.scene)

@@ -37,18 +37,18 @@ class HeatedMesh:
 
 
 def tension_held(path: EqualTensionPath, requested: float | None, best: float | None) -> float | None:
-    """[N/m] the tension at which heat is applied: the `requested` one where the path has reached it, else the `best` one."""
+    """[N/m] tension at which heat is applied: `requested` where the path has reached it, else `best`."""
     return requested if requested in path.states else best
 
 
 def heat(
     scene: Scene, path: EqualTensionPath, held: float | None, monitor: Callable[[float], None] = lambda _: None
 ) -> tuple[list[HeatedMesh], str]:
-    """A tension [N/m] at the temperatures of [[path]], held and in a frame. The frame expands by model.frame_expansion. Or none,
-    and the reason.
+    """Meshes under a tension [N/m] at the temperatures of [[path]]; or none, and the reason.
 
-    They begin at the nearest tension of the path, not above. With friction or yield they return to the first temperature.
-    `monitor` gets the share done; a load that does not converge ends with the records before.
+    One is under constant tension, one in a frame that expands by model.frame_expansion. Both begin at the nearest tension of the
+    path, not above the given one. With friction or yield they return to the first temperature. `monitor` gets the completed
+    share. Where a load does not converge, the rows end with the records before.
     """
     temperatures = later_temperatures(scene)
     if not temperatures:

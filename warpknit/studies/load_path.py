@@ -1,4 +1,4 @@
-"""A mesh on the way along its load: a run whose stages are given one after the other, and that returns to states it has passed.
+"""Load paths of meshes: stages are given one after the other, and a path may return to an earlier state.
 
     path = LoadPath(build_model(scene))
     records = list(path.load(under_strain(scene, np.diag([1.1, 1.1])), levels=20))
@@ -6,8 +6,8 @@
     means = MeshesPath(models).rows(under_strain(scene, np.diag([1.1, 1.1])), levels=20)    # of several meshes side by side
     for world, end in ends_of(knitted_worlds(models, stages, levels)): ...      # each load from the mesh as knitted
 
-Each equilibrium starts from the one before it. States that lie on one path belong together: where a mesh has several equilibria
-under one load, as tight knits have, those found from the mesh as knitted each by itself may not.
+Each equilibrium starts from the last one. So states of one path are on one branch of equilibria. A tight knit has several
+equilibria under one load: states that are each found from the mesh as knitted may lie on different branches.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class LoadPath:
     def load(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[Record]:
         """Records of a load step; the path moves to its end. The first begins as knitted.
 
-        `monitor` is called with the load factor at every convergence check. Raises `Diverged`; `state` is that before the stage.
+        `monitor` is called with the load factor at every convergence check. Raises `Diverged`; then `state` is before the stage.
         """
         model = _onwards(self.model, self.state, stage, levels)
         simulation = Simulation(
@@ -104,7 +104,7 @@ class MeshesPath(LoadPath):
     def beside(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[list[Record]]:
         """Records of a load step, of all meshes that converge; the path moves to its end.
 
-        Raises `Diverged` where fewer than FEWEST meshes converge; `state` is that before the load step.
+        Raises `Diverged` where fewer than FEWEST meshes converge; then `state` is before the load step.
         """
         numbers = list(self.models)
         onwards = [_onwards(self.models[number], self.state[number], stage, levels) for number in numbers]
@@ -129,7 +129,7 @@ class MeshesPath(LoadPath):
 
 
 def path_of(meshes: Any, state: Any = None) -> LoadPath:
-    """The load path of a mesh, or of a list of meshes; state: of another path of theirs, default: as knitted."""
+    """The load path of a mesh, or of a list of meshes; state: of an earlier path, default: as knitted."""
     return MeshesPath(meshes, state) if isinstance(meshes, Sequence) else LoadPath(meshes, state or AS_KNITTED)
 
 
@@ -229,7 +229,7 @@ def tolerances_of(scene: Scene) -> list[float]:
 
 
 def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:
-    """The mesh of `scene` in double precision, converged enough for differences of states. Raises `ModelError`, `KnitError`."""
+    """The mesh of `scene` in double precision, with a tolerance for differences of states. Raises `ModelError`, `KnitError`."""
     return build_model(exact(scene, tolerance))
 
 

@@ -52,7 +52,7 @@ def find_mean(
 ) -> MeanCard | None:
     """The mean over the cards of the meshes under a load; None where fewer than FEWEST of them converge.
 
-    base: card of the mesh of even loops, whose texts the mean has. `monitor` is called with the share that is done. A rougher
+    base: card of the mesh of even loops, for the texts of the mean. `monitor` is called with the completed share. A larger
     tolerance is tried where fewer than half of the meshes have a card.
     """
     wanted = first_meshes(scene.variants)

@@ -1,7 +1,7 @@
 """Size of the openings of a mesh: the areas between its wires in plan view, and the largest circle in each.
 
-The plan view of one repeat is looked at on a grid of points fine against the wire; what is farther than half a wire from every
-centre line is free, and free points that hang together are an opening.
+The plan view of one repeat has a grid of points, fine against the wire. A point is free if it is farther than half a wire from
+every centre line. Connected free points are an opening.
 """
 
 from __future__ import annotations

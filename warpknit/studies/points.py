@@ -42,7 +42,7 @@ RAMP_SOFTENINGS = (1.0, 100.0)
 
 @dataclass(frozen=True)
 class Point:
-    """One choice of settings: overrides of the scene, and the group of the point."""
+    """A point of a trade: overrides of the scene, and the group of the point."""
 
     group: str  # reference | preset | alone | together
     parameter: str  # the varied one; the preset; empty where several are

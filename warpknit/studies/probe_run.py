@@ -1,9 +1,9 @@
 """Probe runs: a small mesh of the same knit, wire and load, at few and at many nodes, to estimate discretisation errors.
 
-By them `warpknit run --error PERCENT` chooses its settings and estimates the error of the run.
+`warpknit run --error PERCENT` chooses its settings and estimates the error of the run by them.
 
-Discretisation errors are the same in every repeat, and the same at every grip. One repeat therefore stands for a periodic tile,
-or the fewest that its model can take, and PATCH repeats a side for a gripped mesh, where the share of the grips is larger by the
+Discretisation errors are the same in every repeat, and the same at every grip. So a periodic tile is probed with one repeat, or
+the fewest that its model allows. A gripped mesh is probed with PATCH repeats a side, where the grips have a larger share, by the
 ratio of the sizes. Hooks and scattered loops are probed at full size. Pulls at the edge and temperature gradients are left out.
 """
 

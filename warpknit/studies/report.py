@@ -234,7 +234,7 @@ def _card(
 
     A card at a `tension` [N/m] is computed from the state of the path under equal tensions, else from the map's `cells`. It keeps
     the strains of this state, and so its equilibrium. The states end before the first snap-through. path_jumps: of the path.
-    `monitor` gets the share done.
+    `monitor` gets the completed share.
     """
     scene = model.scene
     row = None if tension is None else path.at.get(tension)

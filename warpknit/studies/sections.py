@@ -75,7 +75,7 @@ class Page:
         self._parts.append(f"<p>{html.escape(text)}</p>")
 
     def warning(self, warning: ResultWarning | str) -> None:
-        """A sentence of its own."""
+        """A warning, in its own paragraph."""
         text = str(warning)
         text = f"{text[0].upper()}{text[1:].removesuffix('.')}."
         self._parts.append(f'<p class="warning">{html.escape(text)}</p>')
@@ -279,7 +279,7 @@ def _shown(name: str, value: float, unit: str) -> tuple[str, str]:
 
 
 def _range(spread: Spread | None, name: str, unit: str) -> str:
-    """The range of a value of the card over the meshes, for people; empty for a value that is the same in all."""
+    """The range of a value of the card over the meshes, for people; empty for equal values."""
     if spread is None or spread.p10 == spread.p90:
         return ""
     return " to ".join(_shown(name, value, unit)[0] for value in (spread.p10, spread.p90))

@@ -177,7 +177,7 @@ class _Mapper:
 
     @property
     def _missing_warning(self) -> list[ResultWarning]:
-        """That pairs of an interrupted map are missing; none of a whole one."""
+        """Warning on missing pairs of an interrupted map; none for a complete map."""
         if not self._missing():
             return []
         done, wanted = len(self.rows), len(self.pairs)
@@ -187,9 +187,9 @@ class _Mapper:
     # --- cells ---
 
     def _missing(self) -> list[tuple[int, Pair]]:
-        """Meshes and pairs that are to be solved: half of the variants at every pair, and then all where these are not enough.
+        """Meshes and pairs to solve: half of the variants at every pair, then all where these are not enough.
 
-        Meshes of one pair, which take similar numbers of steps, stand side by side: a thread steps some of them at once.
+        Meshes of one pair take similar numbers of steps, so they run side by side: a thread steps some of them at once.
         """
         variants, first = self.scene.variants, first_meshes(self.scene.variants)
         missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if pair not in self.maps[mesh]]

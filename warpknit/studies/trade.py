@@ -258,7 +258,7 @@ def extrapolate(finest: float, middle: float, coarsest: float, ratio: float) -> 
         f(n) = f + C n^-p        (f1 - f2)/(f2 - f3) = r^-p        f = f1 + (f1 - f2)/(r^p - 1)
 
     with f1 at the most nodes and r the ratio of successive node counts (Roache, J. Fluids Eng. 116 (1994) 405).
-    Where the differences do not decrease monotonically by an order in the accepted range, that order is clipped.
+    The order is clipped to the accepted range, also where the differences do not decrease monotonically.
     """
     first, second = finest - middle, middle - coarsest
     apparent = math.log(second / first) / math.log(ratio) if first * second > 0.0 else 0.0
@@ -331,7 +331,7 @@ def _percent(error: float) -> str:
 
 
 def _cost_and_error(point: Values, own: float) -> str:
-    """Cost and error of a point; `own` [%] is the error of the reference, below which none is known."""
+    """Cost and error of a point; `own` [%] is the error of the reference, the least known error."""
     error = point.largest_error_percent
     known = "no result" if error is None else _percent(error) + (", below the reference's own error" if error < own else "")
     return f"{rounded(point.price):,} node-steps, {known}"
