@@ -51,7 +51,7 @@ def checked(name: str, percent: float, quick: bool) -> EstimateRow:
     fine = [("model.nodes_per_loop", 34 if quick else CHECK_NODES[kind]), ("solver.precision", "double"),
             ("solver.residual_tolerance", tolerance), ("solver.axial_softening", softening)]  # fmt: skip
     *_, true = run(scene_of(file, *overrides, *levels, *fine))
-    errors = errors_of(results_of(last), results_of(true), scales_of(build_model(scene)))
+    errors = errors_of(results_of(last.observables), results_of(true.observables), scales_of(build_model(scene)))
     estimated = float("nan") if estimate.error is None else 100 * estimate.error
     return EstimateRow(name, percent, within.nodes_per_loop, estimated, errors.largest_percent, errors.active_percent,
                100 * errors.tension, 100 * errors.contact_force, 100 * errors.stress, last.steps, true.steps)  # fmt: skip
