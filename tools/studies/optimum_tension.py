@@ -55,9 +55,10 @@ def main() -> None:
             with open(out / "map.csv", newline="", encoding="utf-8") as file:
                 stresses = [float(row["stress_max_Pa"]) for row in csv.DictReader(file) if row["stress_max_Pa"]]
             limit = scene.wire.yield_stress
-            row = {"wire": wire, "diameter_um": diameter, "yield_stress_Pa": limit, **(result.summary.json()["optimum"] or {})}
+            best = result.summary.optimum
+            row = {"wire": wire, "diameter_um": diameter, "yield_stress_Pa": limit, **(vars(best) if best else {})}
             row["cells_below_limit"] = f"{sum(stress <= limit for stress in stresses)} of {len(stresses)}"
-            row["wall_s"] = result.summary.json()["solver"]["wall_s"]
+            row["wall_s"] = result.summary.solver.wall_s
             for writer in writers:
                 writer.writerow({key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()})
             sys.stdout.flush()
