@@ -26,6 +26,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from study import (
@@ -108,11 +109,11 @@ def record_row(name: str, relaxation: Simulation, record: Record, wall: float = 
     return Row(
         name,
         float(r.gradient[0, 0] - 1.0),
-        *r.mesh_tension,
-        100.0 * float(r.site_active.mean()),
+        *measure.mesh_tension(r),
+        measure.contacts(r).active_percent,
         float(r.site_force.sum()),
         float(r.site_force.max(initial=0.0)),
-        float(r.stress.max()),
+        measure.largest_stress(r),
         float(record.steps) * relaxation.model.rods.node_count,
         wall,
     )
@@ -325,18 +326,19 @@ def tight_in_space(
         relaxation.mechanics.contact.search = searching_only(relaxation, mesh, only)  # type: ignore[method-assign]
     for record in relaxation.run():
         r = record.observables
-        slid = wires_slid(r.moved, mesh.rods.wire_first) / mesh.scene.wire.diameter
-        yield TightLevel(knit, name, float(r.gradient[0, 0] - 1.0), *r.mesh_tension, float(r.site_force.max(initial=0.0)), slid)
+        slid = measure.slid(r) / mesh.scene.wire.diameter
+        force = float(r.site_force.max(initial=0.0))
+        yield TightLevel(knit, name, float(r.gradient[0, 0] - 1.0), *measure.mesh_tension(r), force, slid)
 
 
-def searching_only(relaxation: Simulation, mesh: SpatialModel, clasps: set[int]) -> Callable[[], None]:
+def searching_only(relaxation: Simulation, mesh: SpatialModel, clasps: set[int]) -> Callable[..., None]:
     """A search for contacts with wires far apart outside these clasps of a repeat."""
     contact, search = relaxation.mechanics.contact, relaxation.mechanics.contact.search
     assert mesh.cloth is not None
     of_repeat = len(mesh.cloth.clasps)
 
-    def renew() -> None:
-        search()
+    def renew(*rows: Any) -> None:
+        search(*rows)
         pairs, count = contact.pairs, contact.pair_count
         shift = pairs.pair_shift.numpy()
         site, _ = relaxation.mechanics.sites.of(
