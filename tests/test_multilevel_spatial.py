@@ -254,6 +254,15 @@ def test_wires_that_would_overlap_leave_the_large_mesh_as_it_is(monkeypatch: pyt
     assert active == pytest.approx(share, abs=1.0)
 
 
+def test_levels_of_a_tile_that_does_not_start_from_one_repeat_have_their_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transfer, "MAX_OVERLAP", -1.0)  # any state overlaps
+    simulation = Simulation(mesh("knit.repeats=[2, 1]", "load.strain_weft=0.01", "load.strain_warp=0.01"))
+    *_, last = simulation.run()
+    assert len(simulation.notes) == 1
+    assert last.load_factor == simulation.progress.load_factor == 1.0
+    assert np.diag(last.observables.gradient) == pytest.approx(1.01)
+
+
 @pytest.mark.parametrize("of_segments", [False, True])
 def test_cubics_along_wires_are_resampled_exactly(of_segments: bool) -> None:
     """Nodes of a clamped wire stand at begin + step k in nodes of the panel; interpolation by cubics is exact for cubics."""

@@ -186,9 +186,10 @@ class MultilevelRelaxation(Relaxation):
             begin = _load_of(self)
             self._own = {"gradient": begin.gradient.copy(), "temperature": np.array(begin.temperature)}
             self.mechanics.set_load(replace(target, tension=None), 0)
-            progress.is_prolonged = self.prolongation.carry(self._response)
-            if not progress.is_prolonged:
+            is_prolonged = self.prolongation.carry(self._response)
+            if not is_prolonged:
                 self._return_to_own(target.gradient)
+            progress.is_prolonged = is_prolonged
             self.mechanics.stop()
             self.mechanics.search()
             if target.tension is not None or self.mechanics.rim is not None or not progress.is_prolonged:
@@ -202,14 +203,16 @@ class MultilevelRelaxation(Relaxation):
         failed: (2, 2) deformation gradient of that start.
         """
         assert self.prolongation is not None
-        steps, own = self.progress.steps, self._own
+        progress, own = self.progress, self._own
+        steps, factor = progress.steps, progress.load_factor
         if self._before and not self.prolongation.replaces:
             self.restore(self._before)
         else:
             self.prolongation.put_back()
             self.mechanics.set_load(LoadPoint(own["gradient"], float(own["temperature"])), 0)
             self.mechanics.stop()
-        self._own, self.progress.steps, self.progress.keeps_own = {}, steps, not self.prolongation.replaces
+        self._own, progress.keeps_own = {}, not self.prolongation.replaces
+        progress.steps, progress.load_factor = steps, factor
         note = "the mesh started from its own state, because a start from a smaller mesh would overlap its wires too deeply"
         self.mechanics.notes.append(f"at strains of {strain_text(failed)} {note}")
 
