@@ -142,8 +142,8 @@ def solved(code: str, case: str, numerics: Numerics) -> Solved:
 
 
 def reference(case: str) -> np.ndarray:
-    """[level] force by warpknit's two finest runs at a residual tolerance of 1e-4 (hook) or 1e-3 (knot)."""
-    tolerance = {"hook": 1e-4, "knot": 1e-3}[case]
+    """[level] force by warpknit's two finest runs at a residual tolerance of 1e-4 (hook) or 3e-3 (knot)."""
+    tolerance = {"hook": 1e-4, "knot": 3e-3}[case]
     coarse, fine = (solved("warpknit", case, Numerics(n, tolerance=tolerance, softening=64.0)).force for n in FINEST[case])
     return fine + (fine - coarse) / 3.0 if case == "hook" else 0.5 * (coarse + fine)
 
