@@ -273,7 +273,7 @@ def _draw_marks(
     if marks.optimum is not None:
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]
-        text = " / ".join(f"{value:.1f} {of_load[1]}" for value in place)
+        text = " / ".join(f"{value:.3g} {of_load[1]}" for value in place)
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=7, clip_on=False, **style)
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}{marks.optimum_note}", **style))
     inside = [(label, load, value) for label, load, value in marks.places if load is not None]

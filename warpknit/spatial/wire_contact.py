@@ -12,7 +12,7 @@ import warp as wp
 
 from ..base.errors import OutOfResources
 from ..compute.host import fetch, number_at, store, store_at, zeros
-from ..compute.launch import Launch, bind
+from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
 from ..compute.team import SharedLaunches
@@ -47,6 +47,7 @@ LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
+MEASURED_PARTS = 8  # of the pairs that a search finds, measured one after the other
 # capacity of a list over the pairs found; the larger one for few pairs, where re-recording takes longer
 CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
@@ -224,7 +225,9 @@ class WireContact:
         with stepper.only(rows) as own:
             if travel is not None:
                 self._travel[own] = np.minimum(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
-            self._mark_near(float(CLOSING_RATE) * self._travel[own], own)
+            gap = float(CLOSING_RATE) * self._travel[own]
+            self._mark_near(gap, own)
+            self._measure_marked(gap, own)
             self._take_near_pairs()
             reached = stepper.steering.travel[own] + self._travel[own]
             limit = np.minimum(reached, self._search_travel[own])
@@ -242,6 +245,23 @@ class WireContact:
                 mark = bind(mark_near_pairs, threads, *sources, threads=threads, **share)
                 pairs.mark.append(mark.replay(stepper.device))
         stepper.team.each(pairs.mark, stepper.threads_of(1))
+
+    def _measure_marked(self, gap: Any, own: np.ndarray) -> None:
+        """Measure the marked pairs, some at a time, where they are more than the arrays hold: after a search most are not near."""
+        stepper, marks = self.stepper, fetch(self.pairs.pair_is_near)
+        near = np.flatnonzero(marks[: self.pair_count])
+        if len(near) <= self.touch.capacity:
+            return
+        marks, size = marks.copy(), max(self.touch.capacity, LEAST_READ, math.ceil(len(near) / MEASURED_PARTS))
+        kept = stepper.steering.status[own]
+        stepper.steering.set(own, status=Steering.EVALUATING, evaluated_gap=gap)
+        for first in range(0, len(near), size):
+            self._take_near_pairs(near[first : first + size])
+            measure = [replay(self.launches(part, stepper.parts)[:-1], stepper.device) for part in range(stepper.parts)]
+            stepper.team.each(measure)
+        stepper.steering.set(own, status=kept)
+        store(self.pairs.pair_is_near, marks)
+        self._mark_near(gap, own)
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Use marked near pairs, or `which` pairs, in the next steps."""
