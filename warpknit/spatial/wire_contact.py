@@ -247,7 +247,10 @@ class WireContact:
         stepper.team.each(pairs.mark, stepper.threads_of(1))
 
     def _measure_marked(self, gap: Any, own: np.ndarray) -> None:
-        """Measure the marked pairs, some at a time, where they are more than the arrays hold: after a search most are not near."""
+        """Measure marked pairs, some at a time, where the arrays do not hold all.
+
+        A search knows only bounds of gaps: most of the pairs that it marks are not near.
+        """
         stepper, marks = self.stepper, fetch(self.pairs.pair_is_near)
         near = np.flatnonzero(marks[: self.pair_count])
         if len(near) <= self.touch.capacity:
