@@ -30,7 +30,7 @@ LEAST_TENSION = 0.01  # of EI/C^3: below it tensions count as zero
 class DrivenStrain:
     """Strains of worlds; arrays (world, direction), weft and warp."""
 
-    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_last_strain", "_last_force", "_carried", "tension", "largest")
+    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_begun", "_last_strain", "_last_force", "_carried", "tension", "largest")
 
     def __init__(self, group: Any, worlds: int, rigidity: float) -> None:
         """group: the `Worlds` (worlds.py) of these strains; rigidity [N m]: sum of EA times length over the wires of a world."""
@@ -43,7 +43,8 @@ class DrivenStrain:
         self.tension, self.largest = np.zeros((2, worlds, 2))  # [N/m] at the last check, and largest of an equilibrium
         self._mass = np.ones((worlds, 2))  # [N/m]
         self._stiffness = np.zeros((worlds, 2, 2))  # [N/m] change of tensions by strains that all nodes follow
-        self._checks = np.zeros(worlds, dtype=int)  # of all levels: worlds that begin together probe together
+        # convergence checks of all levels, so that worlds that begin together probe together; and when this level began
+        self._checks, self._begun = np.zeros((2, worlds), dtype=int)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
         self._carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
         strain_range = PATH_STRAIN if model.scene.depends_on_path else np.inf  # from one equilibrium to the next
@@ -112,6 +113,7 @@ class DrivenStrain:
     def begin(self, rows: np.ndarray, wanted: np.ndarray) -> None:
         """Begin loads of worlds: from the tension now to the `wanted` one (row, 2) [N/m], nan where a strain is given."""
         self.wanted[rows] = wanted * self._clamp_share
+        self._begun[rows] = self._checks[rows]
         self._last_strain[rows] = np.nan
         own = rows[np.isfinite(wanted).any(axis=1)]
         origin = self._strain(rows)
@@ -128,7 +130,9 @@ class DrivenStrain:
 
     def renew_masses(self, rows: np.ndarray) -> None:
         """Renew the masses of the strains where it is time to; before the evaluation of a check."""
-        due = rows[self.driven(rows).any(axis=1) & (self._checks[rows] % PROBE_CHECKS == 0)]
+        checks = self._checks[rows]
+        is_due = (checks % PROBE_CHECKS == 0) & (checks >= self._begun[rows] + PROBE_CHECKS)
+        due = rows[self.driven(rows).any(axis=1) & is_due]
         if len(due):
             self._probe(due)
         self._checks[rows] += 1

@@ -47,7 +47,8 @@ LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
-MEASURED_PARTS = 8  # of the pairs that a search finds, measured one after the other
+# parts of the pairs that a search finds, measured one after the other; arrays of pairs that this leaves as they were
+MEASURED_PARTS, UNMEASURED = 8, ("pair_is_near", "pair_found", "pair_renewal_travel")
 # capacity of a list over the pairs found; the larger one for few pairs, where re-recording takes longer
 CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
@@ -212,6 +213,7 @@ class WireContact:
                 fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
             reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
             stepper.steering.set(own, travel=0.0, step_travel=0.0, pair_reach=reach)
+            self._measure_gaps(own)
             self.list_near_pairs(rows=own)
 
     def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
@@ -225,9 +227,7 @@ class WireContact:
         with stepper.only(rows) as own:
             if travel is not None:
                 self._travel[own] = np.minimum(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
-            gap = float(CLOSING_RATE) * self._travel[own]
-            self._mark_near(gap, own)
-            self._measure_marked(gap, own)
+            self._mark_near(float(CLOSING_RATE) * self._travel[own], own)
             self._take_near_pairs()
             reached = stepper.steering.travel[own] + self._travel[own]
             limit = np.minimum(reached, self._search_travel[own])
@@ -246,25 +246,25 @@ class WireContact:
                 pairs.mark.append(mark.replay(stepper.device))
         stepper.team.each(pairs.mark, stepper.threads_of(1))
 
-    def _measure_marked(self, gap: Any, own: np.ndarray) -> None:
-        """Measure marked pairs, some at a time, where the arrays do not hold all.
+    def _measure_gaps(self, own: np.ndarray) -> None:
+        """Measure the gaps of pairs that a search has found, some at a time.
 
-        A search knows only bounds of gaps: most of the pairs that it marks are not near.
+        A search knows only bounds of gaps: of the pairs that may be near by them, most are not.
         """
-        stepper, marks = self.stepper, fetch(self.pairs.pair_is_near)
-        near = np.flatnonzero(marks[: self.pair_count])
-        if len(near) <= self.touch.capacity:
-            return
-        marks, size = marks.copy(), max(self.touch.capacity, LEAST_READ, math.ceil(len(near) / MEASURED_PARTS))
-        kept = stepper.steering.status[own]
+        stepper, gap = self.stepper, float(CLOSING_RATE) * self._travel[own]
+        self._mark_near(gap, own)
+        arrays, kept = [getattr(self.pairs, name) for name in UNMEASURED], stepper.steering.status[own]
+        values = [fetch(array).copy() for array in arrays]
+        near = np.flatnonzero(values[0][: self.pair_count])
+        size = max(self.touch.capacity, LEAST_READ, math.ceil(len(near) / MEASURED_PARTS))
         stepper.steering.set(own, status=Steering.EVALUATING, evaluated_gap=gap)
         for first in range(0, len(near), size):
             self._take_near_pairs(near[first : first + size])
             measure = [replay(self.launches(part, stepper.parts)[:-1], stepper.device) for part in range(stepper.parts)]
             stepper.team.each(measure)
         stepper.steering.set(own, status=kept)
-        store(self.pairs.pair_is_near, marks)
-        self._mark_near(gap, own)
+        for array, value in zip(arrays, values, strict=True):  # the next evaluation begins as if nothing were known of places
+            store(array, value)
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Use marked near pairs, or `which` pairs, in the next steps."""
