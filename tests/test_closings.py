@@ -123,9 +123,10 @@ def test_a_class_that_opened_again_has_its_ranges(monkeypatch: pytest.MonkeyPatc
     assert [one["closed_percent"] for one in ranges["A"]] == [50.0, 100.0] and len(ranges["B"]) == 1
     text = table_of(answer_findings(answers, LIMIT))
     assert "200 mN/m" in quantities(text["  class A"])
+    assert "also closed from 50 mN/m to 150 mN/m" in text["  class A"]
     assert "600 mN/m" in quantities(text["  class B"])
     alone = table_of(answer_findings(found(rows[:15], monkeypatch), LIMIT))["  class A"]
-    assert quantities(alone) == ["200 mN/m", "250 mN/m", "4.0 %", "2.0 %", "5.0 %", "2.5 %", "10"]
+    assert quantities(alone) == ["200 mN/m", "250 mN/m", "4.0 %", "2.0 %", "5.0 %", "2.5 %", "50 mN/m", "150 mN/m", "10"]
 
 
 def test_a_graze_is_not_the_closing(monkeypatch: pytest.MonkeyPatch) -> None:

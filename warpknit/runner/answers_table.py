@@ -24,7 +24,7 @@ from ..base.text import (
 from ..mechanics.driven_strain import TOLERANCE
 from ..results.finding import Finding
 from ..results.row import Row, Values
-from .answers import HEATED, SAME, SERVICE_TENSIONS, Answers, Best, ClassAnswer, Closing, Heat, Service
+from .answers import HEATED, SAME, SERVICE_TENSIONS, Answers, Best, ClassAnswer, Heat, Service
 from .branches import Event
 from .history import mean_tension
 
@@ -66,20 +66,23 @@ def answer_findings(answers: Answers, yield_stress: float, *, failed: bool = Fal
 def _classes(contacts: Sequence[ClassAnswer]) -> str:
     """Mean tension at which each class closes: A and C below 0.1 N/m, B at 1.58 N/m; D open."""
     if len(contacts) == 1:
-        return _closed_at(contacts[0].closes)
+        return _closed_at(contacts[0])
     names: dict[str, list[str]] = {}
     for one in contacts:
-        names.setdefault(_closed_at(one.closes), []).append(one.name)
+        names.setdefault(_closed_at(one), []).append(one.name)
     closed = [f"{listed(group)} {text}" for text, group in names.items() if text != OPEN]
     opened = [f"{listed(names[OPEN])} {OPEN}"] if OPEN in names else []
     return "; ".join([", ".join(closed)] * bool(closed) + opened)
 
 
-def _closed_at(closes: Closing | None) -> str:
+def _closed_at(one: ClassAnswer) -> str:
     """Mean tension at which a class closes, in few words."""
+    closes = one.closes
     if closes is None:
         return OPEN
     found = "as knitted" if closes.as_knitted else _place_of(closes, _mean)
+    if _closed_before(one):
+        found += " (also before)"
     return found if closes.opens is None else f"{found} (open again)"
 
 
@@ -154,10 +157,20 @@ def _closing(one: ClassAnswer, reached: str) -> str:
         some = f", {percent(0.01 * one.active_percent)} active" if one.active_percent else ""
         return f"open {reached}{some}"
     found = "closed as knitted" if closes.as_knitted else f"closes {_where(closes)}"
+    if before := _closed_before(one):
+        found += f", also closed {before}"
     if (opens := closes.opens) is None:
         return found
     heated = opens.temperature_K != closes.between[1].temperature_K
     return f"{found}, open again at {_tension(opens)}" + (f" and {celsius(opens.temperature_K)}" if heated else "")
+
+
+def _closed_before(one: ClassAnswer) -> str:
+    """The first range in which a class was closed before it opened again; empty where one record alone has it."""
+    if one.closes is None or one.closes.first_touch is None:
+        return ""
+    first, last = (_mean(one.closed[0][side]) for side in ("from", "to"))
+    return "" if first == last else f"from {first} to {last}"
 
 
 def _where(one: Event) -> str:
