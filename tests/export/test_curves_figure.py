@@ -49,7 +49,7 @@ def test_unrecorded_columns_are_said(tmp_path: Path) -> None:
         (history(4, warp=0.0), "weft strain [%], warp 0 %"),
         (history(4, weft=0.02), "warp strain [%], weft 0.5 to 2 %"),
         (history(4, weft=0.0, warp=0.0), "load factor"),
-        (history(4, cold=3), "stage and its load factor"),
+        (history(4, cold=3), "load step and its load factor"),
         (history(1), "strain, weft and warp [%]"),
     ],
 )

@@ -238,7 +238,7 @@ def test_card_service_table_and_marker_have_one_source(reports):
     assert f"<th>prestrain1</th><td>{100 * values['prestrain1']:.1f}</td>" in page
     assert f"<th>active</th><td>{100 * values['active']:.1f}</td>" in page
     assert [
-        (f"60 mN/m: {strains}, {share} active", (values["prestrain1"], values["prestrain2"]), 100 * values["active"])
+        (f"60 mN/m: {in_words}, {share} active", (values["prestrain1"], values["prestrain2"]), 100 * values["active"])
     ] == MARKERS
 
 

@@ -161,7 +161,7 @@ def mark_handles(figure: Figure) -> list[Artist]:
 
 def stage_legend(figure: Figure, names: Sequence[str], title: str = "") -> None:
     """Legend of load steps (where there are several, or a title) and snap-throughs."""
-    title = title or ("stage" if len(names) > 1 else "")
+    title = title or ("load step" if len(names) > 1 else "")
     handles: list[Artist] = []
     for number, name in enumerate(names if title else ()):
         style, marker = STAGE_STYLES[number % len(STAGE_STYLES)]
@@ -320,7 +320,7 @@ def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int)
     folds = bool(strains) and any(_folds(strains[int(np.argmax(spread))][rows]) for _, rows in stages)
     if "load_factor" in columns and (folds or (len(stages) > 1 and is_held)):
         stage = np.searchsorted([rows.stop for _, rows in stages], np.arange(count), side="right")
-        return stage + columns["load_factor"], "stage and its load factor" if len(stages) > 1 else "load factor"
+        return stage + columns["load_factor"], "load step and its load factor" if len(stages) > 1 else "load factor"
     if len(strains) == 2 and (count == 1 or max(spread) > 1e-9):
         if np.allclose(strains[0], strains[1], rtol=0.0, atol=1e-9):
             return 100.0 * strains[0], "strain, weft and warp [%]"
@@ -416,7 +416,7 @@ def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> P
     shown: tuple[tuple[str, list[Curve], float], ...] = (
         ("active contacts [% of pairs]", [("", GREEN, all_of("active_percent"))], 0.0),
         (f"tension [{tension_unit}]", tensions, 0.0),
-        (f"strain, change in the stage [%]{where}", strains, LEAST_CHANGE),
+        (f"strain, change in the load step [%]{where}", strains, LEAST_CHANGE),
         (f"largest wire stress [{stress_unit}]", stresses, 0.0),
     )
     for axes, (label, curves, least) in zip(panels, shown, strict=True):

@@ -98,7 +98,7 @@ def _draw_edge(axes: Axes, edge: NDArray[Any], held: NDArray[Any], image: Any) -
     axes.add_patch(outline)
     image.set_clip_path(outline)
     if held.sum() <= NET_NODES and not held.all():
-        axes.plot(*edge[held].T, "o", color="black", markersize=3.0, label="held place of the edge")
+        axes.plot(*edge[held].T, "o", color="black", markersize=3.0, label="net node")
     frame_plan_axes(axes, edge.min(axis=0), edge.max(axis=0))
 
 
@@ -111,7 +111,7 @@ def _draw_surface(figure: Any, axes: NDArray[Any], surface: Columns) -> Iterator
     mesh.set_mask(edge > LONGEST * np.median(edge))
     for ax, name, scale, label, cmap in (
         (axes[0], "height_m", 1e3, "height [mm]", "Greys_r"),
-        (axes[1], "deviation_m", 1e6, "height above the wanted paraboloid [um]", "RdBu_r"),
+        (axes[1], "deviation_m", 1e6, "height above the paraboloid [um]", "RdBu_r"),
     ):
         values = scale * surface[name]
         middle = 0.0 if cmap == "RdBu_r" else 0.5 * float(values.min() + values.max())

@@ -28,6 +28,7 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from warpknit.base.text import of_sides
 from warpknit.export.plots import few_ticks, figure_of, save_figure, scale_of
 
 PERCENT_LEVELS = (10.0, 25.0, 50.0, 75.0, 90.0)
@@ -273,7 +274,7 @@ def _draw_marks(
     if marks.optimum is not None:
         style = {"marker": "*", "markersize": 15, "markeredgecolor": "black", "linestyle": "none"}
         place = of_load[0] * marks.optimum[0], of_load[0] * marks.optimum[1]
-        text = " / ".join(f"{value:.3g} {of_load[1]}" for value in place)
+        text = of_sides([f"{value:.3g} {of_load[1]}" for value in place])
         axes.plot(*place, color=OPTIMUM_COLOUR, zorder=7, clip_on=False, **style)
         handles.append(Line2D([], [], color=OPTIMUM_COLOUR, label=f"optimum, {text}{marks.optimum_note}", **style))
     inside = [(label, load, value) for label, load, value in marks.places if load is not None]

@@ -10,7 +10,7 @@ from typing import Any
 
 from .. import __version__, measure
 from ..base.files import write_aside
-from ..base.text import celsius
+from ..base.text import celsius, of_sides
 from ..measure.stress_peak import peak_position
 from ..results.row import Row, columns_of, write_json, write_rows
 from ..runner.history import mean_tension
@@ -76,7 +76,7 @@ def _write_cards(
 
 def _page(found: Findings, figures: dict[str, Path]) -> sections.Page:
     mesh = mesh_values(found.scene)
-    page = sections.Page(f"{found.scene.name}: mesh of {mesh['wire']} wire")
+    page = sections.Page(f"{found.scene.name}: mesh of {mesh['wire'].replace(',', ' wire,', 1)}")
     for warning in found.model_warnings:
         page.warning(warning)
     page.text(f"warpknit {__version__}, {date.today().isoformat()}, scene {found.scene.hash}")
@@ -128,7 +128,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
         jumps=found.jumps,
         optimum_note=optimum_note(load, found.jumps, found_again=found.found_again),
         places=tuple(
-            (f"{p.name}: {p.texts[0]}, {p.texts[1]} active", found.place_in_map(p), p.row.active_percent)
+            (f"{p.name}: {of_sides(p.texts[0].split(' / '))}, {p.texts[1]} active", found.place_in_map(p), p.row.active_percent)
             for p in found.service
             if p.row is not None
         ),
