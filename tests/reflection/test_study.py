@@ -112,7 +112,7 @@ def test_a_map_reflects(scene):
     ("key", "wrong"),
     [
         ("reflection.frequencies=['80 GHz']", "reflection.frequencies: 80 GHz"),
-        ("reflection.frequencies=['100 kHz']", "1000000 Hz"),
+        ("reflection.frequencies=['100 kHz']", "1 MHz"),
         ("reflection.branch_length='10 um'", "write 15 um"),
         ("knit.repeats=[12, 10]", "GiB"),
         ("model.boundary='gripped'", "reflection: cannot be combined with model.boundary = 'gripped'"),

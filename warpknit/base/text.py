@@ -13,7 +13,7 @@ PREFIXES = (
     (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n"), (1e-12, "p"),
 )  # fmt: skip
 LARGEST = {"m": 1e3, "s": 1.0}  # prefix of these units: no Mm, no ks
-PREFIXED = {"m", "s", "N", "N/m", "Pa"}  # units of a scene that take a prefix
+PREFIXED = {"m", "s", "N", "N/m", "Pa", "Hz"}  # units of a scene that take a prefix
 ALL_DIGITS = 12  # what was typed, without the round-off of its unit
 LIMIT_DIGITS = 4
 FINEST_PLACE = 1e-8  # [m] coordinates of places below it count as zero

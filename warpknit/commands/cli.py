@@ -120,7 +120,7 @@ def run(ranks: Ranks, asked: Asked, error: str | None) -> int:
 @main.command("map")
 @on_scene(*RESULT_OPTIONS)
 def contact_map(ranks: Ranks, asked: Asked) -> int:
-    """Run all loads of [sweep] in SCENE and write the contact map to DIR."""
+    """Run all loads of [sweep] in SCENE; write the map to DIR."""
     loaded, directory = open_scene(asked, "map", ranks)
 
     from ..reflection.study import read_findings
@@ -140,7 +140,7 @@ def contact_map(ranks: Ranks, asked: Asked) -> int:
     *RESULT_OPTIONS,
 )
 def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
-    """Run SCENE at many settings and write their errors and costs to DIR."""
+    """Run SCENE at many settings; write errors and costs to DIR."""
     loaded, directory = open_scene(asked, "trade", ranks)
 
     from ..studies.trade import run_trade, trade_table
@@ -175,7 +175,7 @@ def trade(ranks: Ranks, asked: Asked, against: str | None) -> int:
     ),
 )
 def report(ranks: Ranks, asked: Asked, **options: str | None) -> int:
-    """Write the design report of SCENE to DIR: contact map, curves, material card, openings, resistance.
+    """Write the design report and the material card of SCENE to DIR.
 
     A map of the same scene in DIR is reused.
     """

@@ -100,7 +100,7 @@ def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Findi
     wire, knit = scene.wire, named_knit(request.knit)
     lines = (
         ("scene", str(path)),
-        ("knit", f"{knit.name}, {knit.title}: {' and '.join(str(bar) for bar in knit.bars)}"),
+        ("knit", f"{knit.name}: {' and '.join(str(bar) for bar in knit.bars)}"),
         ("", overview.mesh[0][1]),
         ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{_plated(wire)}"),
         ("model", f"{scene.model.kind} ({scene.kind_reason})"),

@@ -187,7 +187,7 @@ def variant_warnings(variants: Means, asked: float) -> Iterator[ResultWarning]:
     """Warnings on the means; asked: requested standard error, or 0."""
     if variants.failed:
         text = f"{variants.failed} of {variants.count + variants.failed} meshes did not converge and are left out"
-        yield ResultWarning("W60", f"{text}. The first: {variants.why}")
+        yield ResultWarning("W60", f"{text}. The first: {variants.why}.")
     error = variants.standard_error or 0.0
     if asked and error > asked:
         text = f"The standard error of the means is {percent(error)}, above {percent(asked)}."

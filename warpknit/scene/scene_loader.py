@@ -117,13 +117,14 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
 
 
 def _unquoted(text: str, fault: str) -> tuple[str, str]:
-    """Fault of a text that is not TOML; remedy for a word or a quantity without quotes."""
+    """Fault of a text that is not TOML; remedy if its line is known."""
     place, lines = re.search(r"at line (\d+)", fault), text.splitlines()
     if place is not None and int(place[1]) <= len(lines):
         for value in map(str.strip, _BARE_VALUE.findall(lines[int(place[1]) - 1])):
             if _WORD.fullmatch(value) or (is_quantity(value) and has_unit(value)):
                 return f"line {place[1]}: {value} without quotes", f'write "{value}"'
-    return fault, ""
+    remedy = "give each key once" if "overwrite" in fault else "correct this line"
+    return fault, "" if place is None else remedy
 
 
 def make_scene(
