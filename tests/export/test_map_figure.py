@@ -161,7 +161,7 @@ def test_the_legend_names_what_is_outside_the_map_and_what_limits_the_optimum(tm
     assert outside.get_marker() == "x" and shown["1 N/m"].get_marker() == "o"
     assert [line.get_marker() for line in drawn[0].axes[0].get_lines()].count("x") == 0
     (optimum,) = [label for label in shown if label.startswith("optimum")]
-    assert quantities(optimum) == ["5.0 %", "5.0 %"] and optimum.endswith(marks.optimum_note)
+    assert quantities(optimum) == ["5 %", "5 %"] and optimum.endswith(marks.optimum_note)
 
 
 def test_no_line_of_equal_value_runs_through_a_cell_with_a_jump() -> None:
