@@ -342,3 +342,11 @@ def test_a_wire_too_thick_for_its_wales_is_named():
     with pytest.raises(KnitError) as refused:
         knit_scene(scene)
     assert refused.value.key == "wire.diameter" and "300 um" in refused.value.wrong and "at most" in refused.value.instead
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"), [("wire.diameter = \n", "correct this line"), ("name = 'a'\nname = 'b'\n", "each key once")]
+)
+def test_toml_that_is_invalid_says_what_to_do(text: str, remedy: str) -> None:
+    with pytest.raises(SceneError, match=remedy):
+        load_scene(text)
