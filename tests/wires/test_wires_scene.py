@@ -56,7 +56,7 @@ def test_keys(keys, line):
 @pytest.mark.parametrize(
     ("other", "line"),
     [
-        ({"knit": {}}, "wires: {'file': 'plain_knit.csv'} cannot be combined with [knit]"),
+        ({"knit": {}}, "wires: the table cannot be combined with [knit]"),
         ({"hook": {}}, "cannot be combined with [hook]; leave out one of knit, hook, wires"),
         ({"panel": {"outline": "disc", "size": "10 mm"}}, "panel: cannot be combined"),
         ({"sweep": {"strain_weft": [0.0], "strain_warp": [0.0]}}, "sweep: cannot be combined"),

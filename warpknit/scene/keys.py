@@ -49,8 +49,9 @@ class Table:
                 if len(given) > 1:
                     first, second = given[:2]
                     other = f"[{first}]" if isinstance(data[first], dict) else f"{first} = {shown(data[first])}"
+                    own = "the table" if isinstance(data[second], dict) else shown(data[second])
                     instead = f"leave out one of {', '.join(group)}"
-                    raise refused(f"cannot be combined with {other}", instead, key=second, given=shown(data[second]))
+                    raise refused(f"cannot be combined with {other}", instead, key=second, given=own)
             return data
 
         if one_of:
