@@ -79,6 +79,14 @@ def test_an_elastic_wire_above_its_limit_claims_no_set() -> None:
     assert said.advice is not None and "wire.plastic" in said.advice
 
 
+def test_the_largest_stress_of_a_run_has_its_load_step() -> None:
+    model = build_model(load_scene(OVERLOAD))
+    rows = [Row(stress_max_Pa=stress, stage=stage, active_pairs=0) for stage, stress in (("stretched", 7e8), ("eclipse", 9e8))]
+    ends = [Row(stress_interior_max_Pa=7e8, yield_fraction=0.1) for _ in rows]
+    (said,) = of_result._overstressed(model, rows, ends)
+    assert "900 MPa in 'eclipse'" in said.text
+
+
 def test_a_plastic_wire_says_how_much_of_it_has_yielded() -> None:
     """Yield is by bending alone: a stress of bending and tension may be above the limit without it."""
     (said,) = stressed(True, 7e8, plastic_fraction=0.031, plastic_strain_max=0.0021)
