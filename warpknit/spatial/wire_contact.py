@@ -12,7 +12,7 @@ import warp as wp
 
 from ..base.errors import OutOfResources
 from ..compute.host import fetch, number_at, store, store_at, zeros
-from ..compute.launch import Launch, bind, replay
+from ..compute.launch import Launch, bind
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
 from ..compute.team import SharedLaunches
@@ -47,8 +47,6 @@ LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
 LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
-# parts of the pairs that a search finds, measured one after the other; arrays of pairs that this leaves as they were
-MEASURED_PARTS, UNMEASURED = 8, ("pair_is_near", "pair_found", "pair_renewal_travel")
 # capacity of a list over the pairs found; the larger one for few pairs, where re-recording takes longer
 CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
 
@@ -213,7 +211,6 @@ class WireContact:
                 fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
             reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
             stepper.steering.set(own, travel=0.0, step_travel=0.0, pair_reach=reach)
-            self._measure_gaps(own)
             self.list_near_pairs(rows=own)
 
     def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
@@ -245,26 +242,6 @@ class WireContact:
                 mark = bind(mark_near_pairs, threads, *sources, threads=threads, **share)
                 pairs.mark.append(mark.replay(stepper.device))
         stepper.team.each(pairs.mark, stepper.threads_of(1))
-
-    def _measure_gaps(self, own: np.ndarray) -> None:
-        """Measure the gaps of pairs that a search has found, some at a time.
-
-        A search knows only bounds of gaps: of the pairs that may be near by them, most are not.
-        """
-        stepper, gap = self.stepper, float(CLOSING_RATE) * self._travel[own]
-        self._mark_near(gap, own)
-        arrays, kept = [getattr(self.pairs, name) for name in UNMEASURED], stepper.steering.status[own]
-        values = [fetch(array).copy() for array in arrays]
-        near = np.flatnonzero(values[0][: self.pair_count])
-        size = max(self.touch.capacity, LEAST_READ, math.ceil(len(near) / MEASURED_PARTS))
-        stepper.steering.set(own, status=Steering.EVALUATING, evaluated_gap=gap)
-        for first in range(0, len(near), size):
-            self._take_near_pairs(near[first : first + size])
-            measure = [replay(self.launches(part, stepper.parts)[:-1], stepper.device) for part in range(stepper.parts)]
-            stepper.team.each(measure)
-        stepper.steering.set(own, status=kept)
-        for array, value in zip(arrays, values, strict=True):  # the next evaluation begins as if nothing were known of places
-            store(array, value)
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:
         """Use marked near pairs, or `which` pairs, in the next steps."""
