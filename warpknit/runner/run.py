@@ -22,7 +22,7 @@ from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.simulate import Simulation
-from .estimates import COMPLETE, beside, estimated_again
+from .estimates import COMPLETE, estimated_again
 from .history import Probe, checked_probes
 from .monitor import Checkpoint, Monitor, has_checkpoint
 from .progress_display import Display
@@ -70,22 +70,21 @@ def run_scene(
     checkpoint = Checkpoint(out, ranks) if continues else None
     if resume and checkpoint is None:
         _log.warning("warning W63: --resume: %s has no checkpoint; a new run begins", out)
+    several = MeshGroups(scene, name, checkpoint) if scene.variants.count > 1 else None
+    model = build_model(scene, name, ranks) if several is None else several.simulation.model
+    if ranks.count > 1 and ranks.is_first and model.global_model.node_count < LEAST_SHARED:
+        _log.warning("warning W64: run without mpirun: a mesh of %s nodes is slower on %d ranks",
+                     f"{model.global_model.node_count:,}", ranks.count)  # fmt: skip
+    with compile_times() as times:
+        progress_so_far = checkpoint.progress[0] if checkpoint else None
+        simulation = Simulation(model, progress=progress_so_far) if several is None else several.simulation
+        simulation.compile()
+        if checkpoint is not None:
+            checkpoint.restore(simulation)
+    compile_time = sum(times)
+    if times:
+        _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(compile_time))
     with contextlib.ExitStack() as stack:
-        other = stack.enter_context(beside(scene, name))
-        several = MeshGroups(scene, name, checkpoint) if scene.variants.count > 1 else None
-        model = build_model(scene, name, ranks) if several is None else several.simulation.model
-        if ranks.count > 1 and ranks.is_first and model.global_model.node_count < LEAST_SHARED:
-            _log.warning("warning W64: run without mpirun: a mesh of %s nodes is slower on %d ranks",
-                         f"{model.global_model.node_count:,}", ranks.count)  # fmt: skip
-        with compile_times() as times:
-            progress_so_far = checkpoint.progress[0] if checkpoint else None
-            simulation = Simulation(model, progress=progress_so_far) if several is None else several.simulation
-            simulation.compile()
-            if checkpoint is not None:
-                checkpoint.restore(simulation)
-        compile_time = sum(times)
-        if times:
-            _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(compile_time))
         ranks.from_first(lambda: stack.enter_context(_locked(out, 0.0)))
         if device is None:
             _log.info("running on %s", name if ranks.count == 1 else f"{ranks.count} ranks, this one on {name}")
@@ -96,7 +95,7 @@ def run_scene(
             return CommandResult(loop.exit_code, None, loop.message)
         where = (out, progress or Display(), compile_time, checkpoint)
         if several is not None:
-            return VariantsRecorder(several, *where, probes=own, beside=other).run()
+            return VariantsRecorder(several, *where, probes=own).run()
         return Recorder(simulation, *where, error_estimator, own).run()
 
 

@@ -52,16 +52,17 @@ def warnings_of(model: MeshModel, rows: Sequence[Row]) -> list[ResultWarning]:
 
 
 def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    wire = model.scene.wire
-    most = max(rows, key=lambda row: row.stress_max_Pa, default=None)
-    largest = 0.0 if most is None else most.stress_max_Pa
+    if not rows:
+        return
+    wire, most = model.scene.wire, max(rows, key=lambda row: row.stress_max_Pa)
+    largest = most.stress_max_Pa
     if exceeded := exceeded_text(model.scene, largest):
         interior = max((end.stress_interior_max_Pa for end in stages), default=largest)
         is_gripped = model.scene.hook is not None or model.scene.model.boundary == "gripped"
         where = f"; away from the grips {engineering(interior, 'Pa')}" if is_gripped and is_at_grips(interior, largest) else ""
         yields = largest <= wire.tensile_strength
         plastic = f"; {_yielding(stages)}" if yields and wire.plastic else ""
-        step = f" in '{most.stage}'" if most is not None and len(stages) > 1 else ""
+        step = f" in '{most.stage}'" if len(stages) > 1 else ""
         text = f"The largest wire stress, {engineering(largest, 'Pa')}{step}, is {exceeded}{where}{plastic}."
         elastic = "Set wire.plastic = true to compute the permanent set, or reduce the load."
         yield ResultWarning("W04", text, elastic if yields and not wire.plastic else None)

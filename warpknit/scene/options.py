@@ -228,7 +228,7 @@ class Output(Table):
 
     @property
     def levels(self) -> int:
-        """Equal load levels of a stage where none are added: of a ramp, a map, a large mesh."""
+        """Equal load levels of a stage where none are added: of a ramp, a map of a single mesh, a large mesh."""
         return DEFAULT_LEVELS if isinstance(self.frames, str) else self.frames
 
 

@@ -152,7 +152,7 @@ class Scene:
 
     @property
     def levels(self) -> int:
-        """Equal load levels of a stage where none are added."""
+        """Load levels of each mesh of a map, to the largest load."""
         return self.variant(0).output.levels if self.variants.count > 1 else self.output.levels
 
     @property
