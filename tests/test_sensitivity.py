@@ -265,7 +265,7 @@ def test_a_planar_map_is_compared_with_spatial_meshes_at_its_largest_load(tmp_pa
 def test_changed_meshes_beside_a_run_have_the_rows_of_those_after_it():
     scene = scene_of(variants={"count": 2, "standard_error": 0.0})
     expected = changed_rows(scene, "cpu", [0, 1], lambda _: None)
-    with beside(scene, "cpu") as other:
+    with beside(scene, "cpu", [0, 1]) as other:
         if other is None:
             pytest.skip("a single core")
         assert other.rows([0, 2], lambda _: None) is None

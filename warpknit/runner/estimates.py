@@ -231,11 +231,10 @@ class Beside:
 
 
 @contextmanager
-def beside(scene: Scene, device: str) -> Iterator[Beside | None]:
-    """Begin with the changes of the first meshes; None without a requested error, on a GPU, or on a single core."""
-    started, numbers = None, list(range(MESHES))
-    wanted = scene.variants.count > 1 and scene.variants.sensitivity
-    if wanted and device == "cpu" and thread_count(2) > 1 and os.name == "posix":
+def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | None]:
+    """Begin with the changes of meshes; None on a GPU or a single core, which both would share."""
+    started = None
+    if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
         with suppress(OSError):
             started = start_process(__spec__.name)
     if started is None:

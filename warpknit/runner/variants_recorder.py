@@ -18,10 +18,12 @@ from ..scene import Scene
 from ..solve.simulate import Progress, Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 from .branches import with_work
-from .estimates import Beside, Estimator, Sensitivity
+from .estimates import MESHES, Beside, Estimator, Sensitivity, beside
 from .history import row_of, with_sums, write_history
 from .monitor import Checkpoint, LoopResult
 from .recorder import Recorder, frame_of, open_frames
+from .run_directory import CommandResult
+from .summary import Summary
 from .variants import Means, MeshValues, branch_of, first_meshes, mean_row, mesh_values_of, spreads, wanted
 
 
@@ -97,11 +99,17 @@ class MeshGroups:
 class VariantsRecorder(Recorder):
     """Writes the records of several meshes as records of one run."""
 
-    def __init__(self, variants: MeshGroups, *args: Any, beside: Beside | None, **options: Any) -> None:
+    def __init__(self, variants: MeshGroups, *args: Any, **options: Any) -> None:
         self.meshes = variants
-        self._beside = beside
+        self._beside: Beside | None = None
         self.members: dict[int, list[Row]] = {}  # rows of each mesh
         super().__init__(variants.simulation, *args, **options)
+
+    def run(self) -> CommandResult[Summary | None]:
+        if not self.scene.variants.sensitivity:
+            return super().run()
+        with beside(self.scene, self.meshes.models.device, self.meshes.begun[:MESHES]) as self._beside:
+            return super().run()
 
     def _loop(self) -> LoopResult:
         loop = self.monitor.run(self._write_record, self._following)
