@@ -37,6 +37,7 @@ from .wire_minima import (
     distance_at,
     followed_saddle,
     is_beside,
+    measured_distance,
     nearest_sample,
     projected_end,
     saddle_of,
@@ -94,7 +95,10 @@ def mark_near_pairs(
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_radius: wp.array(dtype=wp.float64),
+    natural_length: wp.array(dtype=wp.float64),
     rest_row: wp.array(dtype=wp.int32),
+    rest_slope: wp.array(dtype=wp.vec2d),
+    rest_bump: wp.array(dtype=Bump),
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     contact_offset: wp.array(dtype=wp.float64),
@@ -107,14 +111,17 @@ def mark_near_pairs(
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # in and out: [m] travel at which the pair may touch, by its gap when last measured and without what pushes it apart
     pair_wake_travel: wp.array(dtype=wp.float64),
-    # out
     pair_found: wp.array(dtype=wp.int32),
+    # out
     pair_is_near: wp.array(dtype=wp.int32),
 ):
-    """The threads of a part share its pairs: whether their wires may be nearer than NEAR_GAP, by chords, sag and what pushes
-    them apart."""
+    """The threads of a part share its pairs: whether their wires may be nearer than NEAR_GAP.
+
+    By chords and sag where these suffice; else by the distance of the curves, unless they touched before.
+    """
     begin = first_of_nodes(pair_start, pair_count, first_node)
     count = first_of_nodes(pair_start, pair_count, end_node) - begin
     end = begin + first_of_part(count, part + 1, parts)
@@ -138,8 +145,18 @@ def mark_near_pairs(
             of_q = rest_row[j]
             bulge_p = length_factor * rest_bulge[of_p]
             bulge_q = length_factor * rest_bulge[of_q]
-            bound = least_distance(p, q, chords, bulge_p, bulge_q, slope_weight[of_p], slope_weight[of_q])
-            bound = bound - length_factor * (node_radius[i] + node_radius[j])
+            radii = length_factor * (node_radius[i] + node_radius[j])
+            weight_p = slope_weight[of_p]
+            weight_q = slope_weight[of_q]
+            bound = least_distance(p, q, chords, bulge_p, bulge_q, weight_p, weight_q) - radii
+            if bound - offset <= own[NEAR_GAP] and pair_found[pair] == NOT_NEAR:
+                shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                                     tangent, director)  # fmt: skip
+                shape_q = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                                     tangent, director)  # fmt: skip
+                curve_p = curve_through(p, length_factor * shape_p, weight_p)
+                curve_q = curve_through(q, length_factor * shape_q, weight_q)
+                bound = wp.max(bound, measured_distance(curve_p, curve_q) - radii)
             pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
             gap = wp.max(gap, bound - offset)
         if gap <= own[NEAR_GAP]:

@@ -16,7 +16,8 @@ import warp as wp
 from .banded_mass import CLAMPED
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
-from .wire_curve import CLOSING_RATE, closest_on_chords, row, sag, stencil
+from .wire_curve import CLOSING_RATE, Bump, closest_on_chords, curve_through, rest_shape, row, sag, stencil
+from .wire_minima import measured_distance
 
 KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
 LEVELS = wp.constant(1024.0)  # of a cell, to which places across the mesh are rounded
@@ -176,7 +177,10 @@ def find_segment_pairs(
     node_wire: wp.array(dtype=wp.int32),
     node_arc: wp.array(dtype=wp.float64),
     node_radius: wp.array(dtype=wp.float64),
+    natural_length: wp.array(dtype=wp.float64),
     rest_row: wp.array(dtype=wp.int32),
+    rest_slope: wp.array(dtype=wp.vec2d),
+    rest_bump: wp.array(dtype=Bump),
     rest_bulge: wp.array(dtype=wp.float64),
     slope_weight: wp.array(dtype=wp.vec4d),
     wire_closed: wp.array(dtype=wp.int32),
@@ -191,6 +195,7 @@ def find_segment_pairs(
     position: wp.array(dtype=wp.vec3d),
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
     # in: of worlds that are not searched, the number of pairs of each segment in the previous list; where the pairs of each begin
     old_count: wp.array(dtype=wp.int32),
     pair_start: wp.array(dtype=wp.int32),
@@ -233,7 +238,10 @@ def find_segment_pairs(
     p1 = row(p, 1)
     p2 = row(p, 2)
     length_factor = own[LENGTH_FACTOR]
-    bulge = sag(p, length_factor * rest_bulge[rest_row[i]], slope_weight[rest_row[i]])
+    weight = slope_weight[rest_row[i]]
+    bulge = sag(p, length_factor * rest_bulge[rest_row[i]], weight)
+    shape = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight, tangent, director)
+    curve = curve_through(p, length_factor * shape, weight)
     zero = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
@@ -295,7 +303,14 @@ def find_segment_pairs(
             if gap > search_distance + wp.float64(reach[j]) - half * length[j] + wp.float64(round_off):
                 continue
             q = stencil(j, previous, following, position, length, tangent)
-            gap -= sag(q, length_factor * rest_bulge[rest_row[j]], slope_weight[rest_row[j]])
+            weight = slope_weight[rest_row[j]]
+            gap -= sag(q, length_factor * rest_bulge[rest_row[j]], weight)
+            if gap > search_distance:
+                continue
+            q = q + wp.matrix_from_rows(offset, offset, offset, offset)
+            shape = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
+                               tangent, director)  # fmt: skip
+            gap = wp.max(gap, measured_distance(curve, curve_through(q, length_factor * shape, weight)))
             if gap > search_distance:
                 continue
             if is_filling != 0:

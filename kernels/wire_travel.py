@@ -1,5 +1,6 @@
 """Bound on the travel of segments since the pair search. By the fastest nodes of blocks.
 
+The speed of a node and the speed of the curve beside it, which turns with the section, count as perpendicular to each other.
 Each block has a travel by steps (rod_motion.py, and clamps below), which holds for the nodes of its segments, those beside it
 included. Travel of all nodes, by the load or from outside, comes on top. Where nodes have one block, the fastest of all count.
 """

@@ -152,6 +152,7 @@ for (int c = 0; c < NUMBERS; ++c) {
 }
 const double* steer = control.data;
 const real a = steer[VELOCITY_FACTOR], b = steer[FORCE_FACTOR], dt = steer[TIME_STEP], ahead = steer[LOOK_AHEAD];
+const real lever_square = steer[LEVER] * steer[LEVER];
 double* __restrict moved = (double*)(displacement.data + first);
 real* __restrict speed = (real*)(velocity.data + first);
 real* __restrict rate = spin.data + first;
@@ -198,6 +199,7 @@ const auto move = [&](int j, const Node& now, const real* acceleration) {
             rate[j] = after;
             turn[j] = angle;
             turned[j] = real(now.place[c]) + angle;
+            q2 += lever_square * after * after; // of the curve, which turns with the section
             continue;
         }
         speed[k] = after;

@@ -196,6 +196,36 @@ def test_two_contacts_near_each_other_rub_as_what_both_press_with(share: float, 
     assert -found.friction[:, 0].sum() == pytest.approx(friction * found.force.sum(), rel=0.02)
 
 
+def test_a_curve_that_turns_onto_a_wire_touches_it() -> None:
+    """The sections of an arc turn by half a turn while its nodes rest: what is fitted to the arc turns towards the chord.
+
+    There is a wire, a tenth of the thickness away at the start.
+    """
+    bow, steps = 0.8, 200
+
+    def arc(s: np.ndarray) -> np.ndarray:
+        x = s - 7.5
+        return np.stack([x, -0.5 * bow * x**2, 0.0 * x], axis=-1)
+
+    def straight(s: np.ndarray) -> np.ndarray:
+        return np.stack([0.0 * s, 0.0 * s - 1.1, s - 7.5], axis=-1)
+
+    rods, line = line_of(arc, straight, nodes=6, step=3.0)
+    pose = Pose(rods)
+    contact = WireContact(pose.stepper, STIFFNESS, curve=fit_rest_curve(rods, line))
+    set_masses(pose.stepper, 1e15, 1e15)
+    pose.stepper.set_time_step(0.025)
+    pose.stepper.state.spin.assign(np.where(np.arange(12) < 6, np.pi / (steps * 0.025), 0.0))
+    contact.search()
+    pose.stepper.evaluate()
+    assert len(contact.read_contacts().overlap) == 0
+    advance(contact, steps)
+    found = contact.read_contacts().overlap
+    contact.search()
+    pose.stepper.evaluate()
+    assert found.tolist() == pytest.approx(contact.read_contacts().overlap.tolist(), rel=0.01)
+
+
 @pytest.mark.parametrize("along", [*slow(-0.5, 0.0), 0.5])
 def test_a_contact_goes_without_a_jump_while_another_stays(along: float) -> None:
     """Of wires that lean, one closest point meets the saddle of the distance, away from the other point, and both are gone. There

@@ -31,11 +31,11 @@ OF_PANEL = ("block_first", "block_count", "block_table", "block_wire", "wire_fir
 class RepeatProlongation:
     """Adds fields of a small mesh, or their changes, to a large one; each model says to which arrays."""
 
-    KEPT: tuple[str, ...] = ("_last",)
+    KEPT: tuple[str, ...] = ("_last", "_former")
 
     def __init__(self, large: Model, small: Model, fields: dict[str, np.ndarray], *, fades: bool = True) -> None:
         """fields: of the small mesh, see `Mechanics.state_variables`; fades: a change of one repeat, along the wires."""
-        self.large, self.small, self._last = large, small.global_model, fields
+        self.large, self.small, self._last, self._former = large, small.global_model, fields, fields
         panel, table, self._device = large.panel, large.table, large.device
         assert large.cloth is not None
         repeat = self._repeat = np.array(large.cloth.size)
@@ -119,10 +119,15 @@ class RepeatProlongation:
 
     def taken(self, now: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
         """Transferred fields of the small mesh, from its fields now: whole, or their change; None without a change."""
-        last, self._last = self._last, now
+        last = self._former = self._last
+        self._last = now
         if not any(np.any(now[name] != last[name]) for name in now):
             return None
         return now if self.replaces else {name: now[name] - last[name] for name in now}
+
+    def repeat(self) -> None:
+        """Let the next `carry` transfer what the last one did."""
+        self._last = self._former
 
     def changes(self, fields: dict[str, np.ndarray], real: type) -> dict[str, wp.array]:
         """Changes of fields of the small mesh on the device of the large one."""

@@ -97,6 +97,10 @@ class Mechanics(Protocol):
         steering.ramp_share = 0.0 if steps else 1.0
         return float(factor)
 
+    def stiffen_contacts(self, factor: float) -> None:
+        """Multiply the stiffness of contacts while loads are applied."""
+        return
+
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         """Steps over which the load of a level is applied."""
 

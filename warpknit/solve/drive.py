@@ -68,11 +68,15 @@ class Drive(ABC):
         self.mechanics.compile()
         self.restore(kept)
 
-    def snapshot(self) -> dict[str, np.ndarray]:
-        """Host copies of the state, the solver variables and the progress."""
-        return self.state_dict() | {"progress": np.array(json.dumps(vars(self.progress), default=vars))}
+    def equilibrium_dict(self) -> Kept:
+        """State and solver variables, to return to within a stage: the progress goes on."""
+        return self.state_dict()
 
-    def restore(self, kept: dict[str, np.ndarray]) -> None:
+    def snapshot(self) -> Kept:
+        """State, solver variables and progress, to continue from elsewhere."""
+        return self.equilibrium_dict() | {"progress": np.array(json.dumps(vars(self.progress), default=vars))}
+
+    def restore(self, kept: Kept) -> None:
         """Restore a snapshot."""
         self.load_state_dict(kept)
         self.progress.__dict__.update(Progress.from_dict(json.loads(str(kept["progress"]))).__dict__)

@@ -40,6 +40,7 @@ MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not conve
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
+STIFFER, MOST_STIFFER = 4.0, 2  # factor of contacts where a start from a smaller mesh overlaps wires too deeply; repetitions
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 
 
@@ -196,23 +197,28 @@ class MultilevelRelaxation(Relaxation):
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)
 
-    def _return_to_own(self, failed: np.ndarray) -> None:
-        """Return to the state before this level started from the smaller mesh.
+    def _put_back(self, *, repeats: bool = False) -> None:
+        """Return to the state before this level started from the smaller mesh; repeats: that start follows again."""
+        assert self.prolongation is not None
+        own = self._own
+        if self._before and not self.prolongation.replaces:
+            self._go_back(self._before)
+        else:
+            self.prolongation.put_back()
+            if repeats:
+                self.prolongation.repeat()
+            self.mechanics.set_load(LoadPoint(own["gradient"], float(own["temperature"])), 0)
+            self.mechanics.stop()
+        self._own = {}
 
-        After a start from one repeat, the load step continues without that repeat.
+    def _return_to_own(self, failed: np.ndarray) -> None:
+        """As `_put_back`. After a start from one repeat, the load step continues without that repeat.
+
         failed: (2, 2) deformation gradient of that start.
         """
         assert self.prolongation is not None
-        progress, own = self.progress, self._own
-        steps, factor = progress.steps, progress.load_factor
-        if self._before and not self.prolongation.replaces:
-            self.restore(self._before)
-        else:
-            self.prolongation.put_back()
-            self.mechanics.set_load(LoadPoint(own["gradient"], float(own["temperature"])), 0)
-            self.mechanics.stop()
-        self._own, progress.keeps_own = {}, not self.prolongation.replaces
-        progress.steps, progress.load_factor = steps, factor
+        self._put_back()
+        self.progress.keeps_own = not self.prolongation.replaces
         note = "the mesh started from its own state, because a start from a smaller mesh would overlap its wires too deeply"
         self.mechanics.notes.append(f"at strains of {strain_text(failed)} {note}")
 
@@ -220,6 +226,11 @@ class MultilevelRelaxation(Relaxation):
         lasts = error.is_final or isinstance(error, NoProgress)
         if lasts or not self._own or self.prolongation is None or self.prolongation.replaces:
             super()._cut(error)
+        elif self.mechanics.can_overlap and self.progress.stiffer < MOST_STIFFER:
+            self.progress.stiffer += 1
+            self._put_back(repeats=True)
+            self.mechanics.stiffen_contacts(STIFFER)
+            self.progress.solving = False
         else:
             self._return_to_own(self.state.gradient.copy())
             self.progress.solving = False

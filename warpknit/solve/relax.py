@@ -112,9 +112,8 @@ class Relaxation(Drive):
         kept = {f"target{k}_{name}": value for k, target in enumerate(known) for name, value in target.arrays().items()}
         return super().state_dict(copied=copied) | kept | {"targets": np.array([len(self._targets), len(known)])}
 
-    def snapshot(self) -> Kept:
-        """Host copies of the state, the solver variables and the progress, without other levels."""
-        return {name: value for name, value in super().snapshot().items() if not name.startswith("target")}
+    def equilibrium_dict(self) -> Kept:
+        return {name: value for name, value in self.state_dict().items() if not name.startswith("target")}
 
     def load_state_dict(self, kept: Kept) -> None:
         super().load_state_dict(kept)
@@ -224,7 +223,7 @@ class Relaxation(Drive):
         dissipated, observed, level = self.dissipated if self.edge_work is None else math.nan, self.mechanics.observe(), None
         if self.model.ranks.is_first:
             level = level_of(observed, float(share), dissipated)
-        return Target(share, self.snapshot(), self.mechanics.has_left, level)
+        return Target(share, self.equilibrium_dict(), self.mechanics.has_left, level)
 
     def _has_event(self, lower: Target, upper: Target) -> bool:
         """Whether an event lies between two levels."""
@@ -236,12 +235,16 @@ class Relaxation(Drive):
         return upper.has_left or bool(self.model.ranks.from_first(is_found))
 
     def _return_to(self, target: Target) -> None:
-        """Return to the equilibrium of a level; steps, records and notes stay."""
+        """Return to the equilibrium of a level; its notes come on top."""
         progress, notes = self.progress, list(self.mechanics.notes)
-        counted = progress.steps, progress.records, progress.level
-        self.restore(target.kept)
-        progress.steps, progress.records, progress.level = counted
+        self._go_back(target.kept)
+        progress.part, progress.cuts, progress.load_factor = 0, 0, float(target.share)
         self.mechanics.notes += [note for note in notes if note not in self.mechanics.notes]
+
+    def _go_back(self, equilibrium: Kept) -> None:
+        """Return to an equilibrium; the level on the way ends unsolved."""
+        self.load_state_dict(equilibrium)
+        self.progress.solving, self.progress.level_share = False, 0.0
 
     def _increment(self, stage: Stage, share: Fraction, width: Fraction, *, may_cut: bool = True) -> Iterator[Unsolved]:
         """Go to a share of the load of a stage, from `width` before it.
@@ -281,16 +284,16 @@ class Relaxation(Drive):
             return
         self._before = {}
         if may_cut and self._may_cut and self.progress.cuts < MAX_CUTS:
-            self._before = self.snapshot()
+            self._before = self.equilibrium_dict()
 
     def _cut(self, error: Diverged) -> None:
         """Return to the last equilibrium and halve the increments; raises the error after too many cuts."""
-        progress, steps = self.progress, self.progress.steps
+        progress = self.progress
         is_slow = isinstance(error, NoProgress) and progress.cuts >= MAX_SLOW_CUTS
         if not self._before or is_slow or error.is_final:
             raise error
-        self.restore(self._before)
-        progress.steps, progress.cuts, progress.part = steps, progress.cuts + 1, 2 * progress.part
+        self._go_back(self._before)
+        progress.cuts, progress.part = progress.cuts + 1, 2 * progress.part
 
     def _parts_of_level(self, stage: Stage, factor: float, width: float) -> int:
         """Number of increments to a level; unloaded: of its natural curvature."""

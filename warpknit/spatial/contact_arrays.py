@@ -80,6 +80,14 @@ class TouchArrays:
         return new_arrays(TouchArrays, device, counts, values, precision)
 
 
+def take_turns(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    """Whether lists of two versions (number, capacity) are used in turn.
+
+    A list that has grown keeps the parity of its number.
+    """
+    return one[1:] == other[1:] and (one[0] - other[0]) % 2 == 1
+
+
 @dataclass(frozen=True)
 class Contacts:
     """Contacts on the host; arrays [contact]. `first` and `second` are the first nodes of the two segments.

@@ -37,7 +37,7 @@ class _OverlapArrays:
 class ContactMultipliers:
     """Offsets and penalties of the contacts of rods (kernels/contact_checks.py)."""
 
-    KEPT = ("_arrays", "mean_force")
+    KEPT = ("_arrays", "mean_force", "loading_factor")
 
     def __init__(self, contact: WireContact, floor: float, softest: float = SOFTEST) -> None:
         """floor [N/m]: smallest penalty; it is the penalty of all contacts from now on; softest: see SOFTEST."""
@@ -57,6 +57,7 @@ class ContactMultipliers:
             "most_offset": wp.float64(MAX_OFFSET * self._thickness),
         }
         self.mean_force = np.zeros(contact.stepper.worlds)  # [world] [N] of the contacts
+        self.loading_factor = np.ones(contact.stepper.worlds)  # [world] of the penalty while a load is applied
         store(self._state.contact_penalty, floor)
 
     @property
@@ -67,7 +68,7 @@ class ContactMultipliers:
     @property
     def _loading_floor(self) -> np.ndarray:
         """[world] [N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
-        return np.maximum(self._floor, FORCE_PENALTY * self.mean_force / self._thickness)
+        return np.maximum(self._floor, self.loading_factor * FORCE_PENALTY * self.mean_force / self._thickness)
 
     def error_ratio(self, contacts: ContactSums) -> np.ndarray:
         """[row] overlaps over their tolerance."""

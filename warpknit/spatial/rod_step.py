@@ -33,7 +33,7 @@ from ..kernels.rod_frames import AHEAD, ALWAYS, UNLESS_AHEAD
 from ..mechanics.numerics import thread_count
 from ..mesh.strip import even_shares
 from .bending import Yielding
-from .contact_arrays import TouchArrays
+from .contact_arrays import TouchArrays, take_turns
 from .rod_arrays import (
     RodArrays,
     RodState,
@@ -321,9 +321,9 @@ class RodStepper:
         """The graph of each part, captured once by name and version of the contact; launches_of: of the steps of a part."""
         key = (self.contact.version if self.contact is not None else (), name)
         if key not in self._graphs:
-            # two lists of pairs take turns; graphs of lists that have grown since are not used again, and hold their arrays
-            kept = [version for version, _ in self._graphs if version != key[0] and version[1:] == key[0][1:]][-1:]
-            self._graphs = {k: graphs for k, graphs in self._graphs.items() if k[0] in (key[0], *kept)} | {key: []}
+            # graphs of lists that have grown since are not used again, and hold their arrays
+            kept = {k: graphs for k, graphs in self._graphs.items() if k[0] == key[0] or take_turns(k[0], key[0])}
+            self._graphs = kept | {key: []}
             for part in range(self.parts):
                 steps = launches_of(part)  # equal steps are recorded once
                 recorded = {id(step): [launch.record(self.device) for launch in step if launch.threads] for step in steps}
@@ -368,6 +368,7 @@ class RodStepper:
         store(self.state.displacement, fetch(self.state.displacement) + move)
         if turn is not None:
             store(self.state.pending_turn, turn)
+            moved += float(self.steering.lever[0]) * self.strip.largest_of_nodes(np.abs(turn))
         if self.contact is not None:
             self.contact.refresh(moved)
         self.evaluate()

@@ -233,7 +233,7 @@ def share_of_repeat(model: SpatialModel) -> np.ndarray:
 class Prolongation(RepeatProlongation):
     """Brings a large mesh to the state of a small one."""
 
-    KEPT = ("_last", "_before")
+    KEPT = (*RepeatProlongation.KEPT, "_before")
 
     def __init__(self, large: Fields, small: Fields, edge: Edge | None) -> None:
         """edge: of the large mesh."""

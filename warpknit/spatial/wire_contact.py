@@ -32,7 +32,7 @@ from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
 from ..kernels.wire_friction import transfer_elastic_slip
 from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
-from .contact_arrays import Contacts, TouchArrays, WireArrays
+from .contact_arrays import Contacts, TouchArrays, WireArrays, take_turns
 from .pair_search import MIN_ARC_SEPARATION, PairList, PairSearch, SearchCells, search_cells
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
@@ -99,6 +99,9 @@ class WireContact:
         self.max_penetration = zeros((max(stepper.team.threads, worlds), CACHE_LINE), wp.float64, device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
         self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
+        self._listed = np.zeros(
+            (worlds, stepper.state.block_travel.shape[0] // worlds or 1)
+        )  # [m] `_moved` when near pairs were listed
         self.touch = self._new_touch(LEAST_CAPACITY)
         self.pairs = self._new_list(LEAST_CAPACITY, 0)
         # the list before, for its elastic slips and for worlds that are not searched
@@ -217,7 +220,7 @@ class WireContact:
         """List the pairs that may touch within a travel [m] or [row] from the present positions; default: the last one given.
 
         The travel is at most NEXT_TRAVEL thicknesses. It excludes the look-ahead of the steps, less than a quarter of a step's
-        motion, and the rotation of the rest shape with its sections: pairs that these bring together touch a step later.
+        motion: pairs that this brings together touch a step later.
         """
         stepper = self.stepper
         stepper.sync()
@@ -226,9 +229,26 @@ class WireContact:
                 self._travel[own] = np.minimum(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
             self._mark_near(float(CLOSING_RATE) * self._travel[own], own)
             self._take_near_pairs()
-            reached = stepper.steering.travel[own] + self._travel[own]
-            limit = np.minimum(reached, self._search_travel[own])
-            stepper.steering.set(own, travel_limit=limit, status=Steering.RUNNING)
+            self._listed[own] = self._moved(own)
+            self._go_on(own)
+
+    def _moved(self, rows: np.ndarray) -> np.ndarray:
+        """(row, block) [m] travel of blocks since the search; of the fastest node where nodes have one block."""
+        steering, by_block = self.stepper.steering, fetch(self.stepper.state.block_travel)
+        if len(by_block) == 1:
+            return steering.travel[rows][:, None]
+        return (steering.travel - steering.step_travel)[rows][:, None] + by_block.reshape(self.stepper.worlds, -1)[rows]
+
+    def _left(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """[row] [m] travel left until near pairs are listed again, and until the next search."""
+        moved, largest = self._moved(rows), self.stepper.strip.ranks.largest
+        listed, searched = (largest(way.max(axis=1)) for way in (moved - self._listed[rows], moved))
+        return self._travel[rows] - listed, self._search_travel[rows] - searched
+
+    def _go_on(self, rows: np.ndarray) -> None:
+        """Let the steps go on until the fastest block has used up its travel; `travel` adds up the fastest nodes of all blocks."""
+        steering = self.stepper.steering
+        steering.set(rows, travel_limit=steering.travel[rows] + np.minimum(*self._left(rows)), status=Steering.RUNNING)
 
     def _mark_near(self, gap: Any, own: np.ndarray) -> None:
         """Mark the pairs within a gap [m] at present positions, without offsets."""
@@ -265,14 +285,16 @@ class WireContact:
     def refresh(self, moved: float = 0.0, rows: np.ndarray | None = None) -> None:
         """Search again, or list near pairs again, where their travel is used up; moved [m]: travel outside of steps."""
         with self.stepper.only(rows) as own:
-            travel = self.stepper.steering.travel[own] + moved
-            self.stepper.steering.set(own, travel=travel)
-            far = travel > self._search_travel[own]
+            self.stepper.steering.set(own, travel=self.stepper.steering.travel[own] + moved)
+            near, near_search = self._left(own)
+            far, due = near_search < 0.0, near <= 0.0
             if far.any():
                 self.search(own[far])
             if not far.all():
                 self.stepper.update_frames(own[~far])
-                self.list_near_pairs(rows=own[~far])
+                if (due & ~far).any():
+                    self.list_near_pairs(rows=own[due & ~far])
+                self._go_on(own[~far])
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
@@ -284,7 +306,7 @@ class WireContact:
         if self._in_real_time:
             kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
         of_world = (self._penetration(), self._travel, self._search_travel, self.dissipated)
-        return kept | {"contact": np.array([values[world] for values in of_world])}
+        return kept | {"contact": np.array([values[world] for values in of_world]), "listed": self._listed[world].copy()}
 
     def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
@@ -301,6 +323,7 @@ class WireContact:
             for name, array in vars(self._before).items():
                 store(self.stepper.part(array, world), kept[name])
         penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
+        self._listed[world] = kept["listed"]
         store(self.stepper.part(self.max_penetration, world), penetration)
         store(self.touch.touch_slip_work, 0.0)
         self._take_near_pairs(near)
@@ -324,9 +347,8 @@ class WireContact:
     def launch(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
         """Launch a kernel for the own blocks or nodes, on the present lists."""
         stepper, version = self.stepper, self.version
-        if version not in self._recorded:  # two lists alternate
-            kept = [one for one in self._recorded if one[1] == version[1]][-1:]
-            self._recorded = {one: self._recorded[one] for one in kept}
+        if version not in self._recorded:
+            self._recorded = {one: launches for one, launches in self._recorded.items() if take_turns(one, version)}
             self._recorded[version] = SharedLaunches(stepper.team, stepper.device, stepper.few)
         every = (self._wires, self.touch, self.pairs, *sources)
         stepper.share_launch(self._recorded[version], kernel.key, kernel, *every, **named)
