@@ -9,7 +9,7 @@ Offsets and penalties (spatial/contact_multipliers.py), with the overlaps o and 
     offset -> offset k_before/k + rate/2 mean overlap
 
 Bounds on the stiffness of a node, for the masses, with the unit normal n of each contact and the penalty k (see
-spatial/rod_relaxation.py): sum w total [k (|n_x| + |n_y| + |n_z|) |n_x| + sticking], with an allowance for tilt.
+spatial/fictitious_masses.py): sum w total [k (|n_x| + |n_y| + |n_z|) |n_x| + sticking], with an allowance for tilt.
 """
 
 from typing import Any

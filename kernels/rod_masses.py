@@ -1,4 +1,4 @@
-"""Fictitious masses of rods, banded along the wire, for the state last evaluated: the bound of spatial/rod_relaxation.py.
+"""Fictitious masses of rods, banded along the wire, for the state last evaluated: the bound of spatial/fictitious_masses.py.
 
 With lengths a, c of the segments before and behind a node and p, m its turning angle and moment, per node and per segment
 

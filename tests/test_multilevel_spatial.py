@@ -26,7 +26,7 @@ from warpknit.solve.simulate import Progress, Simulation
 from warpknit.spatial import transfer
 from warpknit.spatial.mechanics import SpatialMechanics
 from warpknit.spatial.model import SpatialModel
-from warpknit.spatial.rod_relaxation import CHECK_STEPS
+from warpknit.spatial.rod_step import CHECK_STEPS
 from warpknit.spatial.transfer import PanelNodes
 
 CELL = Path(__file__).parents[1] / "scenes" / "atlas_cell_spatial.toml"

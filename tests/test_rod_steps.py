@@ -28,9 +28,9 @@ def stepped(scene: str, overrides: list[str], size: int) -> dict[str, np.ndarray
     mechanics.search()
     random, state = np.random.default_rng(1), mechanics.state
     thickness, nodes = mechanics.model.rods.section.thickness, mechanics.model.node_count
-    free = mechanics.relaxation.free
+    free = mechanics.model.rods.is_free
     store(state.velocity, 1e-4 * thickness * random.standard_normal((nodes, 3)) * free[:, None])
-    store(state.spin, 1e-4 * random.standard_normal(nodes) * mechanics.relaxation.free_sections)
+    store(state.spin, 1e-4 * random.standard_normal(nodes) * mechanics.model.rods.can_turn)
     for _ in range(2 * GRAPH_STEPS[0] // size):
         mechanics.step(size)
     mechanics.stepper.evaluate()
@@ -56,7 +56,7 @@ def test_what_blocks_have_travelled_bounds_the_ways_of_their_segments(boundary: 
     state, rods, thickness = mechanics.state, mechanics.model.rods, mechanics.model.rods.section.thickness
     before = fetch(state.displacement).copy()
     push = np.zeros((rods.node_count, 3))
-    some = np.flatnonzero(mechanics.relaxation.free)[10:20]
+    some = np.flatnonzero(mechanics.model.rods.is_free)[10:20]
     push[some] = 1e-4 * thickness * np.random.default_rng(1).standard_normal((len(some), 3))
     store(state.velocity, push)
     mechanics.step(20)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from warpknit.compute.host import fetch
-from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
-from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rod_relaxation import RodRelaxation
+from warpknit.spatial.rod_step import CHECK_STEPS, RodStepper
 from warpknit.spatial.rods import Rods, Section
 
 
@@ -127,20 +127,21 @@ def energy(stepper: RodStepper) -> float:
 
 def update(rest: RodRelaxation) -> None:
     """What a convergence check does to a relaxation without contact multipliers."""
+    rows = rest.stepper.rows
     rest.stepper.evaluate()
-    rest.renew_damping()
-    rest.renew_multipliers()
+    rest.damping.renew(rows)
+    rest.multipliers.renew(rest.sums(of_mean=False).mean_excess, rows)
     rest.stepper.evaluate()
-    rest.keep_motion()
+    rest.damping.keep_motion(rows)
 
 
 def residual_of(rest: RodRelaxation) -> float:
     """[N] the largest force out of balance, torques taken as couples of a segment's length."""
     rods = rest.stepper.rods
     spacing = float(rods.natural_length[rods.following >= 0].min())
-    state, sliding = rest.stepper.state, np.zeros((0, 3)) if rest.clamps is None else rest.clamps.force
-    couple = float(np.abs(fetch(state.torque)[rest.free_sections]).max(initial=0.0)) / spacing
-    force = np.concatenate([fetch(state.force)[rest.free], sliding])
+    state, sliding = rest.stepper.state, np.zeros((0, 3)) if rest.stepper.clamps is None else rest.stepper.clamps.force
+    couple = float(np.abs(fetch(state.torque)[rods.can_turn]).max(initial=0.0)) / spacing
+    force = np.concatenate([fetch(state.force)[rods.is_free], sliding])
     return max(float(np.linalg.norm(force, axis=1).max(initial=0.0)), couple)
 
 
@@ -150,7 +151,7 @@ def relaxed(rest: RodRelaxation, tolerance: float, strain_tolerance: float = 1e-
         rest.stepper.step(CHECK_STEPS)
         update(rest)
         if steps % (2 * CHECK_STEPS) == 0:
-            rest.renew_masses()
+            rest.masses.renew()
         if residual_of(rest) < tolerance and float(rest.sums(of_mean=False).excess_max.max()) < strain_tolerance:
             return steps + CHECK_STEPS
     raise AssertionError(f"{residual_of(rest):.3g} N out of balance after {most_steps:,} steps")

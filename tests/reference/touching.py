@@ -58,6 +58,6 @@ def plies(spacing: float, hardness: float = 1.0, friction: float = 0.0) -> tuple
     for _ in range(160):
         advance(contact, 25)
         update(rest)
-        rest.renew_masses()
-        rest.keep_motion()
+        rest.masses.renew()
+        rest.damping.keep_motion(rest.stepper.rows)
     return contact, rest, nodes

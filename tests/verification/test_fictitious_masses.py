@@ -63,7 +63,7 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
         assert found[:, k] == pytest.approx(np.linalg.solve(mass[k], force[:, k]), rel=0, abs=1e-13)
     assert stepper.state.spin.numpy() == pytest.approx(np.linalg.solve(spin, torque), rel=0, abs=1e-13)
     twice = sum(float(force[:, k] @ mass[k] @ force[:, k]) for k in range(3)) + float(torque @ spin @ torque)
-    found = relaxation.twice_energy(stepper.state.force, stepper.state.torque, "forces", stepper.rows)
+    found = relaxation.masses.twice_energy(stepper.state.force, stepper.state.torque, "forces", stepper.rows)
     assert found == pytest.approx(twice, rel=1e-13, abs=0)
 
 

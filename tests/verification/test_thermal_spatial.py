@@ -39,7 +39,7 @@ def test_a_wire_that_is_cold_at_one_end_pulls_as_its_mean(softening: float) -> N
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
     rest = RodRelaxation(RodStepper(rods), softening=softening)
     thermal_strain = -1e-3 * np.linspace(0.0, 1.0, count)
-    rest.set_thermal_strain(thermal_strain)
+    rest.multipliers.set_thermal_strain(thermal_strain)
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
     between = slice(1, count - 2)
     wanted = SECTION.axial_stiffness * (1.0 / np.mean(1.0 + thermal_strain[between]) - 1.0)
@@ -53,9 +53,9 @@ def test_a_wire_that_is_even_again_lets_go_after_a_resume() -> None:
     points = np.stack([np.arange(count, dtype=float), np.zeros(count), np.zeros(count)], axis=1)
     rods = rods_of(SECTION, [points]).holding([0, 1, count - 2, count - 1], [0, count - 2])
     rest = RodRelaxation(RodStepper(rods))
-    rest.set_thermal_strain(-1e-3 * np.linspace(0.0, 1.0, count))
+    rest.multipliers.set_thermal_strain(-1e-3 * np.linspace(0.0, 1.0, count))
     relaxed(rest, 1e-6 * SECTION.axial_stiffness, strain_tolerance=1e-9)
-    rest.set_thermal_strain(np.zeros(count))
+    rest.multipliers.set_thermal_strain(np.zeros(count))
     other = RodRelaxation(RodStepper(rods))
     kept = save(Owner(rest.stepper.state), Owner(rest))
     restore(kept, Owner(other.stepper.state), Owner(other))
@@ -101,15 +101,16 @@ def test_thermal_force_is_the_derivative_of_the_energy() -> None:
     step = 0.01 * float(last.touching.overlap.min()) / mesh.rods.section.thickness
     place = stepper.state.displacement.numpy().copy()
 
-    rods, held = mesh.rods, ~relaxation.mechanics.relaxation.can_stretch & (mesh.rods.following >= 0)
+    rods, held = mesh.rods, ~mesh.rods.can_stretch & (mesh.rods.following >= 0)
+    softened = mechanics.relaxation.multipliers.softened_stiffness
 
     def energies(factor: float) -> np.ndarray:
         stepper.state.steering.set(length_factor=factor)
         place[mesh.wires.held_node, :2] = mesh.held_shift(last.gradient, factor)
         stepper.state.displacement.assign(place)
         stepper.evaluate()
-        natural, strain = rods.natural_length[held] * factor, relaxation.mechanics.relaxation.strain()[held]
-        rigid = 0.5 * relaxation.mechanics.relaxation.softened_stiffness * float(np.sum(natural * strain**2))  # that clamps hold
+        natural, strain = rods.natural_length[held] * factor, mechanics.relaxation.strain()[held]
+        rigid = 0.5 * softened * float(np.sum(natural * strain**2))  # that clamps hold
         return np.array([energy(stepper) - rigid, 0.5 * mesh.soft_penalty * float(np.sum(contact.read_contacts().overlap ** 2))])
 
     slope = (energies(1.0 + step) - energies(1.0 - step)) / (2.0 * step)

@@ -301,8 +301,8 @@ def relaxed(rest: RodRelaxation, contact: WireContact, checks: int = 100) -> boo
     for _ in range(checks):
         advance(contact, 25)
         update(rest)
-        rest.renew_masses()
-        rest.keep_motion()
+        rest.masses.renew()
+        rest.damping.keep_motion(rest.stepper.rows)
         if residual_of(rest) < 1e-4 * LOW:
             return True
     return False

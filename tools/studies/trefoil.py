@@ -17,8 +17,8 @@ import numpy as np
 
 from warpknit.compute.steering import Steering
 from warpknit.spatial.contact_multipliers import ContactMultipliers
-from warpknit.spatial.rod_relaxation import CHECK_STEPS, RodRelaxation
-from warpknit.spatial.rod_step import RodStepper
+from warpknit.spatial.rod_relaxation import RodRelaxation
+from warpknit.spatial.rod_step import CHECK_STEPS, RodStepper
 from warpknit.spatial.rods import Section, rods_of
 from warpknit.spatial.wire_contact import WireContact
 
@@ -89,20 +89,20 @@ def tightened_trefoil(lengths: Sequence[float], nodes: int) -> Iterator[TrefoilR
             advance(stepper, contact)
             steps += CHECK_STEPS
             stepper.evaluate()
-            rest.renew_damping()
+            rest.damping.renew(stepper.rows)
             sums, contacts = rest.sums(of_mean=True), contact.sums()
             ratio = np.array([np.inf])
             if contacts.pushing[0]:
                 rms = np.sqrt(sums.unbalanced_square / sums.free_nodes)
                 balance = np.maximum(rms, sums.unbalanced_max / LOCAL) / contacts.mean_push
                 ratio = np.max([balance / TOLERANCE, sums.excess_ratio, multipliers.error_ratio(contacts)], axis=0)
-            rest.monitor_progress(ratio, sums.excess_ratio, stepper.rows)
+            rest.multipliers.monitor_progress(ratio, sums.excess_ratio, stepper.rows)
             if ratio[0] < 1.0 and check > 8:
                 break
-            rest.renew_multipliers(sums)
-            multipliers.renew(contacts, rest.multiplier_rate(stepper.rows), stepper.rows, loading=np.array([False]))
-            rest.renew_masses()
-            rest.keep_motion()
+            rest.multipliers.renew(sums.mean_excess, stepper.rows)
+            multipliers.renew(contacts, rest.multipliers.rate(stepper.rows), stepper.rows, loading=np.array([False]))
+            rest.masses.renew()
+            rest.damping.keep_motion(stepper.rows)
         stepper.evaluate()
         touching = contact.read_contacts()
         unit, force = STIFFNESS / d**2, touching.force

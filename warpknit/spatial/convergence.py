@@ -9,7 +9,6 @@ import numpy as np
 from .. import measure
 from ..base.errors import ModelError
 from ..base.text import engineering, place_text, short_percent
-from ..kernels.banded_mass import HELD_NODE
 from ..mechanics.numerics import FASTEST_DAMPING
 from ..scene import Scene
 from ..wires.overlaps import CLOSEST
@@ -65,7 +64,7 @@ class Stability:
             return ratio
         ratio, rows = ratio.copy(), rows[tests]
         ratio[tests] = np.inf
-        energy, before = self.relaxation.kinetic_energy(rows), self._energy[rows]
+        energy, before = self.relaxation.damping.kinetic_energy(rows), self._energy[rows]
         checks = self._checks[rows]
         if (checks == 0).any():
             self._disturb(rows[checks == 0])
@@ -94,11 +93,11 @@ class Stability:
         size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.whole.section.thickness
         shift = size * np.random.default_rng(SEED).standard_normal((nodes, 3))
         here = strip.nodes_of_mesh if stepper.worlds == 1 else np.arange(nodes)
-        free = self.relaxation.free.reshape(stepper.worlds, -1)[rows]
+        free = stepper.rods.is_free.reshape(stepper.worlds, -1)[rows]
         place = stepper.state.displacement
         stepper.store_rows(place, rows, stepper.by_world(place)[rows] + np.where(free[..., None], shift[here], 0.0))
         self.contact.search(rows)
-        self.relaxation.reset_damping_estimate(rows)
+        self.relaxation.damping.reset(rows)
 
 
 def refuse_overlaps(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -> None:
@@ -111,7 +110,7 @@ def refuse_overlaps(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -
     wires, arcs = strip.wire[rods.wire_of[nodes]], rods.arc[nodes] + near.place * rods.natural_arc[nodes]
     share = near.overlap / rods.touch_distance(near.first, near.second)
     where = rods.position[near.first] + near.place[:, :1] * rods.rest_edge[near.first]
-    held = (rods.held & int(HELD_NODE)) != 0
+    held = ~rods.is_free
     rigid = held & held[rods.following]
     is_clamped = rigid[nodes].all(axis=1) & (near.overlap > CLAMPED * rods.section.thickness)
     found = [

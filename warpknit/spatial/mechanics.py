@@ -23,7 +23,7 @@ from .convergence import overlap_text, parting_text, refuse_overlaps
 from .model import SpatialModel
 from .observables import SpatialObservables, read
 from .rod_arrays import set_natural_shape
-from .rod_relaxation import CHECK_STEPS
+from .rod_step import CHECK_STEPS
 from .sites import Sites
 from .strip import RodStrip
 from .transfer import Fields, Prolongation, SpatialGrid
@@ -102,7 +102,7 @@ class SpatialMechanics(Mechanics):
         if self.model.ramp is not None:
             return
         self._apply_release()
-        self.relaxation.set_thermal_strain(self._thermal_strain(load), self.world)
+        self.relaxation.multipliers.set_thermal_strain(self._thermal_strain(load), self.world)
         if self.clamps is None or steps == 0:
             # held nodes move to their places under the load; given stations of the edge move while it is applied
             held, displacement = self.model.wires.held_node, fetch(self.state.displacement).copy()
@@ -171,7 +171,7 @@ class SpatialMechanics(Mechanics):
         strain = float(np.abs(load.gradient - self.state.gradient).max())
         strain += abs(scene.wire.length_factor(load.temperature) - steering.length_factor)
         if any(any(stage.temperature_gradient) for stage in scene.stages):
-            now = self.stepper.part(self.relaxation.arrays.thermal_strain, self.world)
+            now = self.stepper.part(self.relaxation.multipliers.thermal_strain, self.world)
             strain += self.strip.largest_of_nodes(np.abs(self._thermal_strain(load) - fetch(now)))
         if self.edge is not None and load.stations is not None:
             strain += self.edge.strain_to(load)
@@ -270,7 +270,7 @@ class SpatialMechanics(Mechanics):
         if moved > 0.0:
             store(self.state.displacement, fetch(self.state.displacement) + move)
             self.contact.refresh(moved, self.rows)
-            self.relaxation.reset_damping_estimate(self.rows)
+            self.relaxation.damping.reset(self.rows)
 
     def clamp_forces(self) -> np.ndarray:
         assert self.edge is not None
@@ -344,7 +344,8 @@ class SpatialMechanics(Mechanics):
     @property
     def owners(self) -> list[Owner]:
         group = self.group
-        of_worlds = [group, self.contact, self.relaxation, self.stepper.yielding, self.stability, self.multipliers, group.strains]
+        of_contact, of_rods = [self.contact, self.multipliers], [self.relaxation, self.clamps, self.stepper.yielding]
+        of_worlds = [group, *of_contact, *of_rods, self.stability, group.strains]
         of_world = [Owner(one, self.world, self.stepper.worlds) for one in of_worlds if one is not None]
         return [Owner(self.state), *of_world, Owner(self)]
 

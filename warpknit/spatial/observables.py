@@ -445,11 +445,11 @@ def read(
     twisted = share * (of_mesh(state.twist) - natural_twist)
     own_tension, tangent, director = own(relaxation.tension()), of_mesh(state.tangent), of_mesh(state.director)
     segment_tension, tension = (
-        strip.gathered(values) for values in (own_tension, np.where(own(relaxation.can_stretch), own_tension, 0.0))
+        strip.gathered(values) for values in (own_tension, np.where(own(stepper.rods.can_stretch), own_tension, 0.0))
     )
     plastic = own(yielding.plastic) if yielding.yields else yielding.plastic
-    stiffness = rods.of_nodes("axial_stiffness") / relaxation.stored_softening
-    half_in_clamp = factor * rods.half_in_clamp if relaxation.keeps_arc_length else np.zeros(rods.node_count)
+    stiffness = rods.of_nodes("axial_stiffness") / relaxation.multipliers.stored_softening
+    half_in_clamp = factor * rods.half_in_clamp if relaxation.multipliers.keeps_arc_length else np.zeros(rods.node_count)
     length = np.where(rods.following >= 0, rods.natural_length * factor, 0.0) + half_in_clamp
     touching = strip.gathered_contacts(contact.read_contacts(world=world))
     return SpatialObservables(
@@ -472,7 +472,7 @@ def read(
         bend_energy=float(yielding.elastic_energy[world]),
         hardened_energy=float(yielding.hardened_energy[world]),
         contact_energy=_contact_energy(rods, of_mesh(state.contact_offset), touching),
-        thermal_strain=strip.gathered(own(fetch(relaxation.arrays.thermal_strain))),
+        thermal_strain=strip.gathered(own(fetch(relaxation.multipliers.thermal_strain))),
         touching=touching,
         near=strip.gathered_contacts(contact.find_contacts((NEAR - 1.0) * rods.section.thickness, world)),
     )

@@ -83,6 +83,7 @@ class RodArrays:
     rest_position: wp.array = array(wp.vec3d)  # [m]
     natural_length: wp.array = array(wp.float64)  # [m]
     half_in_clamp: wp.array = array(wp.float64)  # [m] see Rods.half_in_clamp
+    bow_weight: wp.array = array(wp.vec2d)  # see Rods.bow_weights
     rest_row: wp.array = array(wp.int32)  # see Rods.row
     rest_edge: wp.array = array(wp.vec3d, "row")  # [m]
     node_length: wp.array = array(wp.float64, "row")  # [m]
@@ -200,6 +201,7 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: 
         "node_block": np.repeat(np.arange(len(begin), dtype=np.int32) * is_in_place(device), count),
         "rest_position": rods.position,
         "rest_row": rods.row,
+        "bow_weight": np.stack(rods.bow_weights, axis=1),
     }
     if forms is not None:
         of_forms = {name: getattr(forms, name) for name in (*names_of(RodArrays, "row"), "knitted")}

@@ -53,6 +53,7 @@ GRAPH_STEPS = (5, 1)  # of one graph replay: capturing more takes longer than re
 NODES_A_THREAD = 2_000  # fewer nodes a thread cost more in waiting than they save
 NODES_IN_CACHE = 1_000  # of worlds that take their steps before others do
 PARTS = 2  # a thread, of worlds, as some have converged before others
+CHECK_STEPS = 25  # steps between convergence checks
 EVALUATED = 0.3  # thicknesses: gap up to which an evaluation finds closest points
 GROUP_NODES = 4096  # of a group, or one longer wire: their forces take 64 B a node
 UNEVEN = 1.2  # nodes of the wires of a thread over their mean, above which threads share the forces of a wire
@@ -171,13 +172,16 @@ class RodStepper:
         """Launches that make the threads of a shared world wait for each other."""
         return self.team.barrier() if self.worlds == 1 else []
 
-    def share_launch(
-        self, launches: SharedLaunches, name: str, kernel: wp.Kernel, *sources: object, threads: int = 1, **named: Any
-    ) -> None:
-        """Launch a kernel for the own blocks or nodes, as it counts them; recorded once by name."""
-        by_block = any(argument.label == "first_block" for argument in kernel.adj.args)
-        by, items = ("first_block", self.blocks) if by_block else ("first_node", self.strip.nodes)
-        launches.run(name, kernel, by, items, self.arrays, self.state, *sources, threads=threads, **named)
+    def launcher(self) -> Callable[..., None]:
+        """A function that launches a kernel for the own blocks or nodes; recorded once by name."""
+        launches = SharedLaunches(self.team, self.device, self.few)
+
+        def launch(name: str, kernel: wp.Kernel, *sources: object, threads: int = 1, **named: Any) -> None:
+            by_block = any(argument.label == "first_block" for argument in kernel.adj.args)
+            by, items = ("first_block", self.blocks) if by_block else ("first_node", self.strip.nodes)
+            launches.run(name, kernel, by, items, self.arrays, self.state, *sources, threads=threads, **named)
+
+        return launch
 
     def by_world(self, array: wp.array) -> np.ndarray:
         """(world, ...) the array on the host."""

@@ -165,10 +165,24 @@ class Rods:
         return 0.5 * (own + before)
 
     @cached_property
+    def is_free(self) -> np.ndarray:
+        """[node] whether a node moves."""
+        return (self.held & int(HELD_NODE)) == 0
+
+    @cached_property
+    def can_stretch(self) -> np.ndarray:
+        """[node] whether there is a segment that can stretch; between two held nodes it is rigid, whatever its tension."""
+        return (self.following >= 0) & (self.is_free | self.is_free[self.following])
+
+    @cached_property
+    def can_turn(self) -> np.ndarray:
+        """[node] whether there is a section that can turn."""
+        return (self.following >= 0) & ((self.held & int(HELD_TURN)) == 0)
+
+    @cached_property
     def is_clamped(self) -> np.ndarray:
         """[node] whether a clamp holds the segment, its nodes and its section; True where there is no segment."""
-        held = (self.held & int(HELD_NODE)) != 0
-        return (self.following < 0) | (held & held[self.following] & ((self.held & int(HELD_TURN)) != 0))
+        return ~(self.can_stretch | self.can_turn)
 
     @cached_property
     def slope_length(self) -> np.ndarray:

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.banded_mass import HELD_NODE
 from ..kernels.bend import SLOPE_SHARE
 from ..mechanics.numerics import LOADING_PERIODS, STEP_MARGIN, slowest_rate
 from .rest_curve import RestCurve
@@ -53,8 +52,7 @@ def largest_rates(rods: Rods, node_mass: np.ndarray, spin_inertia: np.ndarray, *
     stretch, bending, twist, contact, additive, coupling = _stiffnesses(rods, **stiff)
     a, b, t = stretch / node_mass, bending / node_mass, twist / spin_inertia
     scaled = _coupled(_coupled(a, b, coupling), t, coupling) + additive / node_mass
-    free = (rods.held & int(HELD_NODE)) == 0
-    return Rates(*(float(np.max(x[free], initial=0.0)) for x in (a, b, t, contact / node_mass, scaled)))
+    return Rates(*(float(np.max(x[rods.is_free], initial=0.0)) for x in (a, b, t, contact / node_mass, scaled)))
 
 
 def stable_step(rates: Rates) -> float:

@@ -25,7 +25,6 @@ import warp as wp
 
 from ..compute.host import fetch, store, take
 from ..compute.launch import bind
-from ..kernels.banded_mass import HELD_NODE
 from ..kernels.membrane_transfer import gather_forces, respond_to_strain
 from ..kernels.resample import resample_along_wires
 from ..kernels.rod_turns import find_turns, turn_sections
@@ -97,7 +96,6 @@ class Fields:
         self.model, self.stepper, self.contact = model, mechanics.stepper, mechanics.contact
         self.relaxation, self.multipliers = mechanics.relaxation, mechanics.multipliers
         self.nodes, rods = PanelNodes(model), model.rods
-        self._moves = (rods.held & int(HELD_NODE)) == 0
         self._turns = wp.zeros(rods.node_count, dtype=wp.float64, device=model.device)
         self._rest_director: wp.array = wp.array(rods.of_rows.director, dtype=wp.vec3d, device=model.device)
 
@@ -153,9 +151,9 @@ class Fields:
         state, none = self.stepper.state, np.zeros(self.model.node_count)
         change = dict.fromkeys(FIELDS, none) | self.nodes.of_rods(changes)
         self.stepper.evaluate()
-        turn = self._turn() + np.where(self.relaxation.free_sections, change["turn"], 0.0)
+        turn = self._turn() + np.where(self.model.rods.can_turn, change["turn"], 0.0)
         move = np.stack([change["x"], change["y"], change["z"]], axis=1)
-        store(state.displacement, fetch(state.displacement) + np.where(self._moves[:, None], move, 0.0))
+        store(state.displacement, fetch(state.displacement) + np.where(self.model.rods.is_free[:, None], move, 0.0))
         store(self._turns, turn)  # directors follow, at the tangents of the new displacements
         self._launch(turn_sections)
         self._pull(change)
@@ -174,7 +172,7 @@ class Fields:
     def _begin_anew(self) -> None:
         """Find the contacts of other places of the nodes, and the masses."""
         self.contact.search()
-        self.relaxation.renew_masses(loading=True)
+        self.relaxation.masses.renew(loading=True)
         self.relaxation.begin_anew()
 
     def move(self, changes: dict[str, np.ndarray]) -> None:
@@ -184,12 +182,12 @@ class Fields:
         """
         none = np.zeros(self.model.node_count)
         move = np.stack([changes.get(name, none) for name in ("x", "y", "z")], axis=1)
-        move[~self._moves] = 0.0
+        move[~self.model.rods.is_free] = 0.0
         self.stepper.evaluate()
         self._pull(changes)
         self.multipliers.raise_to_floor(np.array([0]))
-        self.stepper.shift(move, np.where(self.relaxation.free_sections, changes.get("turn", none), 0.0))
-        self.relaxation.renew_masses(loading=True)
+        self.stepper.shift(move, np.where(self.model.rods.can_turn, changes.get("turn", none), 0.0))
+        self.relaxation.masses.renew(loading=True)
         self.relaxation.begin_anew()
 
     def overlap(self) -> float:
@@ -203,7 +201,7 @@ class Fields:
         state, none = self.stepper.state, np.zeros(self.model.node_count)
         if not change.keys().isdisjoint(("tension", "strain")):
             pulled = change.get("tension", none) - fetch(state.stretch_stiffness) * change.get("strain", none)
-            store(state.tension_offset, fetch(state.tension_offset) + np.where(self.relaxation.can_stretch, pulled, 0.0))
+            store(state.tension_offset, fetch(state.tension_offset) + np.where(self.model.rods.can_stretch, pulled, 0.0))
         if "push" in change:
             self.multipliers.add_push(change["push"])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,6 @@ from ..compute.host import fetch, number_at, store, store_at, zeros
 from ..compute.launch import Launch, bind
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
-from ..compute.team import SharedLaunches
 from ..kernels import contact_checks as k
 from ..kernels.rod_stress import count_contact_stress, sum_contact_stress, sum_segment_stress
 from ..kernels.wire_closest import (
@@ -91,7 +91,7 @@ class WireContact:
             "thickest": wp.float64(max(2.0 * rods.radius_beside, float(rods.of_wires("thickness").max()))),
         }
         stepper.steering.set(weight_square=curve.weight_square, lever=curve.lever)
-        self._recorded: dict[tuple[int, int], SharedLaunches] = {}  # of checks, by version
+        self._recorded: dict[tuple[int, int], Callable[..., None]] = {}  # launches of checks, by version
         blocks = len(stepper.arrays.block_first)
         self._segment_stress, self._contact_stress = (zeros(blocks, wp.vec4d, device) for _ in range(2))
         self._partial = zeros((blocks, int(k.CONTACT_COLUMNS)), wp.float64, device)
@@ -346,12 +346,11 @@ class WireContact:
 
     def launch(self, kernel: wp.Kernel, *sources: object, **named: Any) -> None:
         """Launch a kernel for the own blocks or nodes, on the present lists."""
-        stepper, version = self.stepper, self.version
+        version = self.version
         if version not in self._recorded:
             self._recorded = {one: launches for one, launches in self._recorded.items() if take_turns(one, version)}
-            self._recorded[version] = SharedLaunches(stepper.team, stepper.device, stepper.few)
-        every = (self._wires, self.touch, self.pairs, *sources)
-        stepper.share_launch(self._recorded[version], kernel.key, kernel, *every, **named)
+            self._recorded[version] = self.stepper.launcher()
+        self._recorded[version](kernel.key, kernel, self._wires, self.touch, self.pairs, *sources, **named)
 
     def sums(self, rows: np.ndarray | None = None) -> ContactSums:
         """Sums over contacts with a force in the last evaluated state; all worlds or `rows`."""

@@ -25,8 +25,8 @@ from .model import SpatialModel
 from .pair_search import search_cells
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, StepForces
-from .rod_relaxation import CHECK_STEPS, RodRelaxation, StateSums
-from .rod_step import RodStepper, WireGroup
+from .rod_relaxation import RodRelaxation, StateSums
+from .rod_step import CHECK_STEPS, RodStepper, WireGroup
 from .rods import joined
 from .strip_step import StripRodStepper
 from .wire_contact import ContactSums, WireContact
@@ -65,7 +65,6 @@ class SpatialWorlds(Worlds):
             wave_length=SLOWEST_WAVE * model.loop_length,
             spacing_of=model.global_model.rods,
             curve=curve,
-            clamps=self.clamps,
             multipliers=model.ramp is None,
             has_history=scene.depends_on_path,
             knows_smooth=scene.wires is not None,
@@ -87,7 +86,7 @@ class SpatialWorlds(Worlds):
             self.multipliers.stiffen(rows)
         self.relaxation.stop_motion(rows)
         self.contact.search(rows)
-        self.relaxation.renew_masses(rows, loading=True)
+        self.relaxation.masses.renew(rows, loading=True)
         self.contact.pop_max_penetration(rows)
 
     # --- steps
@@ -164,7 +163,7 @@ class SpatialWorlds(Worlds):
             member.go_on_releasing(loading=one)
         self.strains.renew_masses(rows)
         stepper.evaluate(0.0, rows=rows)
-        relaxation.renew_damping(rows, boundary=self.strains.motion(rows))
+        relaxation.damping.renew(rows, boundary=self.strains.motion(rows))
         stability.hold_damping()
         state, contacts = relaxation.sums(rows, of_mean=True), self.contact.sums(rows)
         self.touches[rows] = (contacts.pushing > 0) | self.model.scene.wire.plastic
@@ -172,12 +171,12 @@ class SpatialWorlds(Worlds):
         ratio = np.where(loading, np.inf, self.residual_ratio(state, contacts, rows))
         missing = self.strains.ratio(rows)
         counted = ~loading & ~stability.is_running[rows]
-        relaxation.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
-        relaxation.renew_multipliers(state, rows, loading=loading)
+        relaxation.multipliers.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
+        relaxation.multipliers.renew(state.mean_excess, rows, loading=loading)
         if self.multipliers is not None:
-            self.multipliers.renew(contacts, relaxation.multiplier_rate(rows), rows, loading=loading)
-        relaxation.renew_masses(rows, loading=loading)
-        relaxation.keep_motion(rows)
+            self.multipliers.renew(contacts, relaxation.multipliers.rate(rows), rows, loading=loading)
+        relaxation.masses.renew(rows, loading=loading)
+        relaxation.damping.keep_motion(rows)
         for member, one in zip(members, loading.tolist(), strict=True):
             if member.edge is not None:
                 member.raise_edge(member.edge, loading=one)
@@ -213,14 +212,14 @@ class SpatialWorlds(Worlds):
         self._force_scale[rows] = scale = np.maximum(contacts.mean_push, least)
         rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
         loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
-        motion = np.sqrt(relaxation.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
+        motion = np.sqrt(relaxation.damping.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
         return np.maximum(np.maximum(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale), motion)
 
     def moving_blocks(self, world: int) -> int:
         """Blocks of nodes of a world that a residual far above its tolerance moves."""
         scale = self.model.scene.solver.residual_tolerance * float(self._force_scale[world])
         limit = CHECK_STEPS * LOCAL_ALLOWANCE * scale  # of the sum since the check before
-        exceeds = fetch(self.relaxation.arrays.state_partial)[:, int(UNBALANCED_MAX)] > limit**2
+        exceeds = fetch(self.relaxation.state_partial)[:, int(UNBALANCED_MAX)] > limit**2
         return int(self.stepper.sums.total(exceeds[:, None].astype(float), np.array([world]))[0, 0])
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
