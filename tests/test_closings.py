@@ -5,9 +5,9 @@ import pytest
 
 from reference.in_words import quantities, table_of
 from reference.two_classes import CLOSES, LIMIT, SLOPE, STRAIN, found, row
-from warpknit.runner.answers import closing
 from warpknit.runner.answers_table import answer_findings
 from warpknit.runner.branches import Rows
+from warpknit.runner.closings import class_answer
 
 
 @pytest.mark.parametrize(("levels", "is_known"), [(100, True), (50, True), (49, False), (10, False)])
@@ -200,6 +200,6 @@ def test_a_closing_stays_that_of_the_loading() -> None:
     """Unloaded to 0 and loaded again, A opens and closes once more; the closing is that of the first stage."""
     rows = [row(0.1 * k) for k in range(6)]
     rows += [row(0.5 - 0.1 * k, stage="unload") for k in range(1, 6)] + [row(0.1 * k, stage="again") for k in range(1, 6)]
-    closes = closing(Rows(rows), "A", 1e-12)
+    closes = class_answer(Rows(rows), "A", 10, 1e-12).closes
     assert closes is not None and closes["stage"] == "load" and closes["first_touch"] is None
     assert closes["tension_weft_N_per_m"] == pytest.approx(0.3)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from warpknit.export import curves_figure, design_figures
+from warpknit.export import curve_axes, curves_figure, design_figures
 from warpknit.results.row import Values, columns_of, valued
 
 pytestmark = pytest.mark.usefixtures("pictures")
@@ -153,4 +153,4 @@ def test_compression_in_a_run_is_shaded(tmp_path, monkeypatch) -> None:
         ]
         curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
     patches = [[patch.get_label() for patch in figure.axes[1].patches] for figure in drawn]
-    assert patches == [[curves_figure.COMPRESSED], []]
+    assert patches == [[curve_axes.COMPRESSED], []]

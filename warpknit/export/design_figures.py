@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
-from warpknit.export.curves_figure import draw_line, draw_range, mark_handles, shade_compression
+from warpknit.export.curve_axes import draw_line, draw_range, mark_handles, shade_compression
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
 from warpknit.results.row import Columns, Row, Values
 

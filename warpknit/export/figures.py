@@ -21,7 +21,8 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from warpknit.export.curves_figure import curves_figure, heat_figure
+from warpknit.export.curves_figure import curves_figure
+from warpknit.export.heat_figure import heat_figure
 from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, LineLook, figure_of, frame_plan_axes, plain, save_figure, scale_of
 from warpknit.export.run_record import RunRecord

@@ -24,9 +24,13 @@ from ..base.text import (
 from ..mechanics.driven_strain import TOLERANCE
 from ..results.finding import Finding
 from ..results.row import Row, Values
-from .answers import HEATED, SAME, SERVICE_TENSIONS, Answers, Best, ClassAnswer, Heat, Service
+from .answers import Answers
+from .best_tension import SAME, Best
 from .branches import Event
+from .closings import ClassAnswer
+from .heat import HEATED, Heat
 from .history import mean_tension
+from .service_tensions import SERVICE_TENSIONS, Service
 
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain

@@ -35,9 +35,20 @@ class Event(Row):
     slack: bool  # whether the mesh is slack for most of the way between them
 
 
-def state_of(row: Row) -> Row:
-    """Strains, tensions and temperature of a row."""
-    return Row(**{name: row[name] for name in STATE})
+def state_of(row: Row, *names: str) -> Row:
+    """Strains, tensions and temperature of a row, and its columns `names`."""
+    return Row(**{name: row[name] for name in (*STATE, *names)})
+
+
+def row_between(before: Row, after: Row, share: float, *names: str) -> Row:
+    """State, stress and columns `names` between two rows; contacts of the nearest row."""
+    values = {name: (1.0 - share) * before[name] + share * after[name] for name in (*STATE, "stress_max_Pa", *names)}
+    return Row(**values, stage=after.stage, active_percent=(before if share < 0.5 else after).active_percent)
+
+
+def ranges_of(flags: Sequence[bool]) -> list[range]:
+    """Ranges of neighbouring rows whose flag is set."""
+    return [range(*ends) for ends in np.flatnonzero(np.diff([False, *flags, False])).reshape(-1, 2).tolist()]
 
 
 @dataclass(frozen=True)
@@ -62,7 +73,7 @@ class Rows:
         """Event between row k and the previous row."""
         before, after = self.rows[max(k - 1, 0)], self.rows[k]
         return Event(
-            **vars(state_of(after)), stage=after.stage, as_knitted=k == 0, resolved=k == 0 or self.is_near(before, after),
+            **vars(state_of(after, "stage")), as_knitted=k == 0, resolved=k == 0 or self.is_near(before, after),
             between=[state_of(before), state_of(after)], jump=self.is_jump(before, after),
             slack=k > 0 and is_slack(before, after),
         )  # fmt: skip

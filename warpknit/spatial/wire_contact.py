@@ -246,7 +246,7 @@ class WireContact:
         return self._travel[rows] - listed, self._search_travel[rows] - searched
 
     def _go_on(self, rows: np.ndarray) -> None:
-        """Let the steps go on until the fastest block has used up its travel; `travel` adds up the fastest nodes of all blocks."""
+        """Let steps go on until the fastest block has used up its travel; `travel` sums the fastest nodes of all blocks."""
         steering = self.stepper.steering
         steering.set(rows, travel_limit=steering.travel[rows] + np.minimum(*self._left(rows)), status=Steering.RUNNING)
 

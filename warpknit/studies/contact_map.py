@@ -20,7 +20,7 @@ from ..measure.table import Record
 from ..mechanics.protocols import Model
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Row, Values, read_rows, valued, write_rows
-from ..runner.answers import DRIFT
+from ..runner.best_tension import DRIFT
 from ..runner.run_directory import Tree
 from ..runner.summary_table import TIMED, heading, model_findings
 

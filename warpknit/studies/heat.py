@@ -10,8 +10,8 @@ import numpy as np
 from ..base.errors import Diverged
 from ..base.text import celsius, exact
 from ..results.row import Row
-from ..runner.answers import Heat, heat_of
 from ..runner.branches import Jump, jumps_of
+from ..runner.heat import Heat, heat_of
 from ..runner.history import row_of
 from ..scene import Scene
 from .equal_tension import EqualTensionPath, levels_between
