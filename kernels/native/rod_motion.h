@@ -152,7 +152,7 @@ for (int c = 0; c < NUMBERS; ++c) {
 }
 const double* steer = control.data;
 const real a = steer[VELOCITY_FACTOR], b = steer[FORCE_FACTOR], dt = steer[TIME_STEP], ahead = steer[LOOK_AHEAD];
-const real lever_square = steer[LEVER] * steer[LEVER];
+const real lever_square = 4 * steer[LEVER] * steer[LEVER]; // sections beside it turn a curve, too
 double* __restrict moved = (double*)(displacement.data + first);
 real* __restrict speed = (real*)(velocity.data + first);
 real* __restrict rate = spin.data + first;

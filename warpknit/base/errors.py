@@ -69,6 +69,10 @@ class Diverged(WarpknitError):
     is_final = False  # whether smaller increments of load would end so, too
 
 
+class Overlapped(Diverged):
+    """Wires overlap so deeply that they may pass through each other."""
+
+
 class NoProgress(Diverged):
     """A load level made no progress towards convergence in many steps."""
 

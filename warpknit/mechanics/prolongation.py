@@ -10,6 +10,7 @@ towards the edge. One repeat has no edges: its change is added.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -33,9 +34,10 @@ class RepeatProlongation:
 
     KEPT: tuple[str, ...] = ("_last", "_former")
 
-    def __init__(self, large: Model, small: Model, fields: dict[str, np.ndarray], *, fades: bool = True) -> None:
-        """fields: of the small mesh, see `Mechanics.state_variables`; fades: a change of one repeat, along the wires."""
-        self.large, self.small, self._last, self._former = large, small.global_model, fields, fields
+    def __init__(self, large: Model, small: Model, read: Callable[[], dict[str, np.ndarray]], *, fades: bool = True) -> None:
+        """read: fields of the small mesh, see `Mechanics.state_variables`; fades: a change of one repeat, along the wires."""
+        self.large, self.small, self._read = large, small.global_model, read
+        self._last = self._former = read()
         panel, table, self._device = large.panel, large.table, large.device
         assert large.cloth is not None
         repeat = self._repeat = np.array(large.cloth.size)
@@ -117,10 +119,10 @@ class RepeatProlongation:
     def put_back(self) -> None:
         """Undo the last `carry`; nothing to undo in a plane, where bodies take any displacement."""
 
-    def taken(self, now: dict[str, np.ndarray]) -> dict[str, np.ndarray] | None:
-        """Transferred fields of the small mesh, from its fields now: whole, or their change; None without a change."""
-        last = self._former = self._last
-        self._last = now
+    def taken(self) -> dict[str, np.ndarray] | None:
+        """Transferred fields of the small mesh: whole, or their change since the last call; None without a change."""
+        last, now = self._last, self._read()
+        self._former, self._last = last, now
         if not any(np.any(now[name] != last[name]) for name in now):
             return None
         return now if self.replaces else {name: now[name] - last[name] for name in now}

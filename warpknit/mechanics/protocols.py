@@ -97,9 +97,9 @@ class Mechanics(Protocol):
         steering.ramp_share = 0.0 if steps else 1.0
         return float(factor)
 
-    def stiffen_contacts(self, factor: float) -> None:
-        """Multiply the stiffness of contacts while loads are applied."""
-        return
+    def stiffen_contacts(self, factor: float, most: float) -> bool:
+        """Multiply the stiffness of contacts while loads are applied; False where it would exceed `most` times the usual one."""
+        return False
 
     def load_steps(self, load: LoadPoint, predicted: bool) -> int:
         """Steps over which the load of a level is applied."""

@@ -39,12 +39,12 @@ class Prolongation(RepeatProlongation):
     """Brings a large mesh to the state of a small one."""
 
     def __init__(self, large: Model, large_state: State, small: Model, small_state: State) -> None:
-        super().__init__(large, small, state_variables(small, small_state))
+        super().__init__(large, small, lambda: state_variables(small, small_state))
         self._model, self._state, self._small, self._small_state = large, large_state, small, small_state
 
     def carry(self, response: Response) -> bool:
         self._follow_stiffness()
-        state, taken = self._state, self.taken(state_variables(self._small, self._small_state))
+        state, taken = self._state, self.taken()
         if taken is None:
             return True
         if self.replaces:

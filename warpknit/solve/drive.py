@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import measure
-from ..base.errors import Diverged
+from ..base.errors import Diverged, Overlapped
 from ..base.text import percent
 from ..compute.kept import Kept, Owner, restore, save
 from ..measure.strain import EdgeWork, clamp_rotation, rotation, true_stress
@@ -113,7 +113,7 @@ class Drive(ABC):
         """End a stage; the next one follows."""
         progress = self.progress
         progress.stage_index += 1
-        progress.level, progress.start, progress.time, progress.keeps_own = 0, LoadStart(), 0.0, False
+        progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
 
     def load_now(self) -> LoadStart:
         """The current load, at the start of a stage."""
@@ -173,13 +173,13 @@ class Drive(ABC):
                 cause = "raise wire.set_fraction: the released wires spring apart too fast"
         return Diverged(f"diverged at step {self.progress.steps}: wire {wire}, node {node}, {self._where()}; {cause}")
 
-    def overlap_error(self, overlap: float) -> Diverged | None:
+    def overlap_error(self, overlap: float) -> Overlapped | None:
         """Error of wires that may have crossed, by overlap over thickness; or None."""
         if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
         causes = self.mechanics.causes()
         remedy = "raise" if not causes else "give a smaller load, or raise"
-        return Diverged(
+        return Overlapped(
             f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()},"
             f" {self.mechanics.deepest_overlap()}{causes}; {remedy} {self.rate_key} or contact.stiffness"
         )

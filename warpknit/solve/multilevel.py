@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..base.errors import Diverged, NoProgress
+from ..base.errors import Diverged, NoProgress, Overlapped
 from ..compute.kept import Kept, Owner, strip_prefix
 from ..measure import tension_scale
 from ..measure.strain import EdgeWork, strain_text
@@ -40,14 +40,14 @@ MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not conve
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
-STIFFER, MOST_STIFFER = 4.0, 2  # factor of contacts where a start from a smaller mesh overlaps wires too deeply; repetitions
+STIFFER, MOST_STIFFER = 4.0, 16.0  # factor of contacts where a start from a smaller mesh overlaps wires too deeply, and the most
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 
 
 class MultilevelRelaxation(Relaxation):
     """A relaxation with a smaller mesh, or one periodic repeat, that is solved first."""
 
-    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations", "_own")
+    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations", "_own", "_keeps_own")
 
     def __init__(
         self,
@@ -78,6 +78,7 @@ class MultilevelRelaxation(Relaxation):
             self._stations = np.zeros((len(rim.arc), 2))
         self._correction, self._lift = Aitken(), Aitken()
         self._own: Kept = {}  # load before this level started from the smaller mesh, to return to where it fails
+        self._keeps_own = False  # levels of this load step start from the mesh's own state, as one failed from one repeat
 
     @property
     def rim(self) -> Rim | None:
@@ -143,7 +144,12 @@ class MultilevelRelaxation(Relaxation):
             if smaller is not None:
                 smaller.release(begin, end)
 
+    def end_stage(self) -> None:
+        super().end_stage()
+        self._keeps_own = False
+
     def _prepare(self, load: LoadPoint) -> LoadPoint:
+        self._own = {}
         prepared = super()._prepare(load)
         if self.smaller is not None:
             prepared = self._solve_smaller(self.smaller, load)
@@ -181,7 +187,9 @@ class MultilevelRelaxation(Relaxation):
 
     def _start_level(self, target: LoadPoint) -> None:
         progress = self.progress
-        if self.prolongation is None or progress.keeps_own:
+        if self.prolongation is None or self._keeps_own:
+            if self.prolongation is not None:
+                self.prolongation.taken()  # and left out: the mesh follows on its own
             super()._start_level(target)
         else:
             begin = _load_of(self)
@@ -189,7 +197,8 @@ class MultilevelRelaxation(Relaxation):
             self.mechanics.set_load(replace(target, tension=None), 0)
             is_prolonged = self.prolongation.carry(self._response)
             if not is_prolonged:
-                self._return_to_own(target.gradient)
+                self._put_back()
+                self._keep_own(target.gradient)
             progress.is_prolonged = is_prolonged
             self.mechanics.stop()
             self.mechanics.search()
@@ -197,28 +206,25 @@ class MultilevelRelaxation(Relaxation):
                 self.mechanics.set_load(target, self.mechanics.load_steps(target, predicted=False))
         self._move_edge(target)
 
-    def _put_back(self, *, repeats: bool = False) -> None:
-        """Return to the state before this level started from the smaller mesh; repeats: that start follows again."""
+    def _put_back(self) -> bool:
+        """Return to the state before this level started from the smaller mesh; whether that mesh returned, too."""
         assert self.prolongation is not None
-        own = self._own
+        own, self._own = self._own, {}
         if self._before and not self.prolongation.replaces:
             self._go_back(self._before)
-        else:
-            self.prolongation.put_back()
-            if repeats:
-                self.prolongation.repeat()
-            self.mechanics.set_load(LoadPoint(own["gradient"], float(own["temperature"])), 0)
-            self.mechanics.stop()
-        self._own = {}
+            return True
+        self.prolongation.put_back()
+        self.mechanics.set_load(LoadPoint(own["gradient"], float(own["temperature"])), 0)
+        self.mechanics.stop()
+        return False
 
-    def _return_to_own(self, failed: np.ndarray) -> None:
-        """As `_put_back`. After a start from one repeat, the load step continues without that repeat.
+    def _keep_own(self, failed: np.ndarray) -> None:
+        """Let the load step go on from the mesh's own state; a gripped smaller mesh is tried again at the next level.
 
-        failed: (2, 2) deformation gradient of that start.
+        failed: (2, 2) deformation gradient of the start from the smaller mesh.
         """
         assert self.prolongation is not None
-        self._put_back()
-        self.progress.keeps_own = not self.prolongation.replaces
+        self._keeps_own = not self.prolongation.replaces
         note = "the mesh started from its own state, because a start from a smaller mesh would overlap its wires too deeply"
         self.mechanics.notes.append(f"at strains of {strain_text(failed)} {note}")
 
@@ -226,14 +232,15 @@ class MultilevelRelaxation(Relaxation):
         lasts = error.is_final or isinstance(error, NoProgress)
         if lasts or not self._own or self.prolongation is None or self.prolongation.replaces:
             super()._cut(error)
-        elif self.mechanics.can_overlap and self.progress.stiffer < MOST_STIFFER:
-            self.progress.stiffer += 1
-            self._put_back(repeats=True)
-            self.mechanics.stiffen_contacts(STIFFER)
-            self.progress.solving = False
+            return
+        failed = self.state.gradient.copy()
+        both_returned = self._put_back()
+        if isinstance(error, Overlapped) and self.mechanics.stiffen_contacts(STIFFER, MOST_STIFFER):
+            if not both_returned:
+                self.prolongation.repeat()
         else:
-            self._return_to_own(self.state.gradient.copy())
-            self.progress.solving = False
+            self._keep_own(failed)
+        self.progress.solving = False
 
     def _move_edge(self, target: LoadPoint) -> None:
         """Move held stations of the rim to prescribed places; the mesh follows as a membrane."""
@@ -267,7 +274,7 @@ class MultilevelRelaxation(Relaxation):
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either, nor one that is unlike it
         has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
         is_unlike = has_history and self.mechanics.rim is not None
-        progress.is_uncorrected = is_unlike or not (progress.is_prolonged or progress.keeps_own)
+        progress.is_uncorrected = is_unlike or not (progress.is_prolonged or self._keeps_own)
         progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else 1e30
         progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
         self._correction.begin()

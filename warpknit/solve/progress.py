@@ -45,9 +45,7 @@ class Progress:
     next_correction: int = 0  # check from which the mesh may be moved as a membrane again
     least_imbalance: float = 1e30  # smallest so far in the level
     failed_corrections: int = 0  # corrections since the smallest imbalance decreased
-    stiffer: int = 0  # times that a start from the smaller mesh was repeated with stiffer contacts
     is_prolonged: bool = True  # the level starts from the smaller mesh
-    keeps_own: bool = False  # levels of this load step start from the mesh's own state, as one failed from one repeat
     is_uncorrected: bool = False  # no more corrections of the mesh in this level
     imbalance: float = 1e30  # out-of-balance membrane stress over its tolerance
     # ramps

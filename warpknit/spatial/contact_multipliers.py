@@ -68,7 +68,7 @@ class ContactMultipliers:
     @property
     def _loading_floor(self) -> np.ndarray:
         """[world] [N/m] smallest penalty while a load is applied: new contacts may have to carry as much as others at once."""
-        return np.maximum(self._floor, self.loading_factor * FORCE_PENALTY * self.mean_force / self._thickness)
+        return np.asarray(self.loading_factor * np.maximum(self._floor, FORCE_PENALTY * self.mean_force / self._thickness))
 
     def error_ratio(self, contacts: ContactSums) -> np.ndarray:
         """[row] overlaps over their tolerance."""

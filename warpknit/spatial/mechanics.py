@@ -194,9 +194,12 @@ class SpatialMechanics(Mechanics):
         self._last = displacement
         self.relaxation.stop_motion(self.rows)
 
-    def stiffen_contacts(self, factor: float) -> None:
-        if self.group.multipliers is not None:
-            self.group.multipliers.loading_factor[self.world] *= factor
+    def stiffen_contacts(self, factor: float, most: float) -> bool:
+        multipliers = self.group.multipliers
+        if multipliers is None or factor * multipliers.loading_factor[self.world] > most:
+            return False
+        multipliers.loading_factor[self.world] *= factor
+        return True
 
     def rub(self, rubs: bool) -> None:
         self.state.steering.set(friction=self.model.scene.contact.friction if rubs else 0.0)

@@ -372,7 +372,7 @@ class RodStepper:
         store(self.state.displacement, fetch(self.state.displacement) + move)
         if turn is not None:
             store(self.state.pending_turn, turn)
-            moved += float(self.steering.lever[0]) * self.strip.largest_of_nodes(np.abs(turn))
+            moved += float(self.steering.lever.max()) * self.strip.largest_of_nodes(np.abs(turn))
         if self.contact is not None:
             self.contact.refresh(moved)
         self.evaluate()

@@ -38,7 +38,9 @@ from .model import SpatialModel
 OF_NODES = ("x", "y", "z", "push")
 OF_SEGMENTS = ("turn", "tension", "strain", "stretch")  # the last one a stiffness
 FIELDS = (*OF_NODES, *OF_SEGMENTS[:-1])
-CHANGED = ("displacement", "tangent", "director", "tension_offset", "contact_offset")  # arrays of the state
+# arrays of the state, and those that are zero where it rests
+CHANGED = ("displacement", "tangent", "director", "angle", "tension_offset", "contact_offset", "contact_penalty")
+MOTION = ("velocity", "spin", "pending_turn")
 STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
 LEAST_LIFT = 1.0  # thicknesses: over a panel, changes strains and contacts by far less than any tolerance
@@ -167,6 +169,8 @@ class Fields:
         """Return to the state of a `snapshot`, at the present load."""
         for name in CHANGED:
             store(getattr(self.stepper.state, name), snapshot[name])
+        for name in MOTION:
+            store(getattr(self.stepper.state, name), 0.0)
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -235,7 +239,7 @@ class Prolongation(RepeatProlongation):
 
     def __init__(self, large: Fields, small: Fields, edge: Edge | None) -> None:
         """edge: of the large mesh."""
-        super().__init__(large.model, small.model, small.read_everywhere(), fades=False)
+        super().__init__(large.model, small.model, small.read_everywhere, fades=False)
         self._fields, self._small_fields, self._edge = large, small, edge
         self._before: dict[str, np.ndarray] = {}  # state of the large mesh before the last `carry`
         self._share: np.ndarray | float = 1.0
@@ -245,7 +249,7 @@ class Prolongation(RepeatProlongation):
 
     def carry(self, response: Response) -> bool:
         large, small = self._fields, self._small_fields
-        taken, stiffness = self.taken(small.read_everywhere()), small.read_stiffness()
+        taken, stiffness = self.taken(), small.read_stiffness()
         change = self.changes(stiffness | (self._last if taken is None else taken), wp.float64)
         raised = {name: self._prolonged(name, change, response) for name in stiffness}
         large.stiffen(raised, small.multipliers.mean_force)

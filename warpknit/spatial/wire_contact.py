@@ -99,9 +99,6 @@ class WireContact:
         self.max_penetration = zeros((max(stepper.team.threads, worlds), CACHE_LINE), wp.float64, device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
         self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
-        self._listed = np.zeros(
-            (worlds, stepper.state.block_travel.shape[0] // worlds or 1)
-        )  # [m] `_moved` when near pairs were listed
         self.touch = self._new_touch(LEAST_CAPACITY)
         self.pairs = self._new_list(LEAST_CAPACITY, 0)
         # the list before, for its elastic slips and for worlds that are not searched
@@ -229,26 +226,16 @@ class WireContact:
                 self._travel[own] = np.minimum(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
             self._mark_near(float(CLOSING_RATE) * self._travel[own], own)
             self._take_near_pairs()
-            self._listed[own] = self._moved(own)
-            self._go_on(own)
+            left = np.minimum(self._travel[own], self._search_travel[own] - self._moved(own))
+            stepper.steering.set(own, travel_limit=stepper.steering.travel[own] + left, status=Steering.RUNNING)
 
     def _moved(self, rows: np.ndarray) -> np.ndarray:
-        """(row, block) [m] travel of blocks since the search; of the fastest node where nodes have one block."""
+        """[row] [m] travel of the fastest block since the search; `travel` sums the fastest nodes of all blocks."""
         steering, by_block = self.stepper.steering, fetch(self.stepper.state.block_travel)
         if len(by_block) == 1:
-            return steering.travel[rows][:, None]
-        return (steering.travel - steering.step_travel)[rows][:, None] + by_block.reshape(self.stepper.worlds, -1)[rows]
-
-    def _left(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """[row] [m] travel left until near pairs are listed again, and until the next search."""
-        moved, largest = self._moved(rows), self.stepper.strip.ranks.largest
-        listed, searched = (largest(way.max(axis=1)) for way in (moved - self._listed[rows], moved))
-        return self._travel[rows] - listed, self._search_travel[rows] - searched
-
-    def _go_on(self, rows: np.ndarray) -> None:
-        """Let steps go on until the fastest block has used up its travel; `travel` sums the fastest nodes of all blocks."""
-        steering = self.stepper.steering
-        steering.set(rows, travel_limit=steering.travel[rows] + np.minimum(*self._left(rows)), status=Steering.RUNNING)
+            return np.asarray(steering.travel[rows])
+        fastest = self.stepper.strip.ranks.largest(by_block.reshape(self.stepper.worlds, -1)[rows].max(axis=1))
+        return np.asarray((steering.travel - steering.step_travel)[rows] + np.minimum(fastest, steering.step_travel[rows]))
 
     def _mark_near(self, gap: Any, own: np.ndarray) -> None:
         """Mark the pairs within a gap [m] at present positions, without offsets."""
@@ -286,15 +273,12 @@ class WireContact:
         """Search again, or list near pairs again, where their travel is used up; moved [m]: travel outside of steps."""
         with self.stepper.only(rows) as own:
             self.stepper.steering.set(own, travel=self.stepper.steering.travel[own] + moved)
-            near, near_search = self._left(own)
-            far, due = near_search < 0.0, near <= 0.0
+            far = self._moved(own) > self._search_travel[own]
             if far.any():
                 self.search(own[far])
             if not far.all():
                 self.stepper.update_frames(own[~far])
-                if (due & ~far).any():
-                    self.list_near_pairs(rows=own[due & ~far])
-                self._go_on(own[~far])
+                self.list_near_pairs(rows=own[~far])
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
@@ -306,7 +290,7 @@ class WireContact:
         if self._in_real_time:
             kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
         of_world = (self._penetration(), self._travel, self._search_travel, self.dissipated)
-        return kept | {"contact": np.array([values[world] for values in of_world]), "listed": self._listed[world].copy()}
+        return kept | {"contact": np.array([values[world] for values in of_world])}
 
     def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
@@ -323,7 +307,6 @@ class WireContact:
             for name, array in vars(self._before).items():
                 store(self.stepper.part(array, world), kept[name])
         penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
-        self._listed[world] = kept["listed"]
         store(self.stepper.part(self.max_penetration, world), penetration)
         store(self.touch.touch_slip_work, 0.0)
         self._take_near_pairs(near)
