@@ -128,11 +128,10 @@ def of_repeats(scene: Scene, columns: int, rows: int) -> Scene:
 
 
 def shrunk(scene: Scene, share: float) -> Scene:
-    """Scene of a smaller gripped mesh of the same form. Without loads that vary over the mesh."""
+    """Scene of a smaller gripped mesh of the same form and grip pitch. Without loads that vary over the mesh."""
     panel, knit = scene.panel, scene.knit
     corners = None if panel.corners is None else tuple((share * x, share * y) for x, y in panel.corners)
-    size, pitch = (None if length is None else share * length for length in (panel.size, panel.grip_pitch))
-    panel = replace(panel, size=size, corners=corners, grip_pitch=pitch)
+    panel = replace(panel, size=None if panel.size is None else share * panel.size, corners=corners)
     if panel.outline == "rectangle":
         columns, rows = (max(1, round(share * repeats)) for repeats in knit.repeats)
     else:

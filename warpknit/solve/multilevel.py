@@ -31,7 +31,7 @@ from .membrane import (
     Membrane,
     is_settled,
 )
-from .progress import LoadStart, Progress
+from .progress import UNKNOWN, LoadStart, Progress
 from .relax import Relaxation
 from .stage_load import strained
 
@@ -270,20 +270,20 @@ class MultilevelRelaxation(Relaxation):
     def _begin_solving(self, to_ratio: float) -> None:
         super()._begin_solving(to_ratio)
         progress = self.progress
-        progress.least_imbalance, progress.failed_corrections = 1e30, 0
+        progress.least_imbalance, progress.failed_corrections = UNKNOWN, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either, nor one that is unlike it
         has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
         is_unlike = has_history and self.mechanics.rim is not None
         progress.is_uncorrected = is_unlike or not (progress.is_prolonged or self._keeps_own)
-        progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else 1e30
-        progress.ratio, progress.next_balance, progress.next_correction = 1e30, CORRECTION_CHECKS, 0
+        progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else UNKNOWN
+        progress.ratio, progress.next_balance, progress.next_correction = UNKNOWN, CORRECTION_CHECKS, 0
         self._correction.begin()
         self._lift.begin()
 
     @property
     def _unknown_imbalance(self) -> float:
         """Imbalance of an uncorrected mesh; it matters only for a free edge."""
-        return 1e30 if self.membrane is not None and self.membrane.rim.is_free else 0.0
+        return UNKNOWN if self.membrane is not None and self.membrane.rim.is_free else 0.0
 
     def corrected(self, ratio: float) -> float:
         progress, membrane, ratio = self.progress, self.membrane, super().corrected(ratio)

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 MOST_SHARE = 0.9  # largest reported share of convergence of an unconverged level
+UNKNOWN = 1e30  # a ratio that is not known yet
 
 
 @dataclass
@@ -40,14 +41,14 @@ class Progress:
     level_share: float = 0.0  # of the way to convergence, in decades of that ratio; 0 while smaller meshes are solved
     start: LoadStart = field(default_factory=LoadStart)  # of the stage
     # large meshes
-    ratio: float = 1e30  # residual over its tolerance at the last check
+    ratio: float = UNKNOWN  # residual over its tolerance at the last check
     next_balance: int = 0  # check from which the balance as a membrane is due
     next_correction: int = 0  # check from which the mesh may be moved as a membrane again
-    least_imbalance: float = 1e30  # smallest so far in the level
+    least_imbalance: float = UNKNOWN  # smallest so far in the level
     failed_corrections: int = 0  # corrections since the smallest imbalance decreased
     is_prolonged: bool = True  # the level starts from the smaller mesh
     is_uncorrected: bool = False  # no more corrections of the mesh in this level
-    imbalance: float = 1e30  # out-of-balance membrane stress over its tolerance
+    imbalance: float = UNKNOWN  # out-of-balance membrane stress over its tolerance
     # ramps
     time: float = 0.0  # [s] of the stage
     work: float = 0.0  # [J]
@@ -63,7 +64,7 @@ class Progress:
 
     def approach(self, ratio: float) -> None:
         """Note, at a check, the unmet criteria of convergence over their tolerances."""
-        if not 1.0 < ratio < math.inf:
+        if not 1.0 < ratio < UNKNOWN:
             return
         self.largest_ratio = max(self.largest_ratio, ratio)
         share = 1.0 - math.log(ratio) / math.log(self.largest_ratio)

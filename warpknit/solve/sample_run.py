@@ -23,6 +23,8 @@ SAMPLE_NODES = 20_000  # a mesh up to here is built whole: a second
 WORK = 1e7  # steps times nodes of a sample run, of FEWEST_NODES at least: a second or two
 MOST_EXCESS = 4.0  # over WORK, before two load levels are solved: the first begins with the mesh as knitted
 MOST_SECONDS = 5.0  # of a mesh of more than SAMPLE_NODES
+# nodes and time of a mesh that starts from one repeat: smaller ones hardly converge
+SAMPLE_OF_REPEAT, SECONDS_OF_REPEAT = 30_000, 15.0
 FEWEST_NODES = 1_000
 TIMED_CHECKS = 8  # convergence checks by which the time of a step is measured
 PATCH = 2  # repeats a side of a small gripped mesh
@@ -39,6 +41,7 @@ class SampleRun:
 
     model: Model
     most_checks: int | None = None  # None: to the end of WORK
+    most_seconds: float = MOST_SECONDS
     worlds: Sequence[Model] = ()  # that run beside each other in place of the model; their steps add up
     steps: int = 0
     place: float = 0.0  # load steps that are done, with the share of the present one
@@ -76,7 +79,7 @@ class SampleRun:
         else:
             self.place = before + progress.level_share * (progress.stage_index + progress.load_factor - before)
         work = steps * max(FEWEST_NODES, self.model.node_count) / WORK
-        is_late = self.model.node_count > SAMPLE_NODES and self.clock[-1][0] - self.begin > MOST_SECONDS
+        is_late = self.model.node_count > SAMPLE_NODES and self.clock[-1][0] - self.begin > self.most_seconds
         if (work > 1.0 and len(self.marks) > 2) or work > MOST_EXCESS or is_late or len(self.clock) == self.most_checks:
             raise _Enough
 
@@ -127,7 +130,7 @@ def measure_meshes(scene: Scene, count: int) -> Measured:
     run = measure_run(models[0], models[0].node_count, models[0].scene)
     if len(side_by_side(models)) > 1:
         return run
-    alone, beside = (SampleRun(models[0], TIMED_CHECKS, worlds).run().step_time() for worlds in ((), models))
+    alone, beside = (SampleRun(models[0], TIMED_CHECKS, worlds=worlds).run().step_time() for worlds in ((), models))
     return replace(run, seconds=run.seconds * beside / alone)
 
 
@@ -155,13 +158,15 @@ def measure_run(sample: Model, nodes: int, scene: Scene) -> Measured:
     is_gripped = is_knit and scene.model.boundary == "gripped"
     smaller = smaller_scene(scene) if scene.solver.drive == "relax" else None
     is_large, small_scene, (columns, rows) = smaller is not None, sample.scene, scene.knit.repeats
+    seconds = MOST_SECONDS
     if is_gripped and smaller is not None and smaller.model.boundary == "periodic":
-        small_scene = scene if nodes <= SAMPLE_NODES else shrunk(scene, math.sqrt(0.5 * SAMPLE_NODES / nodes))
+        small_scene = scene if nodes <= SAMPLE_OF_REPEAT else shrunk(scene, math.sqrt(SAMPLE_OF_REPEAT / nodes))
+        seconds = SECONDS_OF_REPEAT
     elif is_gripped:
         small_scene = of_repeats(scene, *(LARGE if is_large else (min(PATCH, columns), min(PATCH, rows))))
     elif is_knit and not is_large:
         small_scene = of_repeats(scene, 1, 1)
-    small = SampleRun(sample if small_scene == sample.scene else build_model(small_scene)).run()
+    small = SampleRun(sample if small_scene == sample.scene else build_model(small_scene), most_seconds=seconds).run()
     least, steps, most_steps = small.path_steps()
     if is_gripped and not is_large:
         side = math.sqrt(max(1.0, nodes / small.model.node_count))
