@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from warpknit.mechanics.response import Response
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
-from warpknit.solve.multilevel import MultilevelRelaxation
+from warpknit.solve.multilevel import STIFFER, MultilevelRelaxation
 from warpknit.solve.simulate import Record, Simulation
+from warpknit.spatial.transfer import Prolongation
+from warpknit.spatial.worlds import SpatialWorlds
 
 TRICOT, ATLAS = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}]
 FACET = {
@@ -53,3 +56,35 @@ def test_the_start_does_not_change_the_equilibrium(
     assert len(simulation.notes) == int(not starts)
     if starts:
         assert last.steps < 0.25 * expected.steps
+
+
+@pytest.mark.parametrize("most_kept", [0, 300_000], ids=["large", "with a snapshot"])
+def test_a_start_that_overlaps_wires_is_repeated_with_stiffer_contacts(most_kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mesh comes to the same place again, within the tolerance of the repeat, and to the same equilibrium.
+
+    A mesh that is too large to keep its last equilibrium returns by itself, without the repeat.
+    """
+    expected = tension(*solved(TRICOT, (0.096, 0.014), 1))
+    monkeypatch.setattr("warpknit.solve.relax.MOST_KEPT", most_kept)
+    carried, deep = [], [0.6]
+    carry, overlap = Prolongation.carry, SpatialWorlds.overlap
+
+    def carries(self: Prolongation, response: Response) -> bool:
+        fits = carry(self, response)
+        if self.large.node_count > 1000:
+            carried.append(self._fields.stepper.state.displacement.numpy().copy())
+        return fits
+
+    def overlaps(self: SpatialWorlds, rows: np.ndarray) -> np.ndarray:
+        found = overlap(self, rows)
+        return np.array([deep.pop()]) if self.model.node_count > 1000 and deep else found
+
+    monkeypatch.setattr(Prolongation, "carry", carries)
+    monkeypatch.setattr(SpatialWorlds, "overlap", overlaps)
+    simulation, last = solved(TRICOT, (0.096, 0.014), 1)
+    first, second = carried[-2:]
+    assert second == pytest.approx(first, abs=2e-3 * np.abs(first).max())
+    multipliers = simulation.drive.mechanics.group.multipliers
+    assert multipliers is not None and multipliers.loading_factor.tolist() == [STIFFER]
+    assert not simulation.notes
+    assert tension(simulation, last) == pytest.approx(expected, rel=0.1 * simulation.drive.scene.solver.residual_tolerance)
