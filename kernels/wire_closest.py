@@ -23,6 +23,7 @@ from .wire_curve import (
     Bump,
     Nodes,
     closest_on_chords,
+    curve_distance,
     curve_through,
     rest_shape,
     row,
@@ -37,7 +38,6 @@ from .wire_minima import (
     distance_at,
     followed_saddle,
     is_beside,
-    measured_distance,
     nearest_sample,
     projected_end,
     saddle_of,
@@ -120,7 +120,7 @@ def mark_near_pairs(
 ):
     """The threads of a part share its pairs: whether their wires may be nearer than NEAR_GAP.
 
-    By chords and sag where these suffice; else by the distance of the curves, unless they touched before.
+    By chords and sag where these suffice; else by `curve_distance`, unless they touched before.
     """
     begin = first_of_nodes(pair_start, pair_count, first_node)
     count = first_of_nodes(pair_start, pair_count, end_node) - begin
@@ -156,7 +156,7 @@ def mark_near_pairs(
                                      tangent, director)  # fmt: skip
                 curve_p = curve_through(p, length_factor * shape_p, weight_p)
                 curve_q = curve_through(q, length_factor * shape_q, weight_q)
-                bound = wp.max(bound, measured_distance(curve_p, curve_q) - radii)
+                bound = wp.max(bound, curve_distance(curve_p, curve_q) - radii)
             pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
             gap = wp.max(gap, bound - offset)
         if gap <= own[NEAR_GAP]:

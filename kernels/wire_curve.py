@@ -37,6 +37,9 @@ Powers = wp.types.matrix(shape=(8, 3), dtype=wp.float64)  # coefficients of 1, s
 Bump = wp.types.vector(length=8, dtype=wp.float64)  # b0 .. b7
 # m L A1 of the previous and own section, m L A2 of the own and next section, B0 .. B3
 Shape = wp.types.matrix(shape=(8, 3), dtype=wp.float64)
+CHORDS, CHORD_ENDS, CHORD_STEP = 4, 5, wp.constant(wp.float64(0.25))  # of a curve, by which its distance is bounded
+CHORD_MARGIN = wp.constant(wp.float64(2.0))  # on their sag at the middles: 1.2 was seen, where a curve turns back
+ChordEnds = wp.types.matrix(shape=(CHORD_ENDS, 3), dtype=wp.float64)
 
 
 @wp.func
@@ -255,3 +258,45 @@ def closest_on_chords(p1: wp.vec3d, p2: wp.vec3d, q1: wp.vec3d, q2: wp.vec3d) ->
         t = one
         s = wp.clamp((b - c) / a, zero, one)
     return wp.vec2d(s, t)
+
+
+@wp.func
+def chord_ends(curve: Powers) -> ChordEnds:
+    """Points at equal steps of s [m], as rows."""
+    ends = ChordEnds()
+    s = wp.float64(0.0)
+    for k in range(CHORD_ENDS):
+        point = point_at(curve, s)
+        for a in range(3):
+            ends[k, a] = point[a]
+        s += CHORD_STEP
+    return ends
+
+
+@wp.func
+def sag_of_chords(curve: Powers, ends: ChordEnds) -> wp.float64:
+    """[m] distance of the curve from its chords: CHORD_MARGIN times the largest one at the middle of a chord."""
+    largest = wp.float64(0.0)
+    s = wp.float64(0.5) * CHORD_STEP
+    for k in range(CHORDS):
+        between = wp.float64(0.5) * (row(ends, k) + row(ends, k + 1))
+        largest = wp.max(largest, wp.length(point_at(curve, s) - between))
+        s += CHORD_STEP
+    return CHORD_MARGIN * largest
+
+
+@wp.func
+def curve_distance(p: Powers, q: Powers) -> wp.float64:
+    """[m] bound on the distance of two curves: of CHORDS chords of each, less their sags."""
+    of_p = chord_ends(p)
+    of_q = chord_ends(q)
+    least = wp.float64(1.0e30)
+    for i in range(CHORDS):
+        p1 = row(of_p, i)
+        p2 = row(of_p, i + 1)
+        for j in range(CHORDS):
+            q1 = row(of_q, j)
+            q2 = row(of_q, j + 1)
+            near = closest_on_chords(p1, p2, q1, q2)
+            least = wp.min(least, wp.length_sq(p1 + near[0] * (p2 - p1) - q1 - near[1] * (q2 - q1)))
+    return wp.sqrt(least) - sag_of_chords(p, of_p) - sag_of_chords(q, of_q)

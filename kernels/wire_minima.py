@@ -308,19 +308,6 @@ def nearest_sample(p: Powers, q: Powers) -> wp.vec2d:
 
 
 @wp.func
-def measured_distance(p: Powers, q: Powers) -> wp.float64:
-    """[m] at the nearest minimum from both ends and a grid of places; 0 where one of these is not found."""
-    from_one = closest_on_curves(p, q, projected_end(p, q, wp.float64(0.0)))
-    from_other = closest_on_curves(p, q, projected_end(p, q, wp.float64(1.0)))
-    from_sample = closest_on_curves(p, q, nearest_sample(p, q))
-    if wp.max(wp.max(from_one[2], from_other[2]), from_sample[2]) >= NEWTON_ACCURACY:
-        return wp.float64(0.0)
-    one = distance_at(p, q, wp.vec2d(from_one[0], from_one[1]))
-    other = distance_at(p, q, wp.vec2d(from_other[0], from_other[1]))
-    return wp.min(wp.min(one, other), distance_at(p, q, wp.vec2d(from_sample[0], from_sample[1])))
-
-
-@wp.func
 def saddle_of(p: Powers, q: Powers, one: wp.vec2d, other: wp.vec2d) -> wp.vec2d:
     """`saddle_between` two places in any order. Along the curve on which they are farther apart."""
     if wp.abs(other[0] - one[0]) >= wp.abs(other[1] - one[1]):

@@ -16,8 +16,7 @@ import warp as wp
 from .banded_mass import CLAMPED
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
-from .wire_curve import CLOSING_RATE, Bump, closest_on_chords, curve_through, rest_shape, row, sag, stencil
-from .wire_minima import measured_distance
+from .wire_curve import CLOSING_RATE, Bump, closest_on_chords, curve_distance, curve_through, rest_shape, row, sag, stencil
 
 KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
 LEVELS = wp.constant(1024.0)  # of a cell, to which places across the mesh are rounded
@@ -310,7 +309,7 @@ def find_segment_pairs(
             q = q + wp.matrix_from_rows(offset, offset, offset, offset)
             shape = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
                                tangent, director)  # fmt: skip
-            gap = wp.max(gap, measured_distance(curve, curve_through(q, length_factor * shape, weight)))
+            gap = wp.max(gap, curve_distance(curve, curve_through(q, length_factor * shape, weight)))
             if gap > search_distance:
                 continue
             if is_filling != 0:
