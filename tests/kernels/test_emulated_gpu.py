@@ -63,14 +63,14 @@ EXCESS: dict[str, Resources] = {
     "sums.sum_pairs[float64]": (90, 0, 2048),
     "wire_closest.find_closest_places[vec3d]": (255, 1448, 2048),
     "wire_closest.find_closest_places[vec3f]": (255, 1448, 2048),
-    "wire_closest.mark_near_pairs[vec3d]": (255, 264, 2048),
-    "wire_closest.mark_near_pairs[vec3f]": (255, 264, 2048),
+    "wire_closest.mark_near_pairs[vec3d]": (255, 808, 2048),
+    "wire_closest.mark_near_pairs[vec3f]": (255, 808, 2048),
     "wire_contact_by_batch.find_followed_contacts[vec3d]": (168, 272, 30720),
     "wire_contact_by_batch.find_followed_contacts[vec3f]": (168, 272, 30720),
     "wire_contact_forces.find_contact_forces[float32, vec3f]": (255, 2096, 2048),
     "wire_contact_forces.find_contact_forces[float64, vec3d]": (255, 2032, 2048),
-    "wire_pairs.find_segment_pairs[vec3d]": (255, 928, 2048),
-    "wire_pairs.find_segment_pairs[vec3f]": (255, 928, 2048),
+    "wire_pairs.find_segment_pairs[vec3d]": (255, 1288, 2048),
+    "wire_pairs.find_segment_pairs[vec3f]": (255, 1288, 2048),
     "wires.step_wires[float64]": (66, 0, 25888),
 }
 
