@@ -24,8 +24,7 @@ from .wire_curve import (
     Nodes,
     closest_on_chords,
     curve_distance,
-    curve_through,
-    rest_shape,
+    curve_of_segment,
     row,
     sag,
     stencil,
@@ -150,12 +149,10 @@ def mark_near_pairs(
             weight_q = slope_weight[of_q]
             bound = least_distance(p, q, chords, bulge_p, bulge_q, weight_p, weight_q) - radii
             if bound - offset <= own[NEAR_GAP] and pair_found[pair] == NOT_NEAR:
-                shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                                     tangent, director)  # fmt: skip
-                shape_q = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                                     tangent, director)  # fmt: skip
-                curve_p = curve_through(p, length_factor * shape_p, weight_p)
-                curve_q = curve_through(q, length_factor * shape_q, weight_q)
+                curve_p = curve_of_segment(i, p, length_factor, previous, following, natural_length, rest_row, rest_slope,
+                                           rest_bump, slope_weight, tangent, director)  # fmt: skip
+                curve_q = curve_of_segment(j, q, length_factor, previous, following, natural_length, rest_row, rest_slope,
+                                           rest_bump, slope_weight, tangent, director)  # fmt: skip
                 bound = wp.max(bound, curve_distance(curve_p, curve_q) - radii)
             pair_wake_travel[pair] = wp.max(pair_wake_travel[pair], travel + bound / CLOSING_RATE)
             gap = wp.max(gap, bound - offset)
@@ -319,12 +316,10 @@ def find_closest_places(
             if gap > most:
                 pair_wake_travel[pair] = travel + (gap + offset) / CLOSING_RATE
                 continue
-        shape_p = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                             tangent, director)  # fmt: skip
-        shape_q = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                             tangent, director)  # fmt: skip
-        curve_p = curve_through(p, length_factor * shape_p, weight_p)
-        curve_q = curve_through(q, length_factor * shape_q, weight_q)
+        curve_p = curve_of_segment(i, p, length_factor, previous, following, natural_length, rest_row, rest_slope,
+                                   rest_bump, slope_weight, tangent, director)  # fmt: skip
+        curve_q = curve_of_segment(j, q, length_factor, previous, following, natural_length, rest_row, rest_slope,
+                                   rest_bump, slope_weight, tangent, director)  # fmt: skip
         one = wp.vec2d()
         other = wp.vec2d()
         from_one = wp.vec4d()

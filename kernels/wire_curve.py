@@ -153,6 +153,26 @@ def curve_through(nodes: Nodes, shape: Shape, m: wp.vec4d) -> Powers:
 
 
 @wp.func
+def curve_of_segment(
+    i: int,
+    nodes: Nodes,
+    length_factor: wp.float64,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    natural_length: wp.array(dtype=wp.float64),
+    rest_row: wp.array(dtype=wp.int32),
+    rest_slope: wp.array(dtype=wp.vec2d),
+    rest_bump: wp.array(dtype=Bump),
+    slope_weight: wp.array(dtype=wp.vec4d),
+    tangent: wp.array(dtype=Any),
+    director: wp.array(dtype=Any),
+) -> Powers:
+    """Curve of segment i through its `stencil`, with its rest shape."""
+    shape = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight, tangent, director)
+    return curve_through(nodes, length_factor * shape, slope_weight[rest_row[i]])
+
+
+@wp.func
 def section_offsets(shape: Shape, s: wp.float64) -> wp.types.matrix(shape=(3, 3), dtype=wp.float64):
     """[m] parts of p(s) that rotate with the previous, own and next section, as rows."""
     h10 = hermite_10(s)

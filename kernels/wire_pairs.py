@@ -16,7 +16,7 @@ import warp as wp
 from .banded_mass import CLAMPED
 from .control import GRADIENT, LENGTH_FACTOR
 from .rod_frames import affine_map
-from .wire_curve import CLOSING_RATE, Bump, closest_on_chords, curve_distance, curve_through, rest_shape, row, sag, stencil
+from .wire_curve import CLOSING_RATE, Bump, closest_on_chords, curve_distance, curve_of_segment, row, sag, stencil
 
 KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
 LEVELS = wp.constant(1024.0)  # of a cell, to which places across the mesh are rounded
@@ -237,10 +237,9 @@ def find_segment_pairs(
     p1 = row(p, 1)
     p2 = row(p, 2)
     length_factor = own[LENGTH_FACTOR]
-    weight = slope_weight[rest_row[i]]
-    bulge = sag(p, length_factor * rest_bulge[rest_row[i]], weight)
-    shape = rest_shape(i, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight, tangent, director)
-    curve = curve_through(p, length_factor * shape, weight)
+    bulge = sag(p, length_factor * rest_bulge[rest_row[i]], slope_weight[rest_row[i]])
+    curve = curve_of_segment(i, p, length_factor, previous, following, natural_length, rest_row, rest_slope, rest_bump,
+                             slope_weight, tangent, director)  # fmt: skip
     zero = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = half * (p1 + p2)
@@ -302,14 +301,13 @@ def find_segment_pairs(
             if gap > search_distance + wp.float64(reach[j]) - half * length[j] + wp.float64(round_off):
                 continue
             q = stencil(j, previous, following, position, length, tangent)
-            weight = slope_weight[rest_row[j]]
-            gap -= sag(q, length_factor * rest_bulge[rest_row[j]], weight)
+            gap -= sag(q, length_factor * rest_bulge[rest_row[j]], slope_weight[rest_row[j]])
             if gap > search_distance:
                 continue
             q = q + wp.matrix_from_rows(offset, offset, offset, offset)
-            shape = rest_shape(j, previous, following, natural_length, rest_row, rest_slope, rest_bump, slope_weight,
-                               tangent, director)  # fmt: skip
-            gap = wp.max(gap, curve_distance(curve, curve_through(q, length_factor * shape, weight)))
+            other = curve_of_segment(j, q, length_factor, previous, following, natural_length, rest_row, rest_slope, rest_bump,
+                                     slope_weight, tangent, director)  # fmt: skip
+            gap = wp.max(gap, curve_distance(curve, other))
             if gap > search_distance:
                 continue
             if is_filling != 0:

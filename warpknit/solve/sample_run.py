@@ -41,8 +41,8 @@ class SampleRun:
 
     model: Model
     most_checks: int | None = None  # None: to the end of WORK
-    most_seconds: float = MOST_SECONDS
     worlds: Sequence[Model] = ()  # that run beside each other in place of the model; their steps add up
+    most_seconds: float = MOST_SECONDS
     steps: int = 0
     place: float = 0.0  # load steps that are done, with the share of the present one
     marks: list[tuple[float, int]] = field(default_factory=list)  # place and steps of each load level
@@ -130,7 +130,7 @@ def measure_meshes(scene: Scene, count: int) -> Measured:
     run = measure_run(models[0], models[0].node_count, models[0].scene)
     if len(side_by_side(models)) > 1:
         return run
-    alone, beside = (SampleRun(models[0], TIMED_CHECKS, worlds=worlds).run().step_time() for worlds in ((), models))
+    alone, beside = (SampleRun(models[0], TIMED_CHECKS, worlds).run().step_time() for worlds in ((), models))
     return replace(run, seconds=run.seconds * beside / alone)
 
 
