@@ -98,8 +98,8 @@ auto find = [&](auto kind) {
     TOGETHER
     // turning vector and twist at a node, and the moment of the turn
     SHARED real kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
-    SHARED real nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN], softer[SPAN], along_x[SPAN], along_y[SPAN];
-    Own turn_x, turn_y, turned;
+    SHARED real nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN];
+    Own turn_x, turn_y, turned, softer;
     const real back = yields ? hardening / (1 - hardening) : real(0.0), softness = 1 / bending_stiffness;
     if (lane == 0) mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
@@ -159,11 +159,7 @@ auto find = [&](auto kind) {
             twist_moment[k] = s13[k] * change_x + s23[k] * change_y + s33[k] * change;
             bow_x[k] = bow * angle_x;
             bow_y[k] = bow * angle_y;
-            // tangent of what yields: (1 - softer) - the square of the direction `along`
             softer[k] = off;
-            const real radial = over_most ? sqrt(not_kept * most * inverse) * inverse : real(0.0);
-            along_x[k] = radial * beyond_x;
-            along_y[k] = radial * beyond_y;
             turn_x[k] = inner[k] * angle_x;
             turn_y[k] = inner[k] * angle_y;
             turned[k] = inner[k] * m;
@@ -204,9 +200,7 @@ auto find = [&](auto kind) {
             // what the slopes of the moments add
             SLOPES_OF(ux, uy)
             const real add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
-            const real kept = 1 - softer[k], along = along_x[k] * add_x + along_y[k] * add_y;
-            const real moment_x = mx[k] + kept * add_x - along * along_x[k] + bow_x[k];
-            const real moment_y = my[k] + kept * add_y - along * along_y[k] + bow_y[k];
+            const real moment_x = mx[k] + add_x + bow_x[k], moment_y = my[k] + add_y + bow_y[k];
             acting_x[k] = inner[k] * moment_x;
             acting_y[k] = inner[k] * moment_y;
             const real both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
@@ -230,11 +224,9 @@ auto find = [&](auto kind) {
         }
     }
     // contact: forces on four nodes and couples on three sections from each contact of a segment
-    SHARED real cfz[SPAN], ccz[SPAN];
+    SHARED real cfz[SPAN], ccx[SPAN], ccy[SPAN], ccz[SPAN];
     SHARED_AGAIN(cfx, bow_x)
     SHARED_AGAIN(cfy, bow_y)
-    SHARED_AGAIN(ccx, along_x)
-    SHARED_AGAIN(ccy, along_y)
     EACH(k, 0, whole) cfx[k] = cfy[k] = cfz[k] = ccx[k] = ccy[k] = ccz[k] = 0;
 // on a GPU a node at a time of each segment, so that no two threads add to the same one
 #ifdef __CUDA_ARCH__

@@ -137,8 +137,8 @@ def test_friction_adds_its_coefficient_times_the_contact_force() -> None:
 @pytest.mark.slow
 def test_contacts_that_open_as_a_knot_relaxes_keep_their_friction() -> None:
     """With nodes 2 d apart contacts come and go on the way to equilibrium. What friction adds to the end force is mu q of what
-    touches then, within the residual tolerance of 2 %; where slip was summed over the steps it was 0.83 of that."""
-    (row,) = friction_rows((2.0,), (200,))
+    touches then, within twice the residual tolerance; where slip was summed over the steps it was 0.83 of that."""
+    (row,) = friction_rows((2.0,), (200,), tolerance=1e-2)
     assert row.friction_share == pytest.approx(1.0, abs=0.02)
 
 

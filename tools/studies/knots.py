@@ -245,11 +245,11 @@ def last_state(case: Case, points: np.ndarray) -> Row:
     return row_of(model, record, case, "tighten", np.nan)
 
 
-def friction_rows(spacings: Sequence[float], load_steps: Sequence[int]) -> Iterator[FrictionRow]:
+def friction_rows(spacings: Sequence[float], load_steps: Sequence[int], tolerance: float = 2e-2) -> Iterator[FrictionRow]:
     """A row for each node spacing and number of steps."""
     usual = mechanics.LOAD_STEPS
     for spacing in spacings:
-        free = Case(2, 40.0, 0.025, spacing, 0.0, 1, tolerance=2e-2)
+        free = Case(2, 40.0, 0.025, spacing, 0.0, 1, tolerance=tolerance)
         drawn = overhand(free.turns, free.radius, TAIL * free.radius)
         relaxed = next(iter(Simulation(pulled_knot(free, drawn)).run())).observables.position / DIAMETER
         without = last_state(free, drawn)

@@ -193,7 +193,7 @@ class Yielding:
         return self._energy(0.5 * np.sum(self.back * self.plastic, axis=1)) if self.yields else np.zeros(len(self.dissipated))
 
     def plastic_potential(self) -> np.ndarray:
-        """Incremental potential of bending and twist [world] [J], beyond the elastic energy. Its gradient are the moments."""
+        """Incremental potential of bending and twist [world] [J] beyond the elastic energy; its gradient are moments of turns."""
         if not self.yields:
             return np.zeros(len(self.dissipated))
         over, size = self._beyond()
