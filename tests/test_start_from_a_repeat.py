@@ -8,7 +8,7 @@ from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import STIFFER, MultilevelRelaxation
 from warpknit.solve.simulate import Record, Simulation
-from warpknit.spatial.transfer import Prolongation
+from warpknit.spatial.transfer import Fields, Prolongation
 from warpknit.spatial.worlds import SpatialWorlds
 
 TRICOT, ATLAS = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}]
@@ -27,9 +27,11 @@ FACET = {
 }
 
 
-def solved(knit: list[dict[str, str]], strain: tuple[float, float], levels: int) -> tuple[Simulation, Record]:
+def solved(
+    knit: list[dict[str, str]], strain: tuple[float, float], levels: int, friction: float = 0.0
+) -> tuple[Simulation, Record]:
     scene = load_scene(FACET, {"knit.bars": knit, "load.strain_weft": strain[0], "load.strain_warp": strain[1],
-                               "output.frames": levels}, "draft")  # fmt: skip
+                               "output.frames": levels, "contact.friction": friction}, "draft")  # fmt: skip
     simulation = Simulation(build_model(scene, "cpu"))
     *_, last = simulation.run()
     return simulation, last
@@ -88,3 +90,34 @@ def test_a_start_that_overlaps_wires_is_repeated_with_stiffer_contacts(most_kept
     assert multipliers is not None and multipliers.loading_factor.tolist() == [STIFFER]
     assert not simulation.notes
     assert tension(simulation, last) == pytest.approx(expected, rel=0.1 * simulation.drive.scene.solver.residual_tolerance)
+
+
+def contact_forces(fields: Fields) -> tuple[np.ndarray, np.ndarray]:
+    """(contact, 2) [N] normal and friction force of those that touch, and their first nodes."""
+    fields.stepper.evaluate()
+    found = fields.contact.read_contacts()
+    return np.stack([found.force, np.linalg.norm(found.friction, axis=1)], axis=1), found.first
+
+
+def test_a_start_from_a_repeat_has_its_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the start each contact that sticks, away from the edge, has the friction of one of the repeat; without their
+    slips the mesh would have none. A later level goes on from there."""
+    started, carry = [], Prolongation.carry
+
+    def carries(self: Prolongation, response: Response) -> bool:
+        fits = carry(self, response)
+        started.append((contact_forces(self._fields), contact_forces(self._small_fields)[0], self.large))
+        return fits
+
+    monkeypatch.setattr(Prolongation, "carry", carries)
+    simulation, _ = solved(TRICOT, (0.096, 0.014), 1, friction=0.2)
+    drive = simulation.drive
+    assert isinstance(drive, MultilevelRelaxation) and drive.progress.is_prolonged
+    assert len(started) == 1
+    assert not drive._starts_from_smaller
+    (forces, node), of_repeat, model = started[-1]
+    away = model.panel.outline.nearest(model.rods.position[node, :2])[1]
+    inside = forces[away > 2.0 * max(model.scene.knit.repeat)]
+    stuck, known = inside[inside[:, 1] < 0.19 * inside[:, 0], 1], of_repeat[:, 1]
+    assert len(stuck) > 10
+    assert np.abs(stuck[:, None] / known - 1.0).min(axis=1).max() < 1e-3

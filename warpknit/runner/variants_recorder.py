@@ -32,7 +32,7 @@ class MeshGroups:
 
     def __init__(self, scene: Scene, device: str, checkpoint: Checkpoint | None = None) -> None:
         """checkpoint: to go on from. Raises `ModelError`, `KnitError` where no mesh can be made."""
-        if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
+        if scene.model.boundary == "gripped" and not scene.depends_on_path and smaller_scene(scene) is not None:
             repeats = list(scene.knit.repeats)
             raise ModelError(f"knit.repeats: {repeats} are too many for variants; write about ten a side, or variants.count = 1")
         self.scene, self.models = scene, VariantModels(scene, device)

@@ -42,6 +42,7 @@ class KindOfModel:
     friction: float  # coefficient by default: docs/studies/friction.md
     own_loops: bool  # worlds side by side may have loops, wires and friction of their own
     leaves_plane: bool  # nodes move out of the plane
+    carries_friction: bool  # a large mesh takes over the friction of one repeat
 
 
 KINDS = {
@@ -52,9 +53,16 @@ KINDS = {
         friction=0.0,
         own_loops=False,
         leaves_plane=False,
+        carries_friction=False,
     ),
     "spatial": KindOfModel(
-        crossing=1.3, single_positions="float64", has_branches=True, friction=0.2, own_loops=True, leaves_plane=True
+        crossing=1.3,
+        single_positions="float64",
+        has_branches=True,
+        friction=0.2,
+        own_loops=True,
+        leaves_plane=True,
+        carries_friction=True,
     ),
 }
 

@@ -19,7 +19,8 @@ from ..measure.strain import EdgeWork, strain_text
 from ..mechanics.numerics import renewed_throttle
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, load_response, zero_response
-from ..mesh.rim import LoadPoint, Rim, build_rim
+from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim, build_rim
+from ..scene import Stage
 from .convergence import TENSION_FLOOR
 from .membrane import (
     CORRECTION_CHECKS,
@@ -166,6 +167,7 @@ class MultilevelRelaxation(Relaxation):
             self._follow_path(smaller, target)
         else:
             smaller.solve(target)
+            smaller.keep_history()
         return strained(target, smaller.state.gradient)
 
     def _follow_path(self, smallest: Relaxation, target: LoadPoint) -> None:
@@ -176,20 +178,32 @@ class MultilevelRelaxation(Relaxation):
             progress.start = LoadStart(now.gradient.ravel().tolist(), temperature=now.temperature)
         start = progress.start
         gradient, temperature = np.array(start.gradient).reshape(2, 2), start.temperature
-        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / self.mechanics.path_increment - 1e-9))
+        increment = min(self.mechanics.path_increment, PATH_STRAIN if smallest.scene.depends_on_path else math.inf)
+        levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / increment - 1e-9))
         while start.levels < levels:
             share = (start.levels + 1.0) / levels
             there = gradient + share * (target.gradient - gradient)
             load = LoadPoint(there, temperature + share * (target.temperature - temperature))
             smallest.solve(load, to_ratio=self.mechanics.path_ratios[int(start.levels + 1.0 >= levels)])
+            smallest.keep_history()
             start.levels += 1.0
         progress.start = LoadStart()
 
+    @property
+    def _starts_from_smaller(self) -> bool:
+        """Whether the next level does; what friction has done to a loaded mesh counts on."""
+        goes_on = self.scene.depends_on_path and not np.array_equal(self.state.gradient, np.eye(2))
+        return self.smaller is not None and not self._keeps_own and not goes_on
+
+    def _parts_of_level(self, stage: Stage, factor: float, width: float) -> int:
+        return 1 if factor > 0.0 and self._starts_from_smaller else super()._parts_of_level(stage, factor, width)
+
     def _start_level(self, target: LoadPoint) -> None:
         progress = self.progress
-        if self.prolongation is None or self._keeps_own:
+        if self.prolongation is None or not self._starts_from_smaller:
             if self.prolongation is not None:
                 self.prolongation.taken()  # and left out: the mesh follows on its own
+                progress.is_prolonged = False
             super()._start_level(target)
         else:
             begin = _load_of(self)
@@ -273,7 +287,7 @@ class MultilevelRelaxation(Relaxation):
         progress.least_imbalance, progress.failed_corrections = UNKNOWN, 0
         # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either, nor one that is unlike it
         has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
-        is_unlike = has_history and self.mechanics.rim is not None
+        is_unlike = has_history and self.mechanics.rim is not None and not (self.smaller and progress.is_prolonged)
         progress.is_uncorrected = is_unlike or not (progress.is_prolonged or self._keeps_own)
         progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else UNKNOWN
         progress.ratio, progress.next_balance, progress.next_correction = UNKNOWN, CORRECTION_CHECKS, 0

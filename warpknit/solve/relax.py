@@ -331,6 +331,11 @@ class Relaxation(Drive):
         for _ in self.reach(load, to_ratio):
             self.equilibrium.solve()
 
+    def keep_history(self) -> None:
+        """Begin an increment at the present equilibrium, where what was before counts."""
+        if self.scene.depends_on_path:
+            self.mechanics.advance_history()
+
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Nominal stress (2, 2) [N/m] of the equilibrium under a load, and its state variables."""
         self.solve(LoadPoint(gradient, temperature))

@@ -260,6 +260,8 @@ class Prolongation(RepeatProlongation):
         own = large.read() if self.replaces else dict.fromkeys(taken, 0.0)
         large.add({name: self._share * (self._prolonged(name, change, response) - own[name]) for name in taken})
         fits = large.overlap() <= MAX_OVERLAP  # else wires may push each other through
+        if fits and large.contact.friction > 0.0:
+            large.contact.take_elastic_slips(*small.contact.elastic_slips(), self._repeat)
         if fits and self.replaces:
             self._before = {}
         return fits
@@ -268,6 +270,8 @@ class Prolongation(RepeatProlongation):
         if self._edge is not None:
             self._edge.station_displacement = self._before["stations"]
         self._fields.put_back(self._before)
+        if self._fields.contact.friction > 0.0:
+            self._fields.contact.take_elastic_slips(np.zeros((0, 6)), np.zeros((0, 3)), self._repeat)
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""

@@ -101,7 +101,7 @@ def run_map(
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     refuse(scene, "map", device=None if device is None else find_device(device))
-    if scene.model.boundary == "gripped" and smaller_scene(scene) is not None:
+    if scene.model.boundary == "gripped" and not scene.depends_on_path and smaller_scene(scene) is not None:
         raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
     finished, keep = check_directory(out, "map", scene, resume=resume, force=force, command=command)
     if finished is not None:
