@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
+from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
 from warpknit.base.text import engineering
@@ -18,7 +18,7 @@ from warpknit.results.row import Columns
 
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 SIDES = (("te", "TE"), ("tm", "TM"))
-STATES: dict[str, Any] = {"computed": "-", "open": ":", "closed": "--"}  # of the contacts
+STATES: dict[str, LineStyleType] = {"computed": "-", "open": ":", "closed": "--"}  # of the contacts
 THICK: LineLook = {"linewidth": WIDTHS[1], "markersize": 3.5}
 THIN: LineLook = {"linewidth": 1.0, "markersize": 2.0}
 AT_NORMAL = {"TE": "field along warp (TE)", "TM": "field along weft (TM)"}
