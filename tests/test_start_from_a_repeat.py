@@ -1,5 +1,7 @@
 """A facet of a tight knit starts from one repeat of endless cloth; where it cannot, from its own state."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from warpknit.mechanics.response import Response
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import STIFFER, MultilevelRelaxation
+from warpknit.solve.progress import Progress
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.transfer import Fields, Prolongation
 from warpknit.spatial.worlds import SpatialWorlds
@@ -121,3 +124,30 @@ def test_a_start_from_a_repeat_has_its_friction(monkeypatch: pytest.MonkeyPatch)
     stuck, known = inside[inside[:, 1] < 0.19 * inside[:, 0], 1], of_repeat[:, 1]
     assert len(stuck) > 10
     assert np.abs(stuck[:, None] / known - 1.0).min(axis=1).max() < 1e-3
+
+
+def test_an_interrupted_start_with_friction_goes_on_to_the_same_bits() -> None:
+    """The level has one increment, also where it is resumed."""
+    keys = {"knit.bars": TRICOT, "load.strain_weft": 0.096, "load.strain_warp": 0.014, "output.frames": 1}
+    model, checks = build_model(load_scene(FACET, keys | {"contact.friction": 0.2}, "draft"), "cpu"), [0]
+
+    def run(kept: dict[str, np.ndarray], stop_at: int = 0) -> Simulation:
+        def monitor(_: Progress) -> None:
+            checks[0] += 1
+            if checks[0] == stop_at:
+                raise KeyboardInterrupt
+
+        simulation = Simulation(model, monitor=monitor)
+        simulation.compile()
+        if kept:
+            simulation.drive.restore(kept)
+            simulation.resumed = True
+        with contextlib.suppress(KeyboardInterrupt):
+            list(simulation.run())
+        return simulation
+
+    expected = run({}).state.arrays()
+    late, checks[0] = checks[0] - 10, 0  # the checks of the repeat come first
+    kept = run({}, late).drive.snapshot()
+    found = run(kept).state.arrays()
+    assert [name for name, value in expected.items() if not np.array_equal(value, found[name])] == []

@@ -196,7 +196,9 @@ class MultilevelRelaxation(Relaxation):
         return self.smaller is not None and not self._keeps_own and not goes_on
 
     def _parts_of_level(self, stage: Stage, factor: float, width: float) -> int:
-        return 1 if factor > 0.0 and self._starts_from_smaller else super()._parts_of_level(stage, factor, width)
+        is_begun = self.progress.part > 0 or self.progress.solving
+        starts = self.progress.is_prolonged if is_begun else self._starts_from_smaller
+        return 1 if self.smaller is not None and factor > 0.0 and starts else super()._parts_of_level(stage, factor, width)
 
     def _start_level(self, target: LoadPoint) -> None:
         progress = self.progress

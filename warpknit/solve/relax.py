@@ -271,6 +271,7 @@ class Relaxation(Drive):
                 yield from self.reach(load, ON_THE_WAY if is_on_the_way else 1.0)
             except Diverged as error:
                 self._cut(error)
+                whole = self._parts_of_level(stage, factor, float(width))  # more, where a start from a smaller mesh has failed
                 continue
             self.mechanics.advance_history()
             progress.part += 1
