@@ -32,4 +32,4 @@ def test_the_colours_cover_nine_in_ten_tiles(tmp_path: Path, monkeypatch: pytest
     assert [image.get_clim() for image in images] == [pytest.approx(of) for of in ranges]
     bars = [image.colorbar for image in images]
     assert [bar.extend for bar in bars if bar] == ["neither", "neither", "max", "neither"]
-    assert [bar.ax.get_ylabel().endswith("up to 900") for bar in bars if bar] == [False, False, True, False]
+    assert [bar.ax.get_ylabel().endswith("30 to 900") for bar in bars if bar] == [False, False, True, False]

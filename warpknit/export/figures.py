@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import PowerNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
@@ -29,7 +28,7 @@ from warpknit.export.run_record import RunRecord
 from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
 from warpknit.results.row import Columns
 
-SHOWN = 90.0  # [%] of the tiles whose stress and tension the colours cover, from the least on
+SHOWN = (5.0, 90.0)  # [%] of the tiles, in the order of their stress or tension, between which the colours lie
 LEAST_RANGE = 0.02  # of the largest value: values of tiles that differ by less are drawn alike
 LONGEST = 2.5  # median edges: longer ones of a triangulation of points lie outside the panel
 NET_NODES = 200  # places that hold a panel up to which each is marked
@@ -51,11 +50,12 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
         (scale * tiles["tension_weft_N_per_m"], f"tension in weft [{unit}]", "cividis"),
         (scale * tiles["tension_warp_N_per_m"], f"tension in warp [{unit}]", "cividis"),
     ):
-        low, high, largest = np.percentile(values, (0.0, SHOWN, 100.0)).tolist()
+        least, low, high, largest = np.percentile(values, (0.0, *SHOWN, 100.0)).tolist()
         high = max(high, low + LEAST_RANGE * float(np.abs(values).max()), low + 1e-12)
-        more = f"\none tile in ten beyond, up to {float(f'{largest:.3g}'):g}" if largest > high else ""
+        ends = [f"{float(f'{end:.3g}'):g}" for end in (least, largest)]  # no exponent
+        more = f"\nall tiles: {ends[0]} to {ends[1]}" if least < low or largest > high else ""
         # a few tiles at the edge do not leave the rest in one colour
-        maps.append((values, f"{label}, square-root scale{more}", {"norm": PowerNorm(0.5, low, high), "cmap": colours}))
+        maps.append((values, f"{label}{more}", {"vmin": low, "vmax": high, "cmap": colours}))
     columns = 3 if surface is not None else 2
     round_ = 1e3 * np.stack([edge["x_m"], edge["y_m"]], axis=1)
     width, height = np.ptp(round_, axis=0)
@@ -65,7 +65,8 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     axes = figure.subplots(2, columns, squeeze=False)
     for ax, (values, label, look) in zip(axes[:, :2].ravel(), maps, strict=True):
         image = _draw_tiles(ax, tiles, values, look)
-        extend = "max" if values.max() > image.get_clim()[1] else "neither"
+        low, high = image.get_clim()
+        extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((values.min() < low, values.max() > high))
         figure.colorbar(image, ax=ax, shrink=0.85, aspect=32, pad=0.025, extend=extend).set_label(label)
         _draw_edge(ax, round_, edge["held"] > 0.0, image)
     if surface is not None:
