@@ -42,7 +42,7 @@ class SampleRun:
     model: Model
     most_checks: int | None = None  # None: to the end of WORK
     worlds: Sequence[Model] = ()  # that run beside each other in place of the model; their steps add up
-    most_seconds: float = MOST_SECONDS
+    most_seconds: float = MOST_SECONDS  # of the mesh itself
     steps: int = 0
     place: float = 0.0  # load steps that are done, with the share of the present one
     marks: list[tuple[float, int]] = field(default_factory=list)  # place and steps of each load level
@@ -79,7 +79,7 @@ class SampleRun:
         else:
             self.place = before + progress.level_share * (progress.stage_index + progress.load_factor - before)
         work = steps * max(FEWEST_NODES, self.model.node_count) / WORK
-        is_late = self.model.node_count > SAMPLE_NODES and self.clock[-1][0] - self.begin > self.most_seconds
+        is_late = self.model.node_count > SAMPLE_NODES and self.clock[-1][0] - self.clock[0][0] > self.most_seconds
         if (work > 1.0 and len(self.marks) > 2) or work > MOST_EXCESS or is_late or len(self.clock) == self.most_checks:
             raise _Enough
 
