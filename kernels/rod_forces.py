@@ -27,7 +27,8 @@ segment of length L into those at the node before it, by the twist between both 
     q = [L_before (m - R_before^T m_before) - L (R m' - m)]/(6 B)        g = m + S q(m + S q(m))
 
 Here m is the moment of the turn, dE/dt, and g what acts on the edges in its place; to the twist moment the same is added. Where
-a wire yields this is the gradient with p held, so that no force jumps when p takes what has flowed (bend.py). A beam
+g would be beyond the yield surface about the back moment after this step, it is returned to it like the turn. This is not the
+gradient of E there; but no force jumps when p takes what has flowed. A beam
 loaded at its nodes has moments linear between them: with the lengths l on the diagonal of D and its compliance C, a tridiagonal
 matrix of the lengths L, the energy uses C^-1, approximated by the sum D^-1 + D^-1 (D - C) D^-1 + (D^-1 (D - C))^2 D^-1. Behind a
 free end m is 0; a segment that a clamp holds has no slope energy.

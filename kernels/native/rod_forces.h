@@ -99,7 +99,7 @@ auto find = [&](auto kind) {
     // turning vector and twist at a node, and the moment of the turn
     SHARED real kx[SPAN], ky[SPAN], size_part[SPAN], size_slope[SPAN], bow_x[SPAN], bow_y[SPAN], twist_moment[SPAN];
     SHARED real nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN];
-    Own turn_x, turn_y, turned, softer;
+    Own turn_x, turn_y, turned, softer, elastic_x, elastic_y, back_x, back_y;
     const real back = yields ? hardening / (1 - hardening) : real(0.0), softness = 1 / bending_stiffness;
     if (lane == 0) mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
@@ -160,6 +160,10 @@ auto find = [&](auto kind) {
             bow_x[k] = bow * angle_x;
             bow_y[k] = bow * angle_y;
             softer[k] = off;
+            elastic_x[k] = change_x;
+            elastic_y[k] = change_y;
+            back_x[k] = back * (flow_x[k] + off * beyond_x);
+            back_y[k] = back * (flow_y[k] + off * beyond_y);
             turn_x[k] = inner[k] * angle_x;
             turn_y[k] = inner[k] * angle_y;
             turned[k] = inner[k] * m;
@@ -200,12 +204,22 @@ auto find = [&](auto kind) {
             // what the slopes of the moments add
             SLOPES_OF(ux, uy)
             const real add_x = s11[k] * by_x + s12[k] * by_y, add_y = s12[k] * by_x + s22[k] * by_y;
-            const real moment_x = mx[k] + add_x + bow_x[k], moment_y = my[k] + add_y + bow_y[k];
+            real moment_x = mx[k] + add_x + bow_x[k], moment_y = my[k] + add_y + bow_y[k];
+            real g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
+            if (yields) { // where this leads beyond the yield surface, the wire gives way
+                const real out_x = elastic_x[k] + by_x - back_x[k], out_y = elastic_y[k] + by_y - back_y[k];
+                const real reach = sqrt(out_x * out_x + out_y * out_y);
+                const real most = spread[k] > 0 ? yield / (spread[k] > 0 ? spread[k] : real(1.0)) : real(0.0);
+                const bool over_most = reach > most;
+                const real gives = over_most ? not_kept * (1 - most / (over_most ? reach : real(1.0))) : real(0.0);
+                moment_x -= gives * (s11[k] * out_x + s12[k] * out_y);
+                moment_y -= gives * (s12[k] * out_x + s22[k] * out_y);
+                g -= gives * (s13[k] * out_x + s23[k] * out_y);
+            }
             acting_x[k] = inner[k] * moment_x;
             acting_y[k] = inner[k] * moment_y;
             const real both = size_slope[k] * (k1 * moment_x + k2 * moment_y);
             const real g1 = size_part[k] * moment_x + both * k1, g2 = size_part[k] * moment_y + both * k2;
-            const real g = twist_moment[k] + s13[k] * by_x + s23[k] * by_y;
             acting_m[k] = inner[k] * g;
             const real lean = -(g1 * k1 + g2 * k2) * share;
             const real qx = share * (g1 * (bx + hx) - g2 * (ax + cx));

@@ -102,27 +102,40 @@ def test_bending_across_after_yield_returns_radially() -> None:
     assert cosine == pytest.approx(float(wanted @ one) / float(np.linalg.norm(wanted)), rel=1e-9)
 
 
-def test_what_has_yielded_keeps_its_forces_which_are_those_of_a_potential() -> None:
-    """Bent and twisted at random, at rest once, and bent on: the end of the step leaves the forces. Let back a little, they are
-    minus the gradient of the energy."""
+def test_what_has_yielded_keeps_its_forces() -> None:
+    """Bent and twisted at random, at rest once, and bent on: the end of the step leaves the forces."""
     rods = rods_of(replace(PLASTIC, yield_curvature=0.02), [helix(2.0, 3.0, 9)])
     pose = Pose(rods)
     rng = np.random.default_rng(3)
-    for _ in range(2):
-        pose.bend_by(0.2 * rng.normal(size=(9, 3)), 0.2 * rng.normal(size=9))
+    for amplitude in (0.2, 0.1):
+        pose.bend_by(amplitude * rng.normal(size=(9, 3)), amplitude * rng.normal(size=9))
+        assert np.count_nonzero(np.linalg.norm(pose.stepper.yielding._beyond()[0], axis=1)) >= 3
+        flowing = pose.join(*pose.at(np.zeros((9, 3)), np.zeros(9))[1:])
         pose.stepper.yielding.advance()
-    move, turn = 0.1 * rng.normal(size=(9, 3)), 0.1 * rng.normal(size=9)
-    here = np.zeros((9, 3)), np.zeros(9)
-    pose.bend_by(move, turn)
-    assert np.count_nonzero(np.linalg.norm(pose.stepper.yielding._beyond()[0], axis=1)) >= 3
-    flowing = pose.join(*pose.at(*here)[1:])
+        found = pose.join(*pose.at(np.zeros((9, 3)), np.zeros(9))[1:])
+        assert found == pytest.approx(flowing, rel=0, abs=1e-12 * np.abs(flowing).max())
+
+
+def test_what_has_yielded_and_is_let_back_has_forces_of_a_potential() -> None:
+    """An arc bent beyond yield, and back by less than twice its yield with small moves at random."""
+    pose, rng = Pose(rods_of(PLASTIC, [arc(0.0, 0.0)])), np.random.default_rng(3)
+    pose.bend_by(arc(0.2, 0.4) - arc(0.0, 0.0), np.zeros(9))
     pose.stepper.yielding.advance()
-    assert pose.join(*pose.at(*here)[1:]) == pytest.approx(flowing, rel=0, abs=1e-12 * np.abs(flowing).max())
-    pose.bend_by(-0.01 * move, -0.01 * turn)
-    assert not pose.stepper.yielding._beyond()[0].any()
-    wanted = pose.join(*pose.at(*here)[1:])
-    found = pose.gradient(1e-6)
-    assert np.abs(wanted - found).max() < 1e-7 * np.abs(wanted).max()
+    assert pose.stepper.yielding.plastic.any()
+    pose.bend_by(arc(0.15, 0.4) - arc(0.2, 0.4) + 1e-3 * rng.normal(size=(9, 3)), 1e-3 * rng.normal(size=9))
+    wanted = pose.join(*pose.at(np.zeros((9, 3)), np.zeros(9))[1:])
+    assert np.abs(wanted - pose.gradient(1e-6)).max() < 1e-7 * np.abs(wanted).max()
+
+
+def test_no_moment_is_beyond_yield() -> None:
+    """A hinge between stiff neighbours, almost without hardening: slopes of the moment add nothing to that of yield."""
+    section = replace(PLASTIC, hardening=1e-6)
+    stepper = RodStepper(rods_of(section, [arc(0.0, 0.0)]))
+    turn = np.array([0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0])
+    step = np.stack([np.cos(np.cumsum(turn)), np.sin(np.cumsum(turn)), np.zeros(8)], axis=1)
+    stepper.place(np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)]))
+    moment = np.linalg.norm(stepper.state.moment.numpy()[:, :2], axis=1)
+    assert moment.max() == pytest.approx(section.bending_stiffness * YIELD, rel=1e-5)
 
 
 def test_rods_that_do_not_yield_are_as_before() -> None:
