@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpknit.mechanics.response import Response
+from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import STIFFER, MultilevelRelaxation
@@ -151,3 +152,22 @@ def test_an_interrupted_start_with_friction_goes_on_to_the_same_bits() -> None:
     kept = run({}, late).drive.snapshot()
     found = run(kept).state.arrays()
     assert [name for name, value in expected.items() if not np.array_equal(value, found[name])] == []
+
+
+def test_a_mesh_with_friction_that_cannot_start_from_a_repeat_follows_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its start is refused here; then it has the increments that it has without one, 0.5 % of strain."""
+    begun: list[float] = []
+    begin_level, carry = MultilevelRelaxation.begin_level, Prolongation.carry
+
+    def refuses(self: Prolongation, response: Response) -> bool:
+        carry(self, response)
+        return False
+
+    def begins(self: MultilevelRelaxation, load: LoadPoint, to_ratio: float) -> None:
+        begun.append(float(load.gradient[0, 0]) - 1.0)
+        begin_level(self, load, to_ratio)
+
+    monkeypatch.setattr(MultilevelRelaxation, "begin_level", begins)
+    monkeypatch.setattr(Prolongation, "carry", refuses)
+    solved(TRICOT, (0.02, 0.005), 1, friction=0.2)
+    assert begun == pytest.approx([0.02, 0.005, 0.01, 0.015, 0.02])

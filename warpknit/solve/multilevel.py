@@ -212,6 +212,8 @@ class MultilevelRelaxation(Relaxation):
             self._own = {"gradient": begin.gradient.copy(), "temperature": np.array(begin.temperature)}
             self.mechanics.set_load(replace(target, tension=None), 0)
             is_prolonged = self.prolongation.carry(self._response)
+            if not is_prolonged and self.scene.depends_on_path:
+                raise Diverged("wires of the start from one repeat overlap too deeply")  # to go on in increments, see `_cut`
             if not is_prolonged:
                 self._put_back()
                 self._keep_own(target.gradient)
