@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import math
 import os
-import signal
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -20,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from warpknit.base.errors import INTERRUPTED, ModelError, OutOfResources
-from warpknit.base.processes import start_process
+from warpknit.base.processes import pipe_of_worker, worker
 from warpknit.base.text import listed
 from warpknit.knit.lapping import KnitError
 from warpknit.mechanics.numerics import thread_count
@@ -233,29 +231,19 @@ class Beside:
 @contextmanager
 def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | None]:
     """Begin with the changes of meshes; None on a GPU or a single core, which both would share."""
-    started = None
-    if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
-        with suppress(OSError):
-            started = start_process(__spec__.name)
-    if started is None:
-        yield None
-        return
-    process, pipe = started
-    with process, pipe:
-        try:
+    begun = None
+    with ExitStack() as stack:
+        if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
             with suppress(OSError):
+                pipe = stack.enter_context(worker(__spec__.name))
                 pipe.send((scene, numbers))
-            yield Beside(pipe, numbers)
-        finally:
-            process.kill()
+                begun = Beside(pipe, numbers)
+        yield begun
 
 
-def main(arguments: list[str]) -> None:
+def main() -> None:
     """Send the rows of what comes through the pipe, until the run closes it."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # meant for the run
-        signal.signal(number, signal.SIG_IGN)
-    os.environ["WARPKNIT_THREADS"] = "1"  # the run has the other cores
-    pipe = Connection(int(arguments[0]))
+    pipe = pipe_of_worker()
 
     def check(_steps: int) -> None:
         if pipe.poll():
@@ -267,4 +255,4 @@ def main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -24,6 +24,7 @@ from .multilevel import MultilevelRelaxation
 from .progress import Progress
 from .ramp import Ramp
 from .relax import Relaxation, Unsolved
+from .world_processes import WorldProcesses, process_count
 
 __all__ = ["Progress", "Record", "Simulation"]
 
@@ -54,7 +55,8 @@ class Simulation:
 
     Worlds that differ in loads reproduce single runs bit by bit; worlds of other seeds agree with them within the tolerance.
 
-    ends_only: worlds record the end of each load step only. progress: from a checkpoint, to continue; with worlds one for each.
+    ends_only: worlds record the end of each load step only. spread: worlds may run in other processes; then their `drives` have
+    progress and snapshots only. progress: from a checkpoint, to continue; with worlds one for each.
     monitor: called with the progress after every convergence
     check; it may raise an exception to stop.
     """
@@ -68,14 +70,16 @@ class Simulation:
         monitor: Callable[[Progress], None] | None = None,
         worlds: Sequence[Scene | Model] = (),
         ends_only: bool = False,
+        spread: bool = False,
     ) -> None:
         if not hasattr(model, "scene"):
             raise InputError(f"Simulation: {model!r} is not a model; give one, such as build_model(scene)")
         self.model = model
-        self.worlds: SideBySide | None = None
+        self.worlds: SideBySide | WorldProcesses | None = None
         self.failures: dict[int, Diverged] = {}  # by world
         if worlds:
-            self._begin_worlds(worlds, progress if isinstance(progress, Sequence) else (), monitor, ends_only)
+            begun = progress if isinstance(progress, Sequence) else ()
+            self._begin_worlds(worlds, begun, monitor, ends_only, spread=spread)
             return
         assert not isinstance(progress, Sequence)
         self.state = initial_state(model) if state is None else state
@@ -107,7 +111,7 @@ class Simulation:
         return self.drive.mechanics
 
     @property
-    def drives(self) -> Sequence[Drive]:
+    def drives(self) -> Sequence[Any]:
         """Drive of the mesh, or of each world."""
         return [self.drive] if self.worlds is None else self.worlds.members
 
@@ -197,6 +201,8 @@ class Simulation:
         progress: Sequence[Progress],
         monitor: Callable[[Progress], None] | None,
         ends_only: bool,
+        *,
+        spread: bool,
     ) -> None:
         scenes = [one if isinstance(one, Scene) else one.scene for one in worlds]
         if any(scene.solver.drive != "relax" for scene in scenes):
@@ -204,9 +210,12 @@ class Simulation:
         models = [self._world_model(number, one) if isinstance(one, Scene) else one for number, one in enumerate(worlds)]
         if len({model.node_count for model in models}) > 1:
             raise InputError("Simulation: worlds have different numbers of nodes; give scenes of the same knit and repeats")
-        self.worlds = SideBySide(models, lambda member: member.all_records(ends_only=ends_only), progress)
-        self.drive = self.worlds.members[0]
-        self.state, self.progress, self.resumed, self.solving = self.drive.state, self.drive.progress, bool(progress), ""
+        if spread and process_count(models) > 1:
+            self.worlds = WorldProcesses(models, ends_only=ends_only)
+        else:
+            self.worlds = SideBySide(models, lambda member: member.all_records(ends_only=ends_only), progress)
+            self.drive, self.state = self.worlds.members[0], self.worlds.members[0].state
+        self.progress, self.resumed, self.solving = self.worlds.members[0].progress, bool(progress), ""
         self.monitor = monitor or (lambda _progress: None)
 
     def _world_model(self, number: int, scene: Scene) -> Model:
@@ -221,7 +230,7 @@ class Simulation:
                 raise InputError(f"Simulation: world {number} differs from the model in [{name}]; change only loads or seeds")
         return replace(model, scene=scene) if scene.knit == own.knit else build_model(scene, model.device)
 
-    def _run_worlds(self, worlds: SideBySide) -> Iterator[Record]:
+    def _run_worlds(self, worlds: SideBySide | WorldProcesses) -> Iterator[Record]:
         for world, found in worlds.run(lambda: self.monitor(self.progress), self.failures):
             if isinstance(found, Diverged):
                 self.failures[world] = found

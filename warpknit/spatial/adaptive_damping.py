@@ -18,8 +18,7 @@ VIBRATION = 3.0  # speed of the whole motion over the mean motion, above which i
 # largest speed that counts by diagonal masses over banded ones: smooth motion's grows with the nodes a loop, from
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
-# [1/s] banded masses leave few modes slower than half of the first; the second where overshoots would slide or yield wires
-LEAST_DAMPING, LEAST_OF_HISTORY = 0.003, 0.01
+LEAST_DAMPING = 0.003  # [1/s] banded masses leave few modes slower than half of that
 
 
 class AdaptiveDamping:
@@ -31,7 +30,6 @@ class AdaptiveDamping:
         """has_history: whether wires slide or yield, also while they vibrate; knows_smooth: see `kinetic_energy`."""
         self._stepper, self._masses, self._knows_smooth = stepper, masses, knows_smooth
         self._vibration = 1.0 if has_history else VIBRATION
-        self._least = LEAST_OF_HISTORY if has_history else LEAST_DAMPING
         nodes, device = stepper.rods.node_count, stepper.device
         self._last: dict[str, wp.array] = {  # [node] state at the last check; once `find_motion` has run, the motion since then
             "last_place": zeros(nodes, wp.vec3d, device),  # [m]
@@ -69,7 +67,7 @@ class AdaptiveDamping:
         if boundary is not None:
             work, moved = work + boundary[0][has_last], moved + boundary[1][has_last]
         self._mean_energy[rows] = 0.5 * moved / CHECK_STEPS**2
-        steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, self._least))
+        steering.set(rows, damping=renewed_damping(steering.damping[rows], -work, moved, LEAST_DAMPING))
 
     def _slide(self) -> np.ndarray:
         """(sliding clamp, 2) [m] places of the sliding clamps, and [N] their forces."""

@@ -189,8 +189,9 @@ def _begun(
     """A simulation of models side by side: one load step, from their states."""
     progress = [Progress() for _ in models] if states[0].kept else None
     simulation = Simulation(
-        models[0], worlds=models, progress=progress, monitor=lambda one: monitor(one.load_factor), ends_only=ends_only
-    )
+        models[0], worlds=models, progress=progress, monitor=lambda one: monitor(one.load_factor), ends_only=ends_only,
+        spread=True,
+    )  # fmt: skip
     for drive, state in zip(simulation.drives, states, strict=True):
         if state.kept:
             drive.restore(state.kept)
