@@ -29,7 +29,7 @@ def main() -> None:
 
 
 def _run(pipe: Connection, rows: list[int], worlds: list[RemoteWorld], *, ends_only: bool) -> None:
-    """Run worlds, and tell of their records and progress; rows: their numbers in the group."""
+    """Run worlds, and send their records and progress; rows: their numbers in the group."""
     models, told = [world.model for world in worlds], time.perf_counter()
 
     def monitor(_progress: Progress) -> None:
@@ -44,13 +44,13 @@ def _run(pipe: Connection, rows: list[int], worlds: list[RemoteWorld], *, ends_o
         if world.kept:
             drive.restore(world.kept)
 
-    def tell(world: int, found: Any) -> None:
+    def send(world: int, found: Any) -> None:
         pipe.send(News({rows[world]: simulation.drives[world].progress}, world=rows[world], found=found))
 
     for record in simulation.run():
-        tell(record.world, record)
+        send(record.world, record)
     for number, error in simulation.failures.items():
-        tell(number, error)
+        send(number, error)
     pipe.send(News(kept={row: drive.snapshot() for row, drive in zip(rows, simulation.drives, strict=True)}))
 
 

@@ -1,4 +1,4 @@
-"""Worlds of a large group in several processes (world_process.py), each with a share of the cores.
+"""Worlds of a large group in several processes, each with a share of the cores.
 
 Warp runs a launch on one thread, so threads share the steps of worlds but not their checks. Results of a world are the same in
 any process.
@@ -42,7 +42,7 @@ class RemoteWorld:
 
 @dataclass
 class News:
-    """What a process tells: progress and, at the end, states of some worlds; and what one of them has found."""
+    """Message of a process: progress and, at the end, states of some worlds, and what one of them has found."""
 
     progress: dict[int, Progress] = field(default_factory=dict)
     kept: dict[int, Any] = field(default_factory=dict)
