@@ -30,12 +30,12 @@ def main() -> None:
 
 def _run(pipe: Connection, rows: list[int], worlds: list[RemoteWorld], *, ends_only: bool) -> None:
     """Run worlds, and send their records and progress; rows: their numbers in the group."""
-    models, told = [world.model for world in worlds], time.perf_counter()
+    models, sent = [world.model for world in worlds], time.perf_counter()
 
     def monitor(_progress: Progress) -> None:
-        nonlocal told
-        if time.perf_counter() - told > INTERVAL:
-            told = time.perf_counter()
+        nonlocal sent
+        if time.perf_counter() - sent > INTERVAL:
+            sent = time.perf_counter()
             pipe.send(News({row: drive.progress for row, drive in zip(rows, simulation.drives, strict=True)}))
 
     begun = [world.progress for world in worlds] if worlds[0].kept else None
