@@ -1,4 +1,4 @@
-"""Worlds of a large group in several processes with a share of the cores each.
+"""Worlds of a large group in several processes with a share of the cores.
 
 Warp runs a launch on one thread, so threads share the steps of worlds but not their checks. Results of a world are the same in
 any process.
