@@ -40,7 +40,8 @@ def scene_of(friction: float) -> Scene:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.2])
-def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
+def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction, monkeypatch):
+    monkeypatch.setattr("warpknit.studies.mean_card.MESHES_A_PROCESS", 1)
     scene = scene_of(friction)
     load, fine = under_tension(scene, TENSION), exact(scene, DIFFERENCE_TOLERANCE)
     cards = []

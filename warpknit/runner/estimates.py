@@ -17,23 +17,24 @@ from pathlib import Path
 
 import numpy as np
 
-from warpknit.base.errors import INTERRUPTED, ModelError, OutOfResources
-from warpknit.base.processes import pipe_of_worker, worker
-from warpknit.base.text import listed
-from warpknit.knit.lapping import KnitError
-from warpknit.mechanics.numerics import thread_count
-from warpknit.results.finding import ResultWarning
-from warpknit.results.row import Row, Values, read_rows, write_json
-from warpknit.runner.history import row_of
-from warpknit.runner.interrupts import Interrupted, Interrupts
-from warpknit.runner.other_model import spatial_means
-from warpknit.runner.progress_display import Display
-from warpknit.runner.run_directory import CommandResult
-from warpknit.runner.summary import Estimate, Summary
-from warpknit.runner.variants import mesh_values_of
-from warpknit.scene import Scene
-from warpknit.scene.options import Stage
-from warpknit.solve.variant_models import VariantModels, last_records
+from ..base.errors import INTERRUPTED, ModelError, OutOfResources
+from ..base.processes import worker
+from ..base.text import listed
+from ..compute.device import start_warp
+from ..knit.lapping import KnitError
+from ..mechanics.numerics import thread_count
+from ..results.finding import ResultWarning
+from ..results.row import Row, Values, read_rows, write_json
+from ..scene import Scene
+from ..scene.options import Stage
+from ..solve.variant_models import VariantModels, last_records
+from .history import row_of
+from .interrupts import Interrupted, Interrupts
+from .other_model import spatial_means
+from .progress_display import Display
+from .run_directory import CommandResult
+from .summary import Estimate, Summary
+from .variants import mesh_values_of
 
 COARSENING = 1.4  # nodes a loop of the run over the comparison's
 NODES = "nodes"
@@ -223,7 +224,7 @@ class Beside:
         with suppress(EOFError, OSError):
             while not self._pipe.poll(INTERVAL):
                 check(0)
-            rows: ChangedRows = self._pipe.recv()
+            rows: ChangedRows | None = self._pipe.recv()[0]
             return rows
         return None
 
@@ -235,24 +236,11 @@ def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | N
     with ExitStack() as stack:
         if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
             with suppress(OSError):
-                pipe = stack.enter_context(worker(__spec__.name))
-                pipe.send((scene, numbers))
-                begun = Beside(pipe, numbers)
+                begun = Beside(stack.enter_context(worker(send_changed_rows, scene, numbers)), numbers)
         yield begun
 
 
-def main() -> None:
-    """Send the rows of what comes through the pipe, until the run closes it."""
-    pipe = pipe_of_worker()
-
-    def check(_steps: int) -> None:
-        if pipe.poll():
-            raise EOFError
-
-    with suppress(Exception):  # the run then finds them itself, and reports why not
-        scene, numbers = pipe.recv()
-        pipe.send(changed_rows(scene, "cpu", numbers, check))
-
-
-if __name__ == "__main__":
-    main()
+def send_changed_rows(send: Callable[[ChangedRows], None], scene: Scene, numbers: list[int]) -> None:
+    """Send the rows of the meshes, from a process."""
+    start_warp()
+    send(changed_rows(scene, "cpu", numbers, lambda _steps: None))

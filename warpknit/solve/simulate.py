@@ -211,7 +211,7 @@ class Simulation:
         if len({model.node_count for model in models}) > 1:
             raise InputError("Simulation: worlds have different numbers of nodes; give scenes of the same knit and repeats")
         if spread and process_count(models) > 1:
-            self.worlds = WorldProcesses(models, ends_only=ends_only)
+            self.worlds = WorldProcesses(models, Simulation, ends_only=ends_only)
         else:
             self.worlds = SideBySide(models, lambda member: member.all_records(ends_only=ends_only), progress)
             self.drive, self.state = self.worlds.members[0], self.worlds.members[0].state

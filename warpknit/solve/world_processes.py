@@ -7,20 +7,18 @@ any process.
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
-from multiprocessing.connection import wait
 from typing import Any
 
-from ..base.errors import Diverged, OutOfResources
-from ..base.processes import worker
+from ..base.processes import INTERVAL, messages
+from ..compute.device import start_warp
 from ..compute.kept import Kept
 from ..mechanics.numerics import thread_count
 from .progress import Progress
 
 NODES_A_PROCESS = 2_000  # fewer take less time than the start of a process
-INTERVAL = 0.2  # [s] between news of progress
 
 
 @dataclass
@@ -45,7 +43,7 @@ class News:
     """Message of a process: progress and, at the end, states of some worlds, and what one of them has found."""
 
     progress: dict[int, Progress] = field(default_factory=dict)
-    kept: dict[int, Any] = field(default_factory=dict)
+    kept: dict[int, Kept] = field(default_factory=dict)
     world: int = 0
     found: Any = None
 
@@ -60,43 +58,52 @@ def process_count(models: Sequence[Any]) -> int:
 class WorldProcesses:
     """Worlds that run in processes, in place of `SideBySide` (simulate.py)."""
 
-    def __init__(self, models: Sequence[Any], *, ends_only: bool) -> None:
+    def __init__(self, models: Sequence[Any], begin: Callable[..., Any], *, ends_only: bool) -> None:
+        """begin: `Simulation`."""
         self.members = [RemoteWorld(model) for model in models]
-        self._ends_only = ends_only
+        self._begin, self._ends_only = begin, ends_only
 
     def run(self, monitor: Callable[[], None] = lambda: None, without: Collection[int] = ()) -> Iterator[tuple[int, Any]]:
         """Number of a world and its record, or its final `Diverged`; in order of arrival.
 
-        monitor: called now and then; may raise to stop. without: worlds that are left out. Raises what a process raises, and
-        `OutOfResources` where one is killed.
+        monitor: called now and then; may raise to stop. without: worlds that are left out. Raises as `messages` does.
         """
         rows = [row for row in range(len(self.members)) if row not in without]
         count = process_count([self.members[row].model for row in rows])
-        threads = max(1, thread_count(len(rows)) // count)
-        with ExitStack() as stack:
-            pipes: list[Any] = []
-            for part in range(count):
-                own = rows[part::count]
-                pipes.append(stack.enter_context(worker("warpknit.solve.world_process", threads)))
-                pipes[-1].send((own, [self.members[row] for row in own], self._ends_only))
-            while pipes:
-                monitor()
-                for pipe in wait(pipes, INTERVAL):
-                    news = self._news(pipe)
-                    if news.kept:
-                        pipes.remove(pipe)
-                    if news.found is not None:
-                        yield news.world, news.found
+        shares = [{row: self.members[row] for row in rows[part::count]} for part in range(count)]
+        calls = [(run_worlds, self._begin, share, self._ends_only) for share in shares]
+        for news in messages(calls, monitor, threads=max(1, thread_count(len(rows)) // count)):
+            for row, progress in news.progress.items():
+                self.members[row].progress = progress
+            for row, kept in news.kept.items():
+                self.members[row].kept = kept
+            if news.found is not None:
+                yield news.world, news.found
 
-    def _news(self, pipe: Any) -> News:
-        try:
-            news: News = pipe.recv()
-        except (EOFError, OSError):
-            raise OutOfResources("a process was killed; memory ran out, or a signal reached it") from None
-        if isinstance(news.found, Exception) and not isinstance(news.found, Diverged):
-            raise news.found
-        for row, progress in news.progress.items():
-            self.members[row].progress = progress
-        for row, kept in news.kept.items():
-            self.members[row].kept = kept
-        return news
+
+def run_worlds(send: Callable[[News], None], begin: Callable[..., Any], worlds: dict[int, RemoteWorld], ends_only: bool) -> None:
+    """Run worlds, and send their records and progress. worlds: by their numbers in the group."""
+    start_warp()
+    rows, models, sent = list(worlds), [world.model for world in worlds.values()], time.perf_counter()
+
+    def monitor(_progress: Progress) -> None:
+        nonlocal sent
+        if time.perf_counter() - sent > INTERVAL:
+            sent = time.perf_counter()
+            send(News({row: drive.progress for row, drive in zip(rows, simulation.drives, strict=True)}))
+
+    states = {row: world.kept for row, world in worlds.items() if world.kept}
+    begun = [world.progress for world in worlds.values()] if states else None
+    simulation = begin(models[0], worlds=models, progress=begun, monitor=monitor, ends_only=ends_only)
+    for row, drive in zip(rows, simulation.drives, strict=True):
+        if row in states:
+            drive.restore(states[row])
+
+    def send_found(world: int, found: Any) -> None:
+        send(News({rows[world]: simulation.drives[world].progress}, world=rows[world], found=found))
+
+    for record in simulation.run():
+        send_found(record.world, record)
+    for number, error in simulation.failures.items():
+        send_found(number, error)
+    send(News(kept={row: drive.snapshot() for row, drive in zip(rows, simulation.drives, strict=True)}))

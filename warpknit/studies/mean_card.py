@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..base.errors import Diverged
+from ..base.processes import messages
+from ..compute.device import start_warp
+from ..mechanics.numerics import thread_count
 from ..results.row import Row
 from ..runner.history import row_of
 from ..runner.variants import Spread, first_meshes, spread_of
@@ -17,11 +20,15 @@ from ..scene import Scene, Stage
 from ..solve.variant_models import VariantModels
 from .card import MaterialCard, find_card
 from .card_files import card_values
-from .load_path import FEWEST, MeshesPath, exact, mean_of, part_of, tolerances_of, under_strain, under_tension
+from .load_path import FEWEST, MeshesPath, PathState, exact, mean_of, part_of, tolerances_of, under_strain, under_tension
 
 AHEAD = 1.01  # of the load of a card: the way on, along which a mesh with friction or yield is loaded
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
+MESHES_A_PROCESS = 2  # fewer take little more time than the start of a process
 OF_ONE = ("jumps", "branch")  # texts on the path of one mesh
+
+
+OfMesh: TypeAlias = tuple[Any, PathState, Stage, Stage]  # model, a state near its card, load of the card, and a load ahead
 
 
 @dataclass(frozen=True)
@@ -82,21 +89,53 @@ def _cards(
     meshes: Sequence[Any], load: Stage, tension: float | None, monitor: Callable[[float], None]
 ) -> tuple[list[MaterialCard], list[Row]]:
     """Cards of the meshes that converge, and mean states on the way."""
-    way, cards = MeshesPath(meshes), list[MaterialCard]()
+    way = MeshesPath(meshes)
     scene = way.scene
     try:
-        ends = list(way.beside(load, scene.output.frames, part_of(monitor, 0, 1 + len(meshes))))
+        ends = list(way.beside(load, scene.output.frames, part_of(monitor, 0, 2)))
     except Diverged:
         return [], []
     loading = [mean_of(records) for records in ends]
-    for number, (record, (place, state)) in enumerate(zip(ends[-1], way.state.items(), strict=True)):
-        with suppress(Diverged):
-            here, ahead, _ = loads_of_card(scene, row_of(record), tension)
-            cards.append(find_card(way.models[place], state, here, part_of(monitor, 1 + number, 1 + len(meshes)), ahead=ahead)[0])
+    of_meshes = []
+    for record, (place, state) in zip(ends[-1], way.state.items(), strict=True):
+        here, ahead, _ = loads_of_card(scene, row_of(record), tension)
+        of_meshes.append((way.models[place], state, here, ahead))
+    cards = _cards_of(of_meshes, part_of(monitor, 1, 2))
     with suppress(Diverged):
         *_, beyond = way.rows(loads_of_card(scene, loading[-1], tension)[2], 1)
         loading.append(beyond)
     return cards, loading
+
+
+def _cards_of(of_meshes: Sequence[OfMesh], monitor: Callable[[float], None]) -> list[MaterialCard]:
+    """Cards of the meshes that converge, found in several processes."""
+    count = thread_count(len(of_meshes) // MESHES_A_PROCESS)
+    found: dict[int, MaterialCard] = {}
+
+    def note(card: tuple[int, MaterialCard]) -> None:
+        found[card[0]] = card[1]
+        monitor(len(found) / len(of_meshes))
+
+    numbered = list(enumerate(of_meshes))
+    if count == 1:
+        send_cards(note, numbered, lambda share: monitor((len(found) + share) / len(of_meshes)))
+    else:
+        calls = [(send_cards, numbered[part::count]) for part in range(count)]
+        for card in messages(calls, lambda: monitor(len(found) / len(of_meshes))):
+            note(card)
+    return [card for _, card in sorted(found.items())]
+
+
+def send_cards(
+    send: Callable[[tuple[int, MaterialCard]], None],
+    numbered: Sequence[tuple[int, OfMesh]],
+    monitor: Callable[[float], None] = lambda _: None,
+) -> None:
+    """Send the cards of meshes that converge, with their numbers."""
+    start_warp()
+    for number, (model, state, here, ahead) in numbered:
+        with suppress(Diverged):
+            send((number, find_card(model, state, here, monitor, ahead=ahead)[0]))
 
 
 def _mean(base: Any, cards: Sequence[Any]) -> Any:
