@@ -15,11 +15,11 @@ import warp as wp
 
 from ..compute.host import fetch, store
 from ..kernels.contact_checks import MOST_RAISED, renew_contact_offsets
-from ..mechanics.numerics import error_ratio
+from ..mechanics.numerics import TYPICAL_ALLOWANCE, error_ratio
 from .pair_search import MAX_OFFSET
 from .wire_contact import ContactSums, WireContact
 
-OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact
+OVERLAP_ERROR = 0.004  # of the thickness: allowed overlap of a contact; penalties are raised where one stalls above its rms
 FORCE_PENALTY = 20.0  # penalty over N/d: a twentieth of the thickness is the overlap of a force without offset
 # shares of the floor that are kept once the load is applied, by the mean force, and no wire moves faster [thicknesses a step]
 SOFTEST, LOADED, SLOW = 0.02, 0.2, 0.01
@@ -53,7 +53,7 @@ class ContactMultipliers:
         )
         self._constants = {
             "force_penalty": wp.float64(FORCE_PENALTY / self._thickness),
-            "allowed": wp.float64(OVERLAP_ERROR * self._thickness),
+            "allowed": wp.float64(TYPICAL_ALLOWANCE * OVERLAP_ERROR * self._thickness),
             "most_offset": wp.float64(MAX_OFFSET * self._thickness),
         }
         self.mean_force = np.zeros(contact.stepper.worlds)  # [world] [N] of the contacts
