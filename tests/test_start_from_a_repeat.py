@@ -32,10 +32,10 @@ FACET = {
 
 
 def solved(
-    knit: list[dict[str, str]], strain: tuple[float, float], levels: int, friction: float = 0.0
+    knit: list[dict[str, str]], strain: tuple[float, float], levels: int, friction: float = 0.0, **keys: float
 ) -> tuple[Simulation, Record]:
     scene = load_scene(FACET, {"knit.bars": knit, "load.strain_weft": strain[0], "load.strain_warp": strain[1],
-                               "output.frames": levels, "contact.friction": friction}, "draft")  # fmt: skip
+                               "output.frames": levels, "contact.friction": friction} | keys, "draft")  # fmt: skip
     simulation = Simulation(build_model(scene, "cpu"))
     *_, last = simulation.run()
     return simulation, last
@@ -49,16 +49,17 @@ def tension(simulation: Simulation, record: Record) -> np.ndarray:
 def test_the_start_does_not_change_the_equilibrium(
     knit: list[dict[str, str]], strain: tuple[float, float], starts: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same tensions as without it, to a tenth of the tolerance of the residual. A tricot takes a start of 10 % strain, in a
+    """The same tensions as without it, to a quarter of the tolerance of the residual. A tricot takes a start of 10 % strain, in a
     quarter of the steps; wires of the atlas would pass each other, so that it is loaded from its own state."""
-    simulation, last = solved(knit, strain, 1)
+    fine = {"solver.residual_tolerance": 2e-3}
+    simulation, last = solved(knit, strain, 1, **fine)
     drive = simulation.drive
     assert isinstance(drive, MultilevelRelaxation)
     monkeypatch.setattr("warpknit.solve.simulate.smaller_scene", lambda _: None)
-    alone, expected = solved(knit, strain, 7 if starts else 1)
+    alone, expected = solved(knit, strain, 7 if starts else 1, **fine)
     assert isinstance(alone.drive, MultilevelRelaxation) and alone.drive.smaller is None
     tolerance = drive.scene.solver.residual_tolerance
-    assert tension(simulation, last) == pytest.approx(tension(alone, expected), rel=0.1 * tolerance)
+    assert tension(simulation, last) == pytest.approx(tension(alone, expected), rel=0.25 * tolerance)
     assert len(simulation.notes) == int(not starts)
     if starts:
         assert last.steps < 0.25 * expected.steps

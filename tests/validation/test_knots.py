@@ -175,10 +175,10 @@ def test_rods_touch_at_the_tips_until_these_are_bent_by_one_over_their_distance(
 
 
 def test_pressure_is_symmetric_without_friction() -> None:
-    """Both halves of a rod carry the same, and so do both rods, to what is out of balance: up to 0.02 where the residual is 1e-3
-    to 2e-3, 0.002 where it is 5e-4. Rods that begin to part at their tips slide along each other with hardly any force."""
+    """Both halves of a rod carry the same, and so do both rods, to what is out of balance: the resultant is at the tip, where the
+    contacts reach up to 1.1 d from it. Rods that begin to part at their tips slide along each other with hardly any force."""
     for p in clasped():
-        assert p.row.asymmetry < 0.01
+        assert p.row.asymmetry < 3e-3
     last = clasped()[-1]
     moments = [np.sum(last.force * np.abs(place)) for place in (last.first, last.second)]
     assert moments[0] == pytest.approx(moments[1], rel=0.01)

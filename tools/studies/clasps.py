@@ -52,7 +52,7 @@ class ClaspRow:
     reach: float  # arc from the tip to the outermost contact
     mean_place: float  # mean distance of the contact force from the tips
     balance: float  # contact force along x over 2 T
-    asymmetry: float  # first moment of the contact force along the first rod, over its absolute value's
+    asymmetry: float  # distance of the resultant contact force from the tip of the first rod
     contacts: int
     overlap: float
     steps: int
@@ -99,7 +99,7 @@ def pressure_of(
         k, float(np.linalg.norm(tips[0] - tips[1])) / DIAMETER + bulge, float(far.min()),
         float(np.abs(np.concatenate([first, second])).max()), float(np.sum(far * force) / force.sum()),
         float(abs(np.sum((t.force[:, None] * t.normal + t.friction)[:, 0]))) / unit / (0.5 * np.abs(pull).sum()),
-        float(abs(np.sum(first * force) / np.sum(np.abs(first) * force))), len(force),
+        float(abs(np.sum(first * force) / np.sum(force))), len(force),
         o.penetration / FINE, record.steps, wall,
     )  # fmt: skip
     return Pressure(row, first, second, force)
