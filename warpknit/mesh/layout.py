@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.errors import ModelError
 from ..base.text import exact
 from ..compute.memory import refuse_beyond_memory
 from ..knit.cloth import Cloth, knit_cloth
@@ -59,6 +60,15 @@ def refuse_large_mesh(scene: Scene, cloth: Cloth, device: str) -> None:
         corners, length = f"panel.corners = {len(scene.panel.corners or ())} corners", scene.panel.size
         size = corners if length is None else f"panel.size = {exact(length, 'm')}"
     refuse_beyond_memory(size, scene, estimated_nodes(scene, cloth), device)
+
+
+def refuse_large_patch(scene: Scene, use: str, instead: str) -> None:
+    """Refuse (`ModelError`) a gripped mesh that starts from a smaller one.
+
+    use, instead: of many meshes side by side, for the message.
+    """
+    if scene.model.boundary == "gripped" and not scene.depends_on_path and smaller_scene(scene) is not None:
+        raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for {use}; write about ten a side, or {instead}")
 
 
 def _tiles(scene: Scene) -> tuple[int, int]:

@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import Diverged, ModelError
+from ..base.errors import Diverged
 from ..measure.table import Record
-from ..mesh.layout import smaller_scene
+from ..mesh.layout import refuse_large_patch
 from ..results.frame import Frame, state_file
 from ..results.row import Row, Values
 from ..scene import Scene
@@ -32,9 +32,7 @@ class MeshGroups:
 
     def __init__(self, scene: Scene, device: str, checkpoint: Checkpoint | None = None) -> None:
         """checkpoint: to go on from. Raises `ModelError`, `KnitError` where no mesh can be made."""
-        if scene.model.boundary == "gripped" and not scene.depends_on_path and smaller_scene(scene) is not None:
-            repeats = list(scene.knit.repeats)
-            raise ModelError(f"knit.repeats: {repeats} are too many for variants; write about ten a side, or variants.count = 1")
+        refuse_large_patch(scene, "variants", "variants.count = 1")
         self.scene, self.models = scene, VariantModels(scene, device)
         self.failed: dict[int, str] = {}
         self.begun: list[int] = []  # their numbers

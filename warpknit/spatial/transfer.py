@@ -33,6 +33,7 @@ from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
 from ..mechanics.response import Response
 from .clamps import Edge, Surface
+from .elastic_slips import elastic_slips, take_elastic_slips
 from .model import SpatialModel
 
 OF_NODES = ("x", "y", "z", "push")
@@ -261,7 +262,7 @@ class Prolongation(RepeatProlongation):
         large.add({name: self._share * (self._prolonged(name, change, response) - own[name]) for name in taken})
         fits = large.overlap() <= MAX_OVERLAP  # else wires may push each other through
         if fits and large.contact.friction > 0.0:
-            large.contact.take_elastic_slips(*small.contact.elastic_slips(), self._repeat)
+            take_elastic_slips(large.contact, *elastic_slips(small.contact), self._repeat)
         if fits and self.replaces:
             self._before = {}
         return fits
@@ -271,7 +272,7 @@ class Prolongation(RepeatProlongation):
             self._edge.station_displacement = self._before["stations"]
         self._fields.put_back(self._before)
         if self._fields.contact.friction > 0.0:
-            self._fields.contact.take_elastic_slips(np.zeros((0, 6)), np.zeros((0, 3)), self._repeat)
+            take_elastic_slips(self._fields.contact, np.zeros((0, 6)), np.zeros((0, 3)), self._repeat)
 
     def _prolonged(self, name: str, change: dict[str, wp.array], response: Response) -> np.ndarray:
         """[panel node] of the large mesh, from values of the small one."""

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from scipy.spatial import cKDTree
 
 from ..base.errors import OutOfResources
 from ..compute.host import fetch, number_at, store, store_at, zeros
@@ -42,7 +41,6 @@ from .rod_step import RodStepper
 PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 STICK_SHARE = 0.5  # tangential over normal stiffness
-SLIPS = 2  # elastic slips of a pair: one for each minimum
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list that a GPU filters for pairs not asleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
@@ -284,7 +282,7 @@ class WireContact:
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
-        near, (begin, end) = self._near_pairs(), self._pairs_of(world)
+        near, (begin, end) = self.near_pairs(), self._pairs_of(world)
         kept = self.pairs.state_dict(begin, end, self._nodes_of(world))
         kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
@@ -297,7 +295,7 @@ class WireContact:
     def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
         begin, end = self._pairs_of(world)
-        near = self._near_pairs()
+        near = self.near_pairs()
         change = len(kept["pair_first"]) - (end - begin)
         near = np.concatenate([near[near < begin], kept["pairs_near"] + begin, near[near >= end] + change])
         pairs = self._new_list(max(self._capacity(self.pair_count + change, PAIR_BYTES), 1), self.pairs.number + 2)
@@ -388,59 +386,19 @@ class WireContact:
         stepper, touch, rows = self.stepper, self.touch, np.array([world])
         store(touch.touch_slip_work, 0.0)
         stepper.evaluate(0.0, accepting=True, rows=rows)
-        near = self._near_pairs()
+        near = self.near_pairs()
         begin, end = np.searchsorted(near, self._pairs_of(world)).tolist()
         work = fetch(touch.touch_slip_work)[PLACES * begin : PLACES * end].reshape(-1, PLACES).sum(axis=1)
         of_node = np.bincount(fetch(self.pairs.pair_first)[near[begin:end]], work, stepper.rods.node_count)
         self.dissipated[world] += stepper.sums.of_nodes(of_node, rows)[0]
-        self._begin_increment(rows)
+        self.begin_increment(rows)
         stepper.steering.set(rows, step=stepper.steering.step[rows] + 1.0)
 
-    def _begin_increment(self, rows: np.ndarray) -> None:
+    def begin_increment(self, rows: np.ndarray) -> None:
         """Take the present states of worlds for their equilibria before."""
         for name, array in vars(self._before).items():
             now = self.stepper.by_world(getattr(self.stepper.state, name.removeprefix("before_")))
             self.stepper.store_rows(array, rows, now[rows])
-
-    def elastic_slips(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places of the contacts of a single world, see `_at_rest`; their elastic slips (contact, 3) [m]."""
-        step, pairs = int(self.stepper.steering.step[0]), self.pairs
-        which = np.flatnonzero(fetch(pairs.slip_step)[step % 2, : SLIPS * self.pair_count] == step)
-        place, slip = (fetch(x)[step % 2, which] for x in (pairs.slip_place, pairs.elastic_slip))
-        return self._at_rest(which // SLIPS, place), slip.copy()
-
-    def take_elastic_slips(self, at_rest: np.ndarray, slip: np.ndarray, repeat: np.ndarray) -> None:
-        """Take over the elastic slips of one repeat, and begin an increment.
-
-        at_rest, slip: `elastic_slips` of the repeat; repeat: its size (2,) [m]. A contact takes the slip of the nearest contact
-        of the repeat at rest, within a segment.
-        """
-        step, pairs, near = int(self.stepper.steering.step[0]), self.pairs, self._near_pairs()
-        touches = fetch(self.touch.touch_normal_force)[: PLACES * len(near)].reshape(-1, PLACES)[:, :SLIPS] != 0.0
-        row, slot = np.nonzero(touches)
-        pair = near[row]
-        place = fetch(pairs.pair_place)[PLACES * pair + slot]
-        # either wire of a contact may be the first one
-        ways = at_rest, np.concatenate([at_rest[:, :3] + at_rest[:, 3:], -at_rest[:, 3:]], axis=1)
-        size = np.array([*repeat, 0.0, 0.0, 0.0, 0.0])
-        known, own = (_in_repeat(points, repeat) for points in (np.concatenate(ways), self._at_rest(pair, place)))
-        segment = float(self.stepper.rods.natural_length.max())
-        distance, nearest = cKDTree(known, boxsize=size).query(own, distance_upper_bound=segment)
-        is_known = np.isfinite(distance)
-        which = (SLIPS * pair + slot)[is_known]
-        numbers, places, slips = (fetch(x).copy() for x in (pairs.slip_step, pairs.slip_place, pairs.elastic_slip))
-        numbers[:] = -1
-        numbers[step % 2, which] = step
-        places[step % 2, which], slips[step % 2, which] = place[is_known], np.concatenate([slip, -slip])[nearest[is_known]]
-        for array, values in ((pairs.slip_step, numbers), (pairs.slip_place, places), (pairs.elastic_slip, slips)):
-            store(array, values)
-        self._begin_increment(np.array([0]))
-
-    def _at_rest(self, pair: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """(contact, 6) [m] at rest: a place on the first segment of a pair, and the way from there to that on the second."""
-        rods, (first, second) = self.stepper.rods, (fetch(x)[pair] for x in (self.pairs.pair_first, self.pairs.pair_second))
-        one, two = (rods.position[k] + place[:, n, None] * rods.rest_edge[k] for n, k in enumerate((first, second)))
-        return np.concatenate([one, two + fetch(self.pairs.pair_shift)[pair] - one], axis=1)
 
     @property
     def _in_real_time(self) -> bool:
@@ -464,7 +422,7 @@ class WireContact:
         self.stepper.store_rows(self.max_penetration, rows, 0.0)
         return np.asarray(self.stepper.strip.ranks.largest(max_penetration))
 
-    def _near_pairs(self) -> np.ndarray:
+    def near_pairs(self) -> np.ndarray:
         """Numbers of the pairs that the steps look at."""
         return fetch(self.touch.touch_pair)[: number_at(self.touch.touch_count, 0)].copy()
 
@@ -473,7 +431,7 @@ class WireContact:
 
         Some pairs at a time, so that a large mesh needs no more memory than for its steps.
         """
-        stepped, rows, (begin, end) = self._near_pairs(), np.array([world]), self._pairs_of(world)
+        stepped, rows, (begin, end) = self.near_pairs(), np.array([world]), self._pairs_of(world)
         with self.stepper.only(rows):
             self._mark_near(distance, rows)
             near = begin + np.flatnonzero(fetch(self.pairs.pair_is_near)[begin:end])
@@ -493,7 +451,7 @@ class WireContact:
         Of a strip those whose first segments are its own.
         """
         stepper = self.stepper
-        pairs, touch, near = self.pairs, self.touch, self._near_pairs()
+        pairs, touch, near = self.pairs, self.touch, self.near_pairs()
         nodes = stepper.strip.own if stepper.worlds == 1 else self._nodes_of(world)
         before = nodes.start if stepper.worlds > 1 else 0
         found, of_first = fetch(pairs.pair_found)[near][:, None], fetch(pairs.pair_first)[near]
@@ -508,11 +466,3 @@ class WireContact:
         normal = fetch(touch.touch_normal)[which]
         friction = fetch(touch.touch_friction)[which] if self.friction > 0.0 else np.zeros_like(normal)
         return Contacts(first - before, second - before, place, shift, force[which], friction, normal, overlap[which])
-
-
-def _in_repeat(points: np.ndarray, repeat: np.ndarray) -> np.ndarray:
-    """Points (n, 6) with their first two coordinates in one repeat."""
-    inside = points.copy()
-    inside[:, :2] %= repeat
-    inside[:, :2][inside[:, :2] >= repeat] = 0.0  # of round-off
-    return inside

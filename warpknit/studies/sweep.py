@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from .. import __version__, measure
-from ..base.errors import Diverged, MemoryNeeded, ModelError
+from ..base.errors import Diverged, MemoryNeeded
 from ..base.text import counted, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..measure import Observables, tension_scale
-from ..mesh.layout import smaller_scene
+from ..mesh.layout import refuse_large_patch
 from ..results.finding import ResultWarning
 from ..results.frame import state_file
 from ..results.row import Values, write_json
@@ -101,8 +101,7 @@ def run_map(
     which the mesh does not converge have no values; an interrupt ends with exit_code 130 and keeps the finished cells.
     """
     refuse(scene, "map", device=None if device is None else find_device(device))
-    if scene.model.boundary == "gripped" and not scene.depends_on_path and smaller_scene(scene) is not None:
-        raise ModelError(f"knit.repeats: {list(scene.knit.repeats)} are too many for a map; write about ten a side, or less")
+    refuse_large_patch(scene, "a map", "less")
     finished, keep = check_directory(out, "map", scene, resume=resume, force=force, command=command)
     if finished is not None:
         return CommandResult(0, MapSummary.of(finished))
