@@ -28,8 +28,7 @@ step, in the frame in which the boundary is strained by U,
     U_own' = U_own + v'
 
 The wanted tensions T* follow the ramp of the load. Where the mesh has a history, strains stay within STRAIN_RANGE of their origin
-until the next equilibrium. A direction at that limit that lags behind holds back the other one in proportion, while both tensions
-grow or both fall. Any other direction at that limit stops the other one's strain.
+until the next equilibrium. While a direction is at that limit, the strain of the other one rests.
 """
 
 import warp as wp
@@ -105,7 +104,6 @@ LEVER = wp.constant(84)  # [m]
 CONTROL_COUNT = 85
 
 NEARLY = wp.constant(wp.float64(1.0 - 1.0e-6))  # of a limit that counts as reached
-LEAST_WAY = wp.constant(wp.float64(0.01))  # of the larger change of tension: a smaller one gives no proportion
 
 STATUS_RUNNING = wp.constant(wp.float64(0.0))
 STATUS_STALE = wp.constant(wp.float64(1.0))
@@ -163,23 +161,15 @@ def strain_by_tension(control: wp.array(dtype=wp.float64), sums: partial_sums):
     control[TENSION + 1] = (sine * xy + cosine * yy) / weft
     half = wp.float64(0.5) * control[DAMPING] * control[TIME_STEP]
     share = one
-    stops = False
     if control[RAMP_STEP] < control[RAMP_STEPS]:
         share = control[RAMP_SHARE]
-    for a in range(2):
-        if control[AT_LIMIT + a] != zero:
-            way = control[TENSION_TO + a] - control[TENSION_FROM + a]
-            other = control[TENSION_TO + 1 - a] - control[TENSION_FROM + 1 - a]
-            strain = wp.where(a == 0, weft, warp) - one - control[STRAIN_ORIGIN + a]
-            if way * strain > zero and way * other >= LEAST_WAY * other * other:
-                share = wp.clamp((control[TENSION + a] - control[TENSION_FROM + a]) / way, zero, share)
-            else:
-                stops = True
     limit = control[STRAIN_LIMIT] * (one - control[RAMP_LAG])
+    weft_is_at_limit = control[AT_LIMIT] != zero
+    warp_is_at_limit = control[AT_LIMIT + 1] != zero
     for a in range(2):
         if control[IS_DRIVEN + a] == zero:
             continue
-        if stops and control[AT_LIMIT + a] == zero:
+        if (a == 0 and warp_is_at_limit and not weft_is_at_limit) or (a == 1 and weft_is_at_limit and not warp_is_at_limit):
             control[STRAIN_SPEED + a] = zero
             continue
         strain = wp.where(a == 0, weft, warp) - one - control[STRAIN_ORIGIN + a]

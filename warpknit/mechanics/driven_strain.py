@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.control import LEAST_WAY
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch, true_stress
 from ..mesh.rim import PATH_STRAIN
@@ -158,19 +157,12 @@ class DrivenStrain:
         return work, energy
 
     def ratio(self, rows: np.ndarray) -> np.ndarray:
-        """[row] what tensions lack over its tolerance, at this check; 0 where strains are given."""
-        wanted, tension, at_limit = self.wanted[rows], self.tension[rows], self.at_limit(rows)
-        begin = self._steering.tension_from[rows]
-        way = np.nan_to_num(wanted - begin)
-        grows = way * (self._strain(rows) - self._steering.strain_origin[rows]) > 0.0
-        counts = at_limit & grows & (way * way[:, ::-1] >= float(LEAST_WAY) * way[:, ::-1] ** 2)
-        stops = (at_limit & ~counts).any(axis=1, keepdims=True)
-        reached = np.divide(tension - begin, way, out=np.ones_like(way), where=counts)  # on the way to them, in proportion
-        wanted = begin + np.clip(reached.min(axis=1), 0.0, 1.0)[:, None] * (wanted - begin)
+        """[row] what tensions lack over its tolerance, at this check; 0 where strains are given, or one is at its limit."""
+        wanted, tension, at_limit = self.wanted[rows], self.tension[rows], self.at_limit(rows).any(axis=1)
         least = np.maximum(LEAST_TENSION * self._scale, 0.5 * np.abs(tension).max(axis=1))[:, None]
         with np.errstate(invalid="ignore"):
             missing = np.abs(wanted - tension) / np.maximum(np.abs(wanted), least)
-        return np.asarray(np.where(self.driven(rows) & ~at_limit & ~stops, missing, 0.0).max(axis=1) / self.tolerance)
+        return np.asarray(np.where(self.driven(rows), missing, 0.0).max(axis=1) * ~at_limit / self.tolerance)
 
     def rest(self, rows: np.ndarray, rests: np.ndarray) -> None:
         """Hold the strains of some worlds, and release the others; rests [row]."""
