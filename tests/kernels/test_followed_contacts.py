@@ -37,7 +37,7 @@ def at_load(knit: str, friction: float) -> WireContact:
 
 def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np.ndarray]:
     """What the launches of contact find in the state of now, of each pair that is near; all pairs stay as they are."""
-    pairs, touch, near = contact.pairs, contact.touch, contact._near_pairs()
+    pairs, touch, near = contact.pairs, contact.touch, contact.near_pairs()
     contact.stepper.state.steering.set(status=status, evaluated_gap=0.3 * contact.stepper.rods.section.thickness)
     kept = {name: fetch(getattr(pairs, name)).copy() for name in (*PAIR, "pair_renewal_travel")}
     store(touch.touch_followed, 0)

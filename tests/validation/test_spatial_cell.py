@@ -219,11 +219,11 @@ def test_near_contacts_are_those_of_a_new_search() -> None:
     """In equilibrium the steps look at fewer pairs than count as near; what they look at stays."""
     mechanics = relaxed("model.nodes_per_loop=64", "output.frames=1")[0].mechanics
     contact, distance = mechanics.contact, (NEAR - 1.0) * mechanics.model.rods.section.thickness
-    before = contact._near_pairs()
+    before = contact.near_pairs()
     mechanics.stepper.evaluate(distance)
     seen = contact.read_contacts(distance)
     near = mechanics.observe().near
-    assert np.array_equal(contact._near_pairs(), before)
+    assert np.array_equal(contact.near_pairs(), before)
     contact.search()
     contact.list_near_pairs(np.inf)
     mechanics.stepper.evaluate(distance)
