@@ -38,7 +38,7 @@ def scene_of(**tables: dict) -> Scene:
 @pytest.fixture
 def two_processes(monkeypatch) -> None:
     for module in (simulate, world_processes):
-        monkeypatch.setattr(module, "process_count", lambda _models: 2)
+        monkeypatch.setattr(module, "processes_of", lambda _models: 2)
 
 
 def found_by(scenes: list[Scene], monitor: Callable[[Any], None] | None = None, *, spread: bool) -> tuple[Simulation, list]:
@@ -70,7 +70,7 @@ def test_a_path_of_meshes_goes_on_in_processes(two_processes, monkeypatch) -> No
     rows = {}
     for spread in (True, False):
         if not spread:
-            monkeypatch.setattr(simulate, "process_count", lambda _models: 1)
+            monkeypatch.setattr(simulate, "processes_of", lambda _models: 1)
         path = MeshesPath(models)
         rows[spread] = [*path.rows(first, levels=1), *path.rows(second, levels=1)]
     assert rows[True] == rows[False]

@@ -17,7 +17,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from warpknit.base.errors import OutOfResources
+from .errors import OutOfResources
 
 INTERVAL = 0.2  # [s] between calls of a monitor
 

@@ -111,6 +111,11 @@ def error_ratio(
     return np.asarray(np.maximum(typical, np.asarray(largest) / allowance) / tolerance)
 
 
+def process_count(work: int, device: str = "cpu") -> int:
+    """Number of processes: as threads, but 1 on a GPU, which they would share, and without POSIX, which `worker` needs."""
+    return thread_count(work) if device == "cpu" and os.name == "posix" else 1
+
+
 def thread_count(work: int) -> int:
     """Number of threads or processes: WARPKNIT_THREADS or one a core, at most one a piece of work."""
     given = os.environ.get("WARPKNIT_THREADS", "")

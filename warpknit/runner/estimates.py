@@ -8,7 +8,6 @@ out.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -22,7 +21,7 @@ from ..base.processes import worker
 from ..base.text import listed
 from ..compute.device import start_warp
 from ..knit.lapping import KnitError
-from ..mechanics.numerics import thread_count
+from ..mechanics.numerics import process_count
 from ..results.finding import ResultWarning
 from ..results.row import Row, Values, read_rows, write_json
 from ..scene import Scene
@@ -234,7 +233,7 @@ def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | N
     """Begin with the changes of meshes; None on a GPU or a single core, which both would share."""
     begun = None
     with ExitStack() as stack:
-        if device == "cpu" and thread_count(2) > 1 and os.name == "posix":
+        if process_count(2, device) > 1:
             with suppress(OSError):
                 begun = Beside(stack.enter_context(worker(send_changed_rows, scene, numbers)), numbers)
         yield begun

@@ -24,7 +24,7 @@ from .multilevel import MultilevelRelaxation
 from .progress import Progress
 from .ramp import Ramp
 from .relax import Relaxation, Unsolved
-from .world_processes import WorldProcesses, process_count
+from .world_processes import WorldProcesses, processes_of
 
 __all__ = ["Progress", "Record", "Simulation"]
 
@@ -210,7 +210,7 @@ class Simulation:
         models = [self._world_model(number, one) if isinstance(one, Scene) else one for number, one in enumerate(worlds)]
         if len({model.node_count for model in models}) > 1:
             raise InputError("Simulation: worlds have different numbers of nodes; give scenes of the same knit and repeats")
-        if spread and process_count(models) > 1:
+        if spread and processes_of(models) > 1:
             self.worlds = WorldProcesses(models, Simulation, ends_only=ends_only)
         else:
             self.worlds = SideBySide(models, lambda member: member.all_records(ends_only=ends_only), progress)

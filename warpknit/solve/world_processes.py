@@ -6,7 +6,6 @@ any process.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from typing import Any
 from ..base.processes import INTERVAL, messages
 from ..compute.device import start_warp
 from ..compute.kept import Kept
-from ..mechanics.numerics import thread_count
+from ..mechanics.numerics import process_count, thread_count
 from .progress import Progress
 
 NODES_A_PROCESS = 2_000  # fewer take less time than the start of a process
@@ -48,11 +47,10 @@ class News:
     found: Any = None
 
 
-def process_count(models: Sequence[Any]) -> int:
-    """Number of processes for worlds; 1 for few, and on a GPU."""
-    if models[0].device != "cpu" or os.name != "posix":
-        return 1
-    return thread_count(min(len(models), sum(model.node_count for model in models) // NODES_A_PROCESS))
+def processes_of(models: Sequence[Any]) -> int:
+    """Number of processes for worlds; 1 for few."""
+    pieces = sum(model.node_count for model in models) // NODES_A_PROCESS
+    return process_count(min(len(models), pieces), models[0].device)
 
 
 class WorldProcesses:
@@ -69,7 +67,7 @@ class WorldProcesses:
         monitor: called now and then; may raise to stop. without: worlds that are left out. Raises as `messages` does.
         """
         rows = [row for row in range(len(self.members)) if row not in without]
-        count = process_count([self.members[row].model for row in rows])
+        count = processes_of([self.members[row].model for row in rows])
         shares = [{row: self.members[row] for row in rows[part::count]} for part in range(count)]
         calls = [(run_worlds, self._begin, share, self._ends_only) for share in shares]
         for news in messages(calls, monitor, threads=max(1, thread_count(len(rows)) // count)):

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.errors import Diverged
 from ..base.processes import messages
 from ..compute.device import start_warp
-from ..mechanics.numerics import thread_count
+from ..mechanics.numerics import process_count
 from ..results.row import Row
 from ..runner.history import row_of
 from ..runner.variants import Spread, first_meshes, spread_of
@@ -109,7 +109,7 @@ def _cards(
 
 def _cards_of(of_meshes: Sequence[OfMesh], monitor: Callable[[float], None]) -> list[MaterialCard]:
     """Cards of the meshes that converge, found in several processes."""
-    count = thread_count(len(of_meshes) // MESHES_A_PROCESS)
+    count = process_count(len(of_meshes) // MESHES_A_PROCESS)
     found: dict[int, MaterialCard] = {}
 
     def note(card: tuple[int, MaterialCard]) -> None:
