@@ -24,6 +24,7 @@ DISTURBANCE, SEED = 0.03, 1  # of the thickness times the residual tolerance: st
 DAMPING = 0.02  # over a step, of the motion that follows
 LEAST_CHECKS, MOST_CHECKS = 8, 80  # convergence checks of that motion
 GROWN = 4.0  # kinetic energy over the least so far, by which the disturbance has grown
+MOST_TESTS = 8  # of a level: equilibria that are left one after another
 CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
 MOST_LISTED = 20  # places in a message
 LEAST_DIFFERENCE = 0.005  # of the scene's stiffness: a change in three digits
@@ -35,31 +36,36 @@ class Stability:
     A symmetric mesh may follow a path of equilibria beyond its buckling load: forces balance, but any disturbance grows. Damping
     of the stable motion hides it, because the growth is then slow. So the nodes of a converged mesh are moved at random and
     released with little damping: a stable mesh swings about its equilibrium and loses energy, an unstable one gains kinetic
-    energy until it has left. Then it is relaxed again.
+    energy until it has left. Then it is relaxed and tested again.
     """
 
-    KEPT = ("_checks", "_energy", "_least", "_is_over", "has_left")
+    KEPT = ("_checks", "_energy", "_least", "_has_grown", "_tests", "has_left")
 
     def __init__(self, model: SpatialModel, relaxation: RodRelaxation, contact: WireContact) -> None:
         self.model, self.relaxation, self.contact = model, relaxation, contact
         worlds = relaxation.stepper.worlds
         self._checks = np.zeros(worlds, dtype=int)  # [world] since the disturbance of this level
         self._energy, self._least = np.full((2, worlds), np.inf)  # [J] kinetic energy at the last of them, and the least so far
-        self._is_over = np.ones(worlds, dtype=bool)
+        self._has_grown = np.zeros(worlds, dtype=bool)  # the disturbance of this test
+        self._tests = np.zeros(worlds, dtype=int)  # [world] to come, with the present one
         self.has_left = np.zeros(worlds, dtype=bool)  # whether a mesh has left an equilibrium that was not stable, in this level
 
     def begin(self, world: int = 0) -> None:
-        """Test the next equilibrium that is found."""
-        self._checks[world], self._least[world], self._is_over[world], self.has_left[world] = 0, np.inf, False, False
+        """Test the next equilibrium that is found, and those that follow, until one is stable."""
+        self._tests[world], self.has_left[world] = MOST_TESTS, False
+        self._begin_test(world)
+
+    def _begin_test(self, worlds: int | np.ndarray) -> None:
+        self._checks[worlds], self._least[worlds], self._has_grown[worlds] = 0, np.inf, False
 
     @property
     def is_running(self) -> np.ndarray:
         """[world] whether the mesh moves after a disturbance."""
-        return (self._checks > 0) & ~self._is_over
+        return (self._checks > 0) & (self._tests > 0)
 
     def after_check(self, ratio: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """[row] the residual ratio of a check, infinite while a mesh is tested; starts, continues and ends tests."""
-        tests = ~(self._is_over[rows] | ((self._checks[rows] == 0) & (ratio >= 1.0)))
+        tests = (self._tests[rows] > 0) & ((self._checks[rows] > 0) | (ratio < 1.0))
         if not tests.any():
             return ratio
         ratio, rows = ratio.copy(), rows[tests]
@@ -70,13 +76,15 @@ class Stability:
             self._disturb(rows[checks == 0])
         energy[checks == 0] = np.inf
         is_over = (checks > 0) & ((checks >= MOST_CHECKS) | ((checks >= LEAST_CHECKS) & (energy < before)))
-        over = rows[is_over]
-        self._is_over[over] = True
-        self.relaxation.begin_anew(over)
-        self.relaxation.stepper.steering.set(over, damping=FASTEST_DAMPING)
         self._energy[rows], self._least[rows] = energy, np.minimum(self._least[rows], energy)
         self._checks[rows] += 1
-        self.has_left[rows] |= energy > GROWN * self._least[rows]
+        self._has_grown[rows] |= energy > GROWN * self._least[rows]
+        self.has_left |= self._has_grown
+        over = rows[is_over]
+        self.relaxation.begin_anew(over)
+        self.relaxation.stepper.steering.set(over, damping=FASTEST_DAMPING)
+        self._tests[over] = np.where(self._has_grown[over], self._tests[over] - 1, 0)
+        self._begin_test(over)
         self.hold_damping()
         return ratio
 

@@ -96,7 +96,7 @@ class SpatialMechanics(Mechanics):
     # --- loads
 
     def set_load(self, load: LoadPoint, steps: int, *, evenly: bool = False) -> None:
-        self._untested += self._strain_to(load)
+        self._untested += self._strain_to(load) if load.tension is None else math.inf
         factor = self._begin_ramp(load, steps, evenly=evenly)
         self.state.steering.ramp_lag = 0.0
         if self.model.ramp is not None:
