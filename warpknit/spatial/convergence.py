@@ -51,7 +51,7 @@ class Stability:
         self.has_left = np.zeros(worlds, dtype=bool)  # whether a mesh has left an equilibrium that was not stable, in this level
 
     def begin(self, world: int = 0) -> None:
-        """Test the next equilibrium that is found, and those that follow, until one is stable."""
+        """Test the next equilibrium, and those that follow if it is left."""
         self._tests[world], self.has_left[world] = MOST_TESTS, False
         self._begin_test(world)
 
