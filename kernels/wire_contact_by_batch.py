@@ -2,8 +2,8 @@
 
 In most steps most pairs that may touch have one closest point, or two with a saddle between them, near the previous step's.
 Newton's method follows them, and their forces are found (wire_closest.py, wire_contact_forces.py, for the equations). These
-kernels handle the rest: friction, a pair without a known place, one whose search is due, whose place is ill-conditioned or moves
-far, or that may have another place beyond a saddle.
+kernels handle the rest: friction on a GPU, in real time, of an accepted equilibrium or of a new contact; a pair without a known
+place, one whose search is due, whose place is ill-conditioned or moves far, or that may have another place beyond a saddle.
 
 The result of a pair does not depend on the others of its batch.
 """
@@ -61,6 +61,16 @@ def follow_contacts(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
+    # in: the equilibrium before, of a relaxation with friction; elastic slips, see find_contact_forces
+    before_position: wp.array(dtype=wp.vec3d),
+    before_length: wp.array(dtype=wp.float64),
+    before_tangent: wp.array(dtype=Any),
+    before_director: wp.array(dtype=Any),
+    before_control: wp.array(dtype=wp.float64),
+    stick_share: wp.float64,
+    slip_step: wp.array2d(dtype=wp.int32),
+    slip_place: wp.array2d(dtype=wp.vec2d),
+    elastic_slip: wp.array2d(dtype=wp.vec3d),
     # in and out: see find_closest_places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
@@ -75,6 +85,7 @@ def follow_contacts(
     touch_followed: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
+    touch_friction: wp.array(dtype=wp.vec3d),
     touch_normal: wp.array(dtype=wp.vec3d),
     touch_loaded: wp.array(dtype=wp.int32),
     touch_force: wp.array(dtype=Any),
@@ -125,6 +136,16 @@ def find_followed_contacts(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
+    # in: the equilibrium before, of a relaxation with friction; elastic slips, see find_contact_forces
+    before_position: wp.array(dtype=wp.vec3d),
+    before_length: wp.array(dtype=wp.float64),
+    before_tangent: wp.array(dtype=Any),
+    before_director: wp.array(dtype=Any),
+    before_control: wp.array2d(dtype=wp.float64),
+    stick_share: wp.float64,
+    slip_step: wp.array2d(dtype=wp.int32),
+    slip_place: wp.array2d(dtype=wp.vec2d),
+    elastic_slip: wp.array2d(dtype=wp.vec3d),
     # in and out: see find_closest_places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
@@ -139,6 +160,7 @@ def find_followed_contacts(
     touch_followed: wp.array(dtype=wp.int32),
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
+    touch_friction: wp.array(dtype=wp.vec3d),
     touch_normal: wp.array(dtype=wp.vec3d),
     touch_loaded: wp.array(dtype=wp.int32),
     touch_force: wp.array(dtype=Any),
@@ -147,7 +169,7 @@ def find_followed_contacts(
     max_penetration: wp.array2d(dtype=wp.float64),
 ):
     """Follow the contacts of a part's pairs: a thread a pair, or QUAD of `threads_a_block` threads on a GPU. Other kernels skip
-    pairs in `touch_followed`, with friction the places.
+    pairs in `touch_followed`, or find their forces alone.
     """
     a_pair = wp.min(threads_a_block, QUAD)
     k = first_of_share(touch_is_listed, touch_awake_count, touch_first_start, first_node, end_node, part, parts)
@@ -195,6 +217,15 @@ def find_followed_contacts(
             length,
             tangent,
             director,
+            before_position,
+            before_length,
+            before_tangent,
+            before_director,
+            before_control[world],
+            stick_share,
+            slip_step,
+            slip_place,
+            elastic_slip,
             pair_wake_travel,
             pair_found,
             pair_place,
@@ -206,6 +237,7 @@ def find_followed_contacts(
             touch_followed,
             touch_overlap,
             touch_normal_force,
+            touch_friction,
             touch_normal,
             touch_loaded,
             touch_force,

@@ -10,20 +10,53 @@ if (lane > 0) return;
 #include "lanes.h"
     // rows of the numbers of a segment: nodes and sections of a segment and of those beside it, and its rest data
     enum { X = 0, EDGE = 3, BEFORE = 6, AFTER = 9, T = 12, D = 15, T_BEFORE = 18, D_BEFORE = 21, T_AFTER = 24, D_AFTER = 27 };
-    enum { M = 30, A = 34, NEXT_A = 36, B = 38, LENGTH = 46, SLOPE_BEFORE, SLOPE_AFTER, RADIUS, OFFSET, NEXT_OFFSET };
+    enum {
+        STATE_ROWS = 30,
+        M = STATE_ROWS,
+        A = 34,
+        NEXT_A = 36,
+        B = 38,
+        LENGTH = 46,
+        SLOPE_BEFORE,
+        SLOPE_AFTER,
+        RADIUS,
+        OFFSET,
+        NEXT_OFFSET
+    };
     enum { PENALTY = NEXT_OFFSET + 1, NEXT_PENALTY, GOES_BACK, GOES_ON, ROWS };
     // what steers a step
     const double* steer = control.data;
     const double factor = steer[LENGTH_FACTOR];
-    const bool is_running = steer[STATUS] == STATUS_RUNNING, finds_forces = steer[FRICTION] == 0;
+    const bool is_running = steer[STATUS] == STATUS_RUNNING;
+    // friction of a relaxation; the other kernels accept slips
+    const bool rubs = LANES > 1 && steer[FRICTION] > 0 && steer[DRIVE] == 0 && steer[STATUS] != STATUS_ACCEPTING;
+    const bool finds_forces = steer[FRICTION] == 0 || rubs;
     const bool is_driven_now = steer[IS_DRIVEN] != 0 || steer[IS_DRIVEN + 1] != 0;
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING_TRAVEL : 0.0;
-    const double fxx = steer[GRADIENT], fxy = steer[GRADIENT + 1], fyx = steer[GRADIENT + 2], fyy = steer[GRADIENT + 3];
-    const double* nodes = (const double*)position.data;
     typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) stored;
-    const stored* tangents = (const stored*)tangent.data;
-    const stored* directors = (const stored*)director.data;
+    // a segment i and those before and after it, or itself at an end, in one state of the wires
+    auto keep_state = [&](double* v, int i, int b, int a, const auto& x, const auto& lengths, const auto& t, const auto& d) {
+        const stored* tangents = (const stored*)t.data;
+        const stored* directors = (const stored*)d.data;
+        keep(v, X, 1.0, (const double*)x.data + 3 * i);
+        keep(v, EDGE, lengths.data[i], tangents + 3 * i);
+        keep(v, BEFORE, lengths.data[b], tangents + 3 * b);
+        keep(v, AFTER, lengths.data[a], tangents + 3 * a);
+        keep(v, T, 1.0, tangents + 3 * i);
+        keep(v, D, 1.0, directors + 3 * i);
+        keep(v, T_BEFORE, 1.0, tangents + 3 * b);
+        keep(v, D_BEFORE, 1.0, directors + 3 * b);
+        keep(v, T_AFTER, 1.0, tangents + 3 * a);
+        keep(v, D_AFTER, 1.0, directors + 3 * a);
+    };
+    auto add_shift = [&](double* v, const double* f, const double* shift) {
+        add(v, X, f[GRADIENT] * shift[0] + f[GRADIENT + 1] * shift[1], f[GRADIENT + 2] * shift[0] + f[GRADIENT + 3] * shift[1],
+            shift[2]);
+    };
     const bool lists = touch_is_listed && lane == 0; // what is left to other kernels
+    // halves of the elastic slips that this step reads and writes
+    const int step_number = (int)steer[STEP], slips = slip_step.shape[1];
+    const int this_half = step_number % 2 * slips, next_half = (step_number + 1) % 2 * slips;
     // pairs with one place, and those with two and the saddle between them; the places of a single pair do not matter
     enum { KINDS = LANES > 1 ? 2 : 1 };
 #ifdef __CUDA_ARCH__
@@ -31,11 +64,14 @@ if (lane > 0) return;
 #endif
     struct batch {
 #ifdef __CUDA_ARCH__
-        real (*number)[ROWS];
+        real (*number)[ROWS], (*earlier)[ROWS];
 #else
         real number[2][ROWS];
 #endif
         real separation, renewal, offset, travel, s[PLACES], t[PLACES];
+#ifndef __CUDA_ARCH__
+        real earlier[2][STATE_ROWS]; // at the equilibrium before
+#endif
         int touch[LANES], places, filled;
     };
     batch batches[KINDS];
@@ -84,19 +120,11 @@ if (lane > 0) return;
                     const bool back = before >= 0, on = following.data[after] >= 0;
                     double* v = (double*)own_batch.number[side] + l;
                     const int row = rest_row.data[i];
-                    const double own = length.data[i], length_before = back ? length.data[before] : own;
-                    const double length_after = on ? length.data[after] : own;
                     const int b = back ? before : i, a = on ? after : i;
-                    keep(v, X, 1.0, nodes + 3 * i);
-                    keep(v, EDGE, own, tangents + 3 * i);
-                    keep(v, BEFORE, length_before, tangents + 3 * b);
-                    keep(v, AFTER, length_after, tangents + 3 * a);
-                    keep(v, T, 1.0, tangents + 3 * i);
-                    keep(v, D, 1.0, directors + 3 * i);
-                    keep(v, T_BEFORE, 1.0, tangents + 3 * b);
-                    keep(v, D_BEFORE, 1.0, directors + 3 * b);
-                    keep(v, T_AFTER, 1.0, tangents + 3 * a);
-                    keep(v, D_AFTER, 1.0, directors + 3 * a);
+                    keep_state(v, i, b, a, position, length, tangent, director);
+                    if (rubs)
+                        keep_state((double*)own_batch.earlier[side] + l, i, b, a, before_position, before_length, before_tangent,
+                                   before_director);
                     const double* m = (const double*)(slope_weight.data + row);
                     const double* bump = (const double*)(rest_bump.data + row);
                     const double* own_slope = (const double*)(rest_slope.data + row);
@@ -117,8 +145,8 @@ if (lane > 0) return;
                     v[GOES_ON * LANES] = on ? 1.0 : 0.0;
                 }
                 const double* shift = (const double*)(pair_shift.data + pair);
-                double* q = (double*)own_batch.number[1] + l;
-                add(q, X, fxx * shift[0] + fxy * shift[1], fyx * shift[0] + fyy * shift[1], shift[2]);
+                add_shift((double*)own_batch.number[1] + l, steer, shift);
+                if (rubs) add_shift((double*)own_batch.earlier[1] + l, before_control.data, shift);
                 UNROLLED
                 for (int a = 0; a < PLACES; ++a) {
                     if (a >= places) continue;
@@ -141,7 +169,8 @@ if (lane > 0) return;
             // lanes that are not filled repeat the first
             double* numbers = (double*)(batches + kind);
             for (int l = filled; l < LANES && LANES > 1; ++l)
-                for (int k = 0; k < 2 * ROWS + 4 + 2 * PLACES; ++k) numbers[k * LANES + l] = numbers[k * LANES];
+                for (int k = 0; k < 2 * ROWS + 4 + 2 * PLACES + (rubs ? 2 * STATE_ROWS : 0); ++k)
+                    numbers[k * LANES + l] = numbers[k * LANES];
             const batch& here = batches[kind];
             together();
             const real* of_p = here.number[0];
@@ -159,7 +188,8 @@ if (lane > 0) return;
                 }
                 const bool touching = of_lane(is_near, l), loads = of_lane(loaded, l);
                 const double wakes = of_lane(wake, l), renewal = of_lane(here.renewal, l);
-                touch_followed.data[touch] = finds_forces || !touching ? FOLLOWED_FORCE : FOLLOWED_PLACE;
+                const bool has_force = finds_forces && !of_lane(is_new, l);
+                touch_followed.data[touch] = has_force || !touching ? FOLLOWED_FORCE : FOLLOWED_PLACE;
                 touch_loaded.data[touch] = loads ? 1 : 0;
                 pair_wake_travel.data[pair] = wakes < renewal ? wakes : renewal;
                 pair_found.data[pair] = touching ? minima : -minima;
@@ -171,7 +201,7 @@ if (lane > 0) return;
                     place[2 * a + 1] = of_lane(t[places > 1 ? a : 0], l);
                 }
                 if (!touching) continue;
-                if (!finds_forces) {
+                if (!has_force) {
                     if (lists) touch_found.data[atomic_add(touch_found_count, 0, 1)] = touch;
                     continue;
                 }
@@ -183,11 +213,20 @@ if (lane > 0) return;
                     const double overlap_here = counts ? of_lane(overlap[a], l) : -NO_COMMON_WIRE;
                     if (a < 2 && force_here != 0 && overlap_here > max_penetration.data[0])
                         atomic_max(max_penetration, 0, overlap_here);
+                    if (rubs && is_running && a < 2 && counts && force_here != 0) {
+                        const int there = next_half + 2 * pair + a;
+                        slip_step.data[there] = step_number + 1;
+                        double* at_place = (double*)(slip_place.data + there);
+                        at_place[0] = place[2 * a];
+                        at_place[1] = place[2 * a + 1];
+                        put((double*)(elastic_slip.data + there), elastic[a], l);
+                    }
                     if (is_running && !is_driven_now) continue; // other steps need forces and couples alone
                     touch_normal_force.data[k] = force_here;
                     touch_overlap.data[k] = overlap_here;
                     double* unit = (double*)(touch_normal.data + k);
                     if (counts) put(unit, normal[a], l);
+                    if (rubs && a < 2 && counts) put((double*)(touch_friction.data + k), friction[a], l);
                 }
                 if (!loads) continue;
                 stored* f = (stored*)(touch_force.data + 8 * touch);

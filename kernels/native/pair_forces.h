@@ -21,8 +21,9 @@ auto line_weight = [&](const real* p, const real* q, real x, real y, vec r, vec 
 };
 const mask back_p = of_p[GOES_BACK] > zero, back_q = of_q[GOES_BACK] > zero;
 const mask on_p = of_p[GOES_ON] > zero, on_q = of_q[GOES_ON] > zero;
-real overlap[PLACES], normal_force[PLACES], weight[PLACES], without_saddle = one;
+real overlap[PLACES], pushed[PLACES], normal_force[PLACES], weight[PLACES], without_saddle = one;
 vec normal[PLACES], force[8], couple[6];
+mask pushes[PLACES];
 const vec nothing = vec{};
 for (int k = 0; k < 8; ++k) force[k] = nothing;
 for (int k = 0; k < 6; ++k) couple[k] = nothing;
@@ -52,18 +53,24 @@ for (int a = 0; a < PLACES; ++a) {
     const real offset_p = of_p[OFFSET] + x * (of_p[NEXT_OFFSET] - of_p[OFFSET]);
     const real offset_q = of_q[OFFSET] + y * (of_q[NEXT_OFFSET] - of_q[OFFSET]);
     overlap[a] = cold_distance - distance[a];
-    const real pushed = overlap[a] + offset_p + offset_q;
-    const mask pushes = touches & (weight[a] != zero) & (pushed > zero);
+    pushed[a] = overlap[a] + offset_p + offset_q;
+    pushes[a] = touches & (weight[a] != zero) & (pushed[a] > zero);
     const real penalty_p = of_p[PENALTY] + x * (of_p[NEXT_PENALTY] - of_p[PENALTY]);
     const real penalty_q = of_q[PENALTY] + y * (of_q[NEXT_PENALTY] - of_q[PENALTY]);
-    normal_force[a] = pushes ? weight[a] * (real(0.5) * (penalty_p + penalty_q)) * pushed : zero;
+    normal_force[a] = pushes[a] ? weight[a] * (real(0.5) * (penalty_p + penalty_q)) * pushed[a] : zero;
     normal[a] = times(one / distance[a], r);
-    loaded |= pushes;
+    loaded |= pushes[a];
+}
+mask is_new = nowhere;
+#include "pair_friction.h"
+UNROLLED
+for (int a = 0; a < PLACES; ++a) {
+    if (a >= places || !finds_forces || !any(is_near & no(failed))) continue;
     UNROLLED
     for (int side = 0; side < 2; ++side) {
-        if (!any(pushes & no(failed))) continue;
+        if (!any(pushes[a] & no(failed))) continue;
         const real* v = here.number[side];
-        const real z = side ? y : x, h10 = z * (one - z) * (one - z), h11 = z * z * (z - one);
+        const real z = side ? t[a] : s[a], h10 = z * (one - z) * (one - z), h11 = z * z * (z - one);
         const real h01 = z * z * (real(3.0) - real(2.0) * z), both = z * (one - z);
         const mask back = v[GOES_BACK] > zero, on = v[GOES_ON] > zero;
         const real w0 = -v[M] * h10, w3 = v[M + 3] * h11;
@@ -72,19 +79,23 @@ for (int a = 0; a < PLACES; ++a) {
         // beyond its end a wire is straight
         w1 += (back ? zero : real(2.0) * w0) - (on ? zero : w3);
         w2 += (on ? zero : real(2.0) * w3) - (back ? zero : w0);
-        const vec push = times(side ? -normal_force[a] : normal_force[a], normal[a]);
+        vec push = times(side ? -normal_force[a] : normal_force[a], normal[a]);
+        if (rubs && a < 2) push = side ? minus(push, friction[a]) : plus(push, friction[a]);
         vec* f = force + 4 * side;
         vec* c = couple + 3 * side;
         f[0] = plus(f[0], times(back ? w0 : zero, push));
         f[1] = plus(f[1], times(w1, push));
         f[2] = plus(f[2], times(w2, push));
         f[3] = plus(f[3], times(on ? w3 : zero, push));
-        const vec* b = bumps[side];
+        const shaped_wire& w = wires[side];
+        const vec* b = w.bumps;
         const vec bump = plus(b[0], times(z, plus(b[1], times(z, plus(b[2], times(z, b[3]))))));
-        const vec ends = plus(times(h10, shape_one[side]), times(h11, shape_two[side]));
+        const vec ends = plus(times(h10, w.shape_one), times(h11, w.shape_two));
         const vec lever = plus(ends, times(both * both, bump));
-        c[0] = plus(c[0], cross(times(back ? h10 : zero, shape_before[side]), push));
+        c[0] = plus(c[0], cross(times(back ? h10 : zero, w.shape_before), push));
         c[1] = plus(c[1], cross(lever, push));
-        c[2] = plus(c[2], cross(times(on ? h11 : zero, shape_after[side]), push));
+        c[2] = plus(c[2], cross(times(on ? h11 : zero, w.shape_after), push));
+        if (rubs && a < 2)
+            for (int k = 0; k < 3; ++k) c[k] = plus(c[k], times(share[a][side][k], turn[a][side]));
     }
 }

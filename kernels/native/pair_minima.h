@@ -13,13 +13,13 @@ for (int a = 0; a < PLACES; ++a) {
     real x = here.s[a], y = here.t[a], nearest = 1e300, step_size = zero;
     mask searching = no(failed);
     for (int step = 0; step < MOST_STEPS && any(searching & no(failed)); ++step) {
-        const vec r = minus(at(curve[0], x), at(curve[1], y));
-        const vec dp = slope(curve[0], x), dq = slope(curve[1], y);
+        const vec r = minus(at(wires[0].curve, x), at(wires[1].curve, y));
+        const vec dp = slope(wires[0].curve, x), dq = slope(wires[1].curve, y);
         const real square = dot(r, r);
         if (!is_saddle) failed |= searching & (square > nearest) & (step_size > NEWTON_ACCURACY);
         nearest = square;
         const real gs = dot(r, dp), gt = -dot(r, dq), pp = dot(dp, dp), qq = dot(dq, dq), st = -dot(dp, dq);
-        const real ss = pp + dot(r, bend(curve[0], x)), tt = qq - dot(r, bend(curve[1], y));
+        const real ss = pp + dot(r, bend(wires[0].curve, x)), tt = qq - dot(r, bend(wires[1].curve, y));
         const real determinant = ss * tt - st * st;
         const mask curved =
             is_saddle ? determinant < zero : (determinant > WELL_CURVED * (ss + tt) * (ss + tt)) & (ss + tt > zero);
@@ -59,9 +59,9 @@ for (int a = 0; a < PLACES; ++a) {
     failed |= searching;
     s[a] = x;
     t[a] = y;
-    apart[a] = minus(at(curve[0], x), at(curve[1], y));
-    along_p[a] = slope(curve[0], x);
-    along_q[a] = slope(curve[1], y);
+    apart[a] = minus(at(wires[0].curve, x), at(wires[1].curve, y));
+    along_p[a] = slope(wires[0].curve, x);
+    along_q[a] = slope(wires[1].curve, y);
     distance[a] = size(dot(apart[a], apart[a]));
 }
 real nearest = distance[0], farther = nearest, nearest_s = s[0], nearest_t = t[0], other_s = s[0], other_t = t[0];
@@ -86,8 +86,8 @@ const mask touches = nearest < contact_distance, is_near = nearest < contact_dis
 UNROLLED
 for (int side = 0; side < 2; ++side) {
     if (!any(touches & is_alone & no(failed))) continue;
-    const powers& p = curve[side];
-    const powers& q = curve[1 - side];
+    const powers& p = wires[side].curve;
+    const powers& q = wires[1 - side].curve;
     const real own = side ? nearest_t : nearest_s;
     const mask at_end = (own <= zero) | (own >= one);
     const real near = own >= real(0.5) ? one : zero, to = at_end ? one - own : near;

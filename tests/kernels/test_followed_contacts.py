@@ -9,7 +9,7 @@ from reference.touching import advance
 from warpknit import Simulation, build_model, load_scene
 from warpknit.compute.host import fetch, store
 from warpknit.compute.steering import Steering
-from warpknit.kernels.wire_closest import ONE_PLACE, PLACES, TWO_PLACES
+from warpknit.kernels.wire_closest import FOLLOWED_FORCE, ONE_PLACE, PLACES, TWO_PLACES
 from warpknit.kernels.wire_minima import NEWTON_ACCURACY
 from warpknit.scene.new_scene import SceneRequest, scene_text
 from warpknit.spatial.wire_contact import WireContact
@@ -19,6 +19,7 @@ STEPS = 40
 PUSHED = 1e-3  # of the thickness: random motion before the steps, so that contacts come, go and slide
 PAIR = ("pair_found", "pair_place", "pair_wake_travel")
 TOUCH = ("touch_loaded", "touch_force", "touch_couple", "touch_overlap", "touch_normal_force", "touch_normal")
+SLIP = ("slip_step", "slip_place", "elastic_slip")
 
 
 def at_load(knit: str, friction: float) -> WireContact:
@@ -51,6 +52,9 @@ def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np
     contact.stepper.state.steering.set(status=Steering.RUNNING)
     one = {name: values[name].reshape(pairs.capacity, -1)[near] for name in PAIR}
     one |= {name: fetch(getattr(touch, name)).copy().reshape(touch.capacity, -1)[: len(near)] for name in TOUCH}
+    if contact.friction > 0.0:
+        half = (int(contact.stepper.steering.step[0]) + 1) % 2  # that the step writes
+        one |= {name: fetch(getattr(pairs, name))[half].reshape(pairs.capacity, -1)[near] for name in SLIP}
     return one | {"followed": fetch(touch.touch_followed)[: len(near)].copy()}
 
 
@@ -61,7 +65,7 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
     segments or at a node."""
     contact = at_load(knit, friction)
     stepper, thickness = contact.stepper, contact.stepper.rods.section.thickness
-    near, followed, kinds = 0, 0, dict.fromkeys(("one", "two", "at a node", "apart"), 0)
+    near, followed, with_force, kinds = 0, 0, 0, dict.fromkeys(("one", "two", "at a node", "apart"), 0)
     for step in range(STEPS):
         advance(contact, 1)
         stepper.update_frames()
@@ -89,10 +93,18 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
         at_node = np.any((own["pair_place"] <= 0.0) | (own["pair_place"] >= 1.0), axis=1)
         if not evaluates:  # an evaluation searches sooner anew
             near, followed = near + len(is_followed), followed + int(is_followed.sum())
+            with_force += int((own["followed"] == int(FOLLOWED_FORCE)).sum())
+            if friction > 0.0:
+                assert np.array_equal(own["slip_step"], all_of["slip_step"])
+                written = own["slip_step"] == contact.stepper.steering.step[0] + 1
+                error = np.abs(own["slip_place"] - all_of["slip_place"]).reshape(-1, 2, 2)[is_followed & written.any(axis=1)]
+                assert error.max(initial=0.0) < float(NEWTON_ACCURACY)
+                assert np.array_equal(own["elastic_slip"], all_of["elastic_slip"])
         kinds["one"] += int(np.sum(touches & (of_own == ONE_PLACE)))
         kinds["two"] += int(np.sum(touches & (of_own == TWO_PLACES)))
         kinds["at a node"] += int(np.sum(touches & at_node))
         kinds["apart"] += int(np.sum(is_followed & (of_own < 0)))
     assert followed > 0.7 * near
+    assert with_force > 0.9 * followed
     assert min(kinds["one"], kinds["at a node"], kinds["apart"]) > 0
     assert kinds["two"] > 0 or knit == "single-atlas"

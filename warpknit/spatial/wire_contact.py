@@ -130,14 +130,15 @@ class WireContact:
         share = self._share(part, parts)
         constants: dict[str, Any] = {
             "min_arc_separation": wp.float64(MIN_ARC_SEPARATION),
+            "stick_share": wp.float64(STICK_SHARE),
             "max_penetration": self.max_penetration,
         }
         on_cpu = self.stepper.device == "cpu"
         threads = 1 if on_cpu else max(math.ceil(touch.capacity / PAIRS_A_THREAD), min(touch.capacity, LEAST_THREADS))
         lists, quads = {"touch_is_listed": int(not on_cpu)}, 1 if on_cpu else QUAD * threads
         first = [bind(
-            find_followed_contacts, quads, *sources, threads=quads, threads_a_block=min(quads, QUAD * QUADS_A_BLOCK), **share,
-            **constants, **lists,
+            find_followed_contacts, quads, *sources, self._before, threads=quads,
+            threads_a_block=min(quads, QUAD * QUADS_A_BLOCK), **share, **constants, **lists,
         )]  # fmt: skip
         if not on_cpu:
             asleep = bind(list_awake_pairs, touch.capacity, *sources, threads=touch.capacity)
@@ -146,8 +147,7 @@ class WireContact:
             *first,
             bind(find_closest_places, threads, *sources, threads=threads, **share, **lists),
             bind(
-                find_contact_forces, threads, *sources, self._before, threads=threads, stick_share=wp.float64(STICK_SHARE),
-                **share, **constants, **lists,
+                find_contact_forces, threads, *sources, self._before, threads=threads, **share, **constants, **lists,
             ),
         ]  # fmt: skip
 
