@@ -61,13 +61,14 @@ def follow_contacts(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
-    # in: the equilibrium before, of a relaxation with friction; elastic slips, see find_contact_forces
+    # in: the equilibrium before, of a relaxation with friction
     before_position: wp.array(dtype=wp.vec3d),
     before_length: wp.array(dtype=wp.float64),
     before_tangent: wp.array(dtype=Any),
     before_director: wp.array(dtype=Any),
     before_control: wp.array(dtype=wp.float64),
     stick_share: wp.float64,
+    # in and out: elastic slips, see find_contact_forces
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
@@ -136,13 +137,14 @@ def find_followed_contacts(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
-    # in: the equilibrium before, of a relaxation with friction; elastic slips, see find_contact_forces
+    # in: the equilibrium before, of a relaxation with friction
     before_position: wp.array(dtype=wp.vec3d),
     before_length: wp.array(dtype=wp.float64),
     before_tangent: wp.array(dtype=Any),
     before_director: wp.array(dtype=Any),
     before_control: wp.array2d(dtype=wp.float64),
     stick_share: wp.float64,
+    # in and out: elastic slips, see find_contact_forces
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),

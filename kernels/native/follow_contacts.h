@@ -34,20 +34,25 @@ if (lane > 0) return;
     const bool is_driven_now = steer[IS_DRIVEN] != 0 || steer[IS_DRIVEN + 1] != 0;
     const double gap = is_running ? 0.0 : steer[EVALUATED_GAP], more_travel = is_running ? RUNNING_TRAVEL : 0.0;
     typedef decltype(tangent.data[0].c[0] + tangent.data[0].c[0]) stored;
+    const double* nodes = (const double*)position.data;
+    const stored* tangents = (const stored*)tangent.data;
+    const stored* directors = (const stored*)director.data;
+    const double* nodes_before = (const double*)before_position.data;
+    const double* lengths_before = before_length.data;
+    const stored* tangents_before = (const stored*)before_tangent.data;
+    const stored* directors_before = (const stored*)before_director.data;
     // a segment i and those before and after it, or itself at an end, in one state of the wires
-    auto keep_state = [&](double* v, int i, int b, int a, const auto& x, const auto& lengths, const auto& t, const auto& d) {
-        const stored* tangents = (const stored*)t.data;
-        const stored* directors = (const stored*)d.data;
-        keep(v, X, 1.0, (const double*)x.data + 3 * i);
-        keep(v, EDGE, lengths.data[i], tangents + 3 * i);
-        keep(v, BEFORE, lengths.data[b], tangents + 3 * b);
-        keep(v, AFTER, lengths.data[a], tangents + 3 * a);
-        keep(v, T, 1.0, tangents + 3 * i);
-        keep(v, D, 1.0, directors + 3 * i);
-        keep(v, T_BEFORE, 1.0, tangents + 3 * b);
-        keep(v, D_BEFORE, 1.0, directors + 3 * b);
-        keep(v, T_AFTER, 1.0, tangents + 3 * a);
-        keep(v, D_AFTER, 1.0, directors + 3 * a);
+    auto keep_state = [&](double* v, int i, int b, int a, const double* x, const double* l, const stored* t, const stored* d) {
+        keep(v, X, 1.0, x + 3 * i);
+        keep(v, EDGE, l[i], t + 3 * i);
+        keep(v, BEFORE, l[b], t + 3 * b);
+        keep(v, AFTER, l[a], t + 3 * a);
+        keep(v, T, 1.0, t + 3 * i);
+        keep(v, D, 1.0, d + 3 * i);
+        keep(v, T_BEFORE, 1.0, t + 3 * b);
+        keep(v, D_BEFORE, 1.0, d + 3 * b);
+        keep(v, T_AFTER, 1.0, t + 3 * a);
+        keep(v, D_AFTER, 1.0, d + 3 * a);
     };
     auto add_shift = [&](double* v, const double* f, const double* shift) {
         add(v, X, f[GRADIENT] * shift[0] + f[GRADIENT + 1] * shift[1], f[GRADIENT + 2] * shift[0] + f[GRADIENT + 3] * shift[1],
@@ -121,10 +126,10 @@ if (lane > 0) return;
                     double* v = (double*)own_batch.number[side] + l;
                     const int row = rest_row.data[i];
                     const int b = back ? before : i, a = on ? after : i;
-                    keep_state(v, i, b, a, position, length, tangent, director);
+                    keep_state(v, i, b, a, nodes, length.data, tangents, directors);
                     if (rubs)
-                        keep_state((double*)own_batch.earlier[side] + l, i, b, a, before_position, before_length, before_tangent,
-                                   before_director);
+                        keep_state((double*)own_batch.earlier[side] + l, i, b, a, nodes_before, lengths_before, tangents_before,
+                                   directors_before);
                     const double* m = (const double*)(slope_weight.data + row);
                     const double* bump = (const double*)(rest_bump.data + row);
                     const double* own_slope = (const double*)(rest_slope.data + row);
@@ -219,14 +224,17 @@ if (lane > 0) return;
                         double* at_place = (double*)(slip_place.data + there);
                         at_place[0] = place[2 * a];
                         at_place[1] = place[2 * a + 1];
-                        put((double*)(elastic_slip.data + there), elastic[a], l);
+                        double* slip = (double*)(elastic_slip.data + there);
+                        put(slip, elastic[a], l);
                     }
                     if (is_running && !is_driven_now) continue; // other steps need forces and couples alone
                     touch_normal_force.data[k] = force_here;
                     touch_overlap.data[k] = overlap_here;
                     double* unit = (double*)(touch_normal.data + k);
                     if (counts) put(unit, normal[a], l);
-                    if (rubs && a < 2 && counts) put((double*)(touch_friction.data + k), friction[a], l);
+                    if (!rubs || a == 2 || !counts) continue;
+                    double* rub = (double*)(touch_friction.data + k);
+                    put(rub, friction[a], l);
                 }
                 if (!loads) continue;
                 stored* f = (stored*)(touch_force.data + 8 * touch);

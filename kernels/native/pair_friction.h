@@ -3,6 +3,8 @@
 vec friction[2] = {nothing, nothing}, elastic[2] = {nothing, nothing}, turn[2][2]; // of a place; and of either side
 real share[2][2][3];                                                               // of the sections of either side
 if (rubs && any(loaded & no(failed))) {
+    const double* known_slip = (const double*)elastic_slip.data;
+    const double* known_place = (const double*)slip_place.data;
     const real then = real(before_control.data[LENGTH_FACTOR]);
     const powers earlier[2] = {wire_of(here.earlier[0], of_p, then).curve, wire_of(here.earlier[1], of_q, then).curve};
     UNROLLED
@@ -14,13 +16,12 @@ if (rubs && any(loaded & no(failed))) {
             double nearest = 3;
             for (int k = this_half + 2 * pair; k < this_half + 2 * pair + 2; ++k) {
                 if (slip_step.data[k] != step_number) continue;
-                const double* there = (const double*)(slip_place.data + k);
-                const double x = there[0] - of_lane(s[a], l), y = there[1] - of_lane(t[a], l);
+                const double x = known_place[2 * k] - of_lane(s[a], l), y = known_place[2 * k + 1] - of_lane(t[a], l);
                 const double far = (x < 0 ? -x : x) + (y < 0 ? -y : y);
                 if (far >= nearest) continue;
                 nearest = far;
                 set(known, l, 1.0);
-                for (int c = 0; c < 3; ++c) set(slips_before[c], l, ((const double*)(elastic_slip.data + k))[c]);
+                for (int c = 0; c < 3; ++c) set(slips_before[c], l, known_slip[3 * k + c]);
             }
         }
         is_new |= pushes[a] & (known == zero);
