@@ -232,9 +232,9 @@ if (lane > 0) return;
                     touch_overlap.data[k] = overlap_here;
                     double* unit = (double*)(touch_normal.data + k);
                     if (counts) put(unit, normal[a], l);
-                    if (!rubs || a == 2 || !counts) continue;
+                    if (!counts || touch_friction.shape[0] <= 1) continue;
                     double* rub = (double*)(touch_friction.data + k);
-                    put(rub, friction[a], l);
+                    put(rub, a < 2 ? friction[a] : nothing, l);
                 }
                 if (!loads) continue;
                 stored* f = (stored*)(touch_force.data + 8 * touch);

@@ -9,6 +9,7 @@ from reference.touching import advance
 from warpknit import Simulation, build_model, load_scene
 from warpknit.compute.host import fetch, store
 from warpknit.compute.steering import Steering
+from warpknit.kernels.control import GRADIENT, LENGTH_FACTOR
 from warpknit.kernels.wire_closest import FOLLOWED_FORCE, ONE_PLACE, PLACES, TWO_PLACES
 from warpknit.kernels.wire_minima import NEWTON_ACCURACY
 from warpknit.scene.new_scene import SceneRequest, scene_text
@@ -19,6 +20,8 @@ STEPS = 40
 PUSHED = 1e-3  # of the thickness: random motion before the steps, so that contacts come, go and slide
 PAIR = ("pair_found", "pair_place", "pair_wake_travel")
 TOUCH = ("touch_loaded", "touch_force", "touch_couple", "touch_overlap", "touch_normal_force", "touch_normal")
+FRICTION = ("touch_friction",)  # where there is any
+UNWRITTEN = -7.0  # in arrays that the launches are to write
 SLIP = ("slip_step", "slip_place", "elastic_slip")
 
 
@@ -33,6 +36,13 @@ def at_load(knit: str, friction: float) -> WireContact:
     state, thickness = contact.stepper.state, contact.stepper.rods.section.thickness
     move = np.random.default_rng(1).normal(size=(contact.stepper.rods.node_count, 3))
     store(state.velocity, PUSHED * thickness * move)
+    if friction > 0.0:  # an equilibrium before, of another load
+        before = contact._before
+        store(before.position, fetch(before.position) + PUSHED * thickness * move)
+        control = fetch(before.control).copy()
+        control[:, int(GRADIENT)] *= 1.0 + PUSHED
+        control[:, int(LENGTH_FACTOR)] *= 1.0 + PUSHED
+        store(before.control, control)
     return contact
 
 
@@ -41,8 +51,14 @@ def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np
     pairs, touch, near = contact.pairs, contact.touch, contact.near_pairs()
     contact.stepper.state.steering.set(status=status, evaluated_gap=0.3 * contact.stepper.rods.section.thickness)
     kept = {name: fetch(getattr(pairs, name)).copy() for name in (*PAIR, "pair_renewal_travel")}
+    half = (int(contact.stepper.steering.step[0]) + 1) % 2  # of the slips, that the step writes
     store(touch.touch_followed, 0)
     store(touch.touch_loaded, 0)
+    of_touch = TOUCH + FRICTION if contact.friction > 0.0 else TOUCH
+    for name in of_touch[3:]:
+        store(getattr(touch, name), UNWRITTEN)
+    for name in SLIP if contact.friction > 0.0 else ():
+        store(getattr(pairs, name)[half], UNWRITTEN)
     for launch in contact.launches():
         if follows or launch.kernel.key != "find_followed_contacts":
             launch.run("cpu")
@@ -51,11 +67,15 @@ def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np
         store(getattr(pairs, name), before)
     contact.stepper.state.steering.set(status=Steering.RUNNING)
     one = {name: values[name].reshape(pairs.capacity, -1)[near] for name in PAIR}
-    one |= {name: fetch(getattr(touch, name)).copy().reshape(touch.capacity, -1)[: len(near)] for name in TOUCH}
+    one |= {name: fetch(getattr(touch, name)).copy().reshape(touch.capacity, -1)[: len(near)] for name in of_touch}
     if contact.friction > 0.0:
-        half = (int(contact.stepper.steering.step[0]) + 1) % 2  # that the step writes
         one |= {name: fetch(getattr(pairs, name))[half].reshape(pairs.capacity, -1)[near] for name in SLIP}
     return one | {"followed": fetch(touch.touch_followed)[: len(near)].copy()}
+
+
+def error_of(name: str, own: dict[str, np.ndarray], of_all: dict[str, np.ndarray]) -> np.ndarray:
+    """(pair, place) largest difference of the components at each place."""
+    return np.asarray(np.abs(own[name] - of_all[name]).reshape(len(own[name]), PLACES, -1).max(axis=2))
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2])
@@ -83,13 +103,15 @@ def test_followed_contacts_are_those_that_a_search_finds(knit: str, friction: fl
         assert error[places].max(initial=0.0) < float(NEWTON_ACCURACY)
         largest = np.abs(all_of["touch_force"]).max()
         loaded = is_followed & (all_of["touch_loaded"][:, 0] != 0)
-        for name, scale in (("touch_force", largest), ("touch_normal_force", largest), ("touch_couple", largest * thickness)):
+        for name, scale in (("touch_force", largest), ("touch_couple", largest * thickness)):
             assert np.abs(own[name] - all_of[name])[loaded].max(initial=0.0) < float(NEWTON_ACCURACY) * scale, name
-        weighs = places & (all_of["touch_overlap"] > -1.0)
-        assert np.array_equal(weighs, places & (own["touch_overlap"] > -1.0))
-        assert (
-            np.abs(own["touch_overlap"] - all_of["touch_overlap"])[weighs].max(initial=0.0) < float(NEWTON_ACCURACY) * thickness
-        )
+        if evaluates:  # a step needs forces and couples alone
+            weighs = places & (all_of["touch_overlap"] > -1.0)
+            assert np.array_equal(weighs, places & (own["touch_overlap"] > -1.0))
+            assert error_of("touch_overlap", own, all_of)[weighs].max(initial=0.0) < float(NEWTON_ACCURACY) * thickness
+            pushes = weighs & loaded[:, None] & (all_of["touch_normal_force"] != 0.0)
+            for name in ("touch_normal_force", *(FRICTION if friction > 0.0 else ())):
+                assert error_of(name, own, all_of)[pushes].max(initial=0.0) < float(NEWTON_ACCURACY) * largest, name
         at_node = np.any((own["pair_place"] <= 0.0) | (own["pair_place"] >= 1.0), axis=1)
         if not evaluates:  # an evaluation searches sooner anew
             near, followed = near + len(is_followed), followed + int(is_followed.sum())
