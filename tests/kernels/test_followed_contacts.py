@@ -38,11 +38,11 @@ def at_load(knit: str, friction: float) -> WireContact:
     store(state.velocity, PUSHED * thickness * move)
     if friction > 0.0:  # an equilibrium before, of another load
         before = contact._before
-        store(before.position, fetch(before.position) + PUSHED * thickness * move)
-        control = fetch(before.control).copy()
+        store(before.before_position, fetch(before.before_position) + PUSHED * thickness * move)
+        control = fetch(before.before_control).copy()
         control[:, int(GRADIENT)] *= 1.0 + PUSHED
         control[:, int(LENGTH_FACTOR)] *= 1.0 + PUSHED
-        store(before.control, control)
+        store(before.before_control, control)
     return contact
 
 

@@ -96,7 +96,7 @@ class Stability:
             self.relaxation.stepper.steering.set(running, damping=DAMPING)
 
     def _disturb(self, world: int) -> None:
-        """Move the nodes of a world at random, differently in each test of a level."""
+        """Move the nodes of a world at random, differently in each test."""
         stepper, rows = self.relaxation.stepper, np.array([world])
         strip = stepper.strip
         nodes = strip.whole.node_count // stepper.worlds
