@@ -7,11 +7,13 @@ import pytest
 
 from warpknit import load_run, load_scene
 from warpknit.results.row import Row
-from warpknit.runner.estimates import Sensitivity, beside, changed_rows, changes_of
+from warpknit.runner.estimates import Estimate, Sensitivity, beside, changed_rows, changes_of, estimated_again
 from warpknit.runner.interrupts import Interrupts
 from warpknit.runner.monitor import Monitor
 from warpknit.runner.other_model import SpatialMeans, _spatial, spatial_means
+from warpknit.runner.progress_display import Display
 from warpknit.runner.run import run_scene
+from warpknit.runner.summary_table import _changed, _error_finding
 from warpknit.scene import Scene
 from warpknit.scene.presets import PRESETS
 from warpknit.studies.sweep import run_map
@@ -271,3 +273,28 @@ def test_changed_meshes_beside_a_run_have_the_rows_of_those_after_it():
         assert other.rows([0, 2], lambda _: None) is None
         assert other.rows([0, 1], lambda _: None) == expected
         assert other.rows([0, 1], lambda _: None) is None  # the process has ended
+
+
+def test_an_interrupted_estimate_goes_on_with_the_meshes_in_the_files_of_the_run(tmp_path, monkeypatch):
+    scene = scene_of(output={"frames": 1, "usd": False, "figures": False})
+    done = run_scene(scene, out=tmp_path, device="cpu").summary
+    numbers: list[int] = []
+
+    def changed(_scene, _device, meshes, _check):
+        numbers.extend(meshes)
+        return {}
+
+    monkeypatch.setattr("warpknit.runner.estimates.changed_rows", changed)
+    estimated_again(scene.changed({"variants.sensitivity": True}), tmp_path, done, "cpu", Display())
+    assert numbers == [0, 1] and all(isinstance(number, int) for number in numbers)  # seeds are whole numbers
+
+
+def test_errors_are_shown_in_the_units_of_their_figures():
+    end = Row(strain_weft=0.1, strain_warp=-0.02, tension_weft_N_per_m=2.0, tension_warp_N_per_m=4.0, stress_max_Pa=1e8)
+    by_tension = Estimate(0.15, 15.0, 0.05, stress=0.1, strain=0.05, friction=0.15, nodes=0.01)
+    assert (_error_finding(by_tension, end).value, _error_finding(by_tension, end).where) == (
+        "strain 0.5 points, active 15 points, stress 10 MPa", ", mostly by friction",
+    )  # fmt: skip
+    assert _error_finding(Estimate(0.05, tension=0.05), end).value == "tension 200 mN/m"
+    assert _changed("strain_warp", -0.2, end, "+") == "strain -2 points warp"
+    assert _changed("tension_weft_N_per_m", 0.25, end, "+") == "tension +1 N/m weft"

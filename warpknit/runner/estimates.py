@@ -92,7 +92,7 @@ def estimated_again(scene: Scene, out: Path, summary: Summary, device: str, disp
     """A finished run with its estimated error, after an interrupted estimate."""
     estimator, variants = None, summary.variants
     if variants is not None and variants.count > 1 and scene.variants.sensitivity:
-        estimator = Sensitivity(scene, device, {row.variant: row for row in read_rows(out / "variants.csv", Row)})
+        estimator = Sensitivity(scene, device, {int(row.variant): row for row in read_rows(out / "variants.csv", Row)})
     return estimated(out, scene, summary, estimator, Interrupts(), display)
 
 

@@ -58,9 +58,9 @@ def summary_findings(result: Summary) -> Iterator[Finding]:
         ends_at_top = diverged and end.tension_warp_N_per_m == answers.largest_tension.tension_warp_N_per_m
         yield from answer_findings(answers, end.yield_stress_Pa, failed=ends_at_top)
     if variants is not None:
-        yield from _variants_findings(variants)
+        yield from _variants_findings(variants, end)
     if result.estimate.error is not None:
-        yield _error_finding(result.estimate)
+        yield _error_finding(result.estimate, end)
     if result.spatial_model is not None:
         yield _spatial_finding(result.spatial_model)
     meshes = "" if variants is None else f" in each of {variants.count} meshes"
@@ -108,19 +108,36 @@ def _spatial_finding(other: SpatialMeans) -> Finding:
     return Finding("in the spatial model", text, short=True)
 
 
-def _error_finding(estimate: Estimate) -> Finding:
-    """The estimated error of each figure, of the strain where tension drives; and its parts, of means."""
-    figures = {"tension" if estimate.strain is None else "strain": estimate.tension, "stress": estimate.stress}
-    parts = {"friction": estimate.friction, "nodes": estimate.nodes, "number of meshes": estimate.standard_error}
-    found = [f"{name} {short_percent(value)}" for name, value in figures.items() if value is not None]
-    if estimate.active_percent is not None:
-        found.append(f"active {round(estimate.active_percent, 2):.2g} points")
-    of_means = ", ".join(f"{name} up to {short_percent(value)}" for name, value in parts.items() if value is not None)
-    return Finding("estimated error", ", ".join(found), where=f" ({of_means})" if of_means else "", short=True)
+def _error_finding(estimate: Estimate, end: Row) -> Finding:
+    """The estimated error of each figure, of the strain where tension drives; and the largest part of it, of means."""
+    driver = {"tension_N_per_m" if estimate.strain is None else "strain": estimate.tension}
+    errors = {**driver, "active_percent": estimate.active_percent, "stress_max_Pa": estimate.stress}
+    text = ", ".join(_changed(name, error, end) for name, error in errors.items() if error is not None)
+    parts = {"friction": estimate.friction, "nodes": estimate.nodes, "the number of meshes": estimate.standard_error}
+    known = {name: part for name, part in parts.items() if part is not None}
+    return Finding("estimated error", text, where=f", mostly by {max(known, key=known.__getitem__)}" if known else "", short=True)
 
 
-def _variants_findings(variants: Means) -> Iterator[Finding]:
-    """Ranges of the figures over meshes, and meshes on another branch."""
+def _changed(name: str, change: float, end: Row, sign: str = "") -> str:
+    """A change of a figure in its unit; change: over the larger figure in weft and warp, of active contacts in points."""
+    what, _, side = name.removesuffix("_N_per_m").partition("_")
+    if name == "active_percent":
+        return f"active {change:{sign}.2g} points"
+    if name == "stress_max_Pa":
+        return f"stress {_signed(change * end.stress_max_Pa, 'Pa', sign)}"
+    unit = "_N_per_m" if what == "tension" else ""
+    largest = max(abs(end[f"{what}_{one}{unit}"]) for one in SIDES)
+    text = _signed(change * largest, "N/m", sign) if unit else f"{100.0 * change * largest:{sign}.2g} points"
+    return f"{what} {text}{f' {side}' if side else ''}"
+
+
+def _signed(value: float, unit: str, sign: str) -> str:
+    text = engineering(value, unit, 2)
+    return f"+{text}" if sign and value > 0.0 else text
+
+
+def _variants_findings(variants: Means, end: Row) -> Iterator[Finding]:
+    """Ranges of the figures over meshes, meshes on another branch, and what an overshoot of the load changes."""
     figures = {
         "strain": ("strain_weft", "strain_warp"),
         "tension": ("tension_weft_N_per_m", "tension_warp_N_per_m"),
@@ -138,6 +155,10 @@ def _variants_findings(variants: Means) -> Iterator[Finding]:
         stress = engineering(branch.stress_max_Pa, "Pa")
         text = f"{branch.count} of {variants.count} meshes: {name} {here} (others {others}), {stress}"
         yield Finding("  other equilibrium", text, short=True)
+    if overshoot := variants.changes.get("overshoot"):
+        changes = {name: 100.0 * change if name == "active_percent" else change for name, change in vars(overshoot).items()}
+        text = ", ".join(_changed(name, change, end, "+") for name, change in changes.items())
+        yield Finding("  after an overshoot", text, short=True)
 
 
 def _range(variants: Means, names: Sequence[str]) -> str:
@@ -208,7 +229,7 @@ def model_findings(model: Values, cost: str) -> Iterator[Finding]:
     yield Finding("  reason", model.kind_reason, short=model.kind_reason not in (GIVEN, DEFAULT))
     if friction := model.get("friction"):
         assumed = assumed_note("contact.friction", model.get("friction_assumed", False))
-        yield Finding("  friction", f"{friction:.3g}", where=assumed)
+        yield Finding("  friction", f"{friction:.3g}", where=assumed, short=True)
 
 
 def _hook_findings(hook: Row) -> Iterator[Finding]:

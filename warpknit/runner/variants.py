@@ -88,10 +88,10 @@ class MeshValues:
 
     @property
     def median(self) -> int:
-        """The mesh that is nearest to the medians."""
+        """The mesh whose figure farthest from its median is the nearest to it, in standard deviations."""
         deviation = self.values.std(axis=0)
         away = (self.values - np.median(self.values, axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
-        return int(np.argmin((away**2).sum(axis=1)))
+        return int(np.argmin(np.abs(away).max(axis=1)))
 
 
 def mesh_values(by_tension: Sequence[bool], ends: Sequence[Row], scale: float) -> MeshValues:

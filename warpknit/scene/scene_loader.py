@@ -119,7 +119,7 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
 def _unquoted(text: str, fault: str) -> tuple[str, str]:
     """Fault of a text that is not TOML; remedy if its line is known."""
     place, lines = re.search(r"at line (\d+)", fault), text.splitlines()
-    if place is not None and int(place[1]) <= len(lines):
+    if place is not None and int(place[1]) <= len(lines) and not lines[int(place[1]) - 1].lstrip().startswith("["):
         for value in map(str.strip, _BARE_VALUE.findall(lines[int(place[1]) - 1])):
             if _WORD.fullmatch(value) or (is_quantity(value) and has_unit(value)):
                 return f"line {place[1]}: {value} without quotes", f'write "{value}"'
