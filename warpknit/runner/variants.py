@@ -88,7 +88,7 @@ class MeshValues:
 
     @property
     def median(self) -> int:
-        """The mesh whose figure farthest from its median is the nearest to it, in standard deviations."""
+        """The mesh near the medians of all figures: its farthest one, in deviations, is nearest."""
         deviation = self.values.std(axis=0)
         away = (self.values - np.median(self.values, axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
         return int(np.argmin(np.abs(away).max(axis=1)))
