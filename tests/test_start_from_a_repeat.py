@@ -1,6 +1,7 @@
 """A facet of a tight knit starts from one repeat of endless cloth; where it cannot, from its own state."""
 
 import contextlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.transfer import Fields, Prolongation
 from warpknit.spatial.worlds import SpatialWorlds
 
+SCENES = Path(__file__).parents[1] / "scenes"
 TRICOT, ATLAS = [{"chain": "1-0/1-2"}, {"chain": "1-2/1-0"}], [{"chain": "1-0/1-2/2-3/3-4/3-2/2-1"}]
 FACET = {
     "wire": {"material": "molybdenum", "diameter": "30 um"},
@@ -172,3 +174,13 @@ def test_a_mesh_with_friction_that_cannot_start_from_a_repeat_follows_the_load(m
     monkeypatch.setattr(Prolongation, "carry", refuses)
     solved(TRICOT, (0.02, 0.005), 1, friction=0.2)
     assert begun == pytest.approx([0.02, 0.005, 0.01, 0.015, 0.02])
+
+
+@pytest.mark.slow
+def test_cords_of_a_facet_find_their_places_after_a_change_of_temperature():
+    """Long cords overshoot where the mesh beside them is softer than its membrane; corrections of the edge are damped."""
+    facet = {"panel.size": "25 mm", "output.usd": False, "solver.max_steps": 4_000}
+    simulation = Simulation(build_model(load_scene(SCENES / "reflector_facet.toml", facet, preset="draft")))
+    ends = [record for record in simulation.run() if record.load_factor == 1.0]
+    stretched, cold = (simulation.drive.mesh_tension(record.observables) for record in ends[:2])
+    assert len(ends) == 3 and np.all(cold > stretched)

@@ -1,7 +1,7 @@
 // Coulomb friction of the contacts of a batch in a relaxation (kernels/wire_contact_forces.py and wire_friction.py, for the
-// equations). A contact without a slip of its own pair is left to the other kernels, which look for it in pairs beside it.
-vec friction[2] = {nothing, nothing}, elastic[2] = {nothing, nothing}, turn[2][2]; // of a place; and of either side
-real share[2][2][3];                                                               // of the sections of either side
+// equations). If a pair has no slip of its own, the other kernels search the pairs beside it.
+vec friction[2] = {nothing, nothing}, elastic[2] = {nothing, nothing}, turn[2][2]; // [place]; couples [place][side]
+real share[2][2][3];                                                               // weights of sections [place][side][section]
 if (rubs && any(loaded & no(failed))) {
     const double* known_slip = (const double*)elastic_slip.data;
     const double* known_place = (const double*)slip_place.data;

@@ -110,7 +110,7 @@ def _spatial_finding(other: SpatialMeans) -> Finding:
 
 def _error_finding(estimate: Estimate, end: Row) -> Finding:
     """The estimated error of each figure, of the strain where tension drives; and the largest part of it, of means."""
-    driver = {"tension_N_per_m" if estimate.strain is None else "strain": estimate.tension}
+    driver = {"tension_N_per_m": estimate.tension} if estimate.strain is None else {"strain": estimate.strain}
     errors = {**driver, "active_percent": estimate.active_percent, "stress_max_Pa": estimate.stress}
     text = ", ".join(_changed(name, error, end) for name, error in errors.items() if error is not None)
     parts = {"friction": estimate.friction, "nodes": estimate.nodes, "the number of meshes": estimate.standard_error}
@@ -119,7 +119,7 @@ def _error_finding(estimate: Estimate, end: Row) -> Finding:
 
 
 def _changed(name: str, change: float, end: Row, sign: str = "") -> str:
-    """A change of a figure in its unit; change: over the larger figure in weft and warp, of active contacts in points."""
+    """A change of a figure in its unit; change: relative to the larger of weft and warp, of active contacts in points."""
     what, _, side = name.removesuffix("_N_per_m").partition("_")
     if name == "active_percent":
         return f"active {change:{sign}.2g} points"
@@ -153,12 +153,12 @@ def _variants_findings(variants: Means, end: Row) -> Iterator[Finding]:
         name = branch.figure.removesuffix("_N_per_m").removesuffix("_Pa").replace("_", " ")
         here, others = (_shown(branch.figure, value) for value in (branch.mean, branch.others))
         stress = engineering(branch.stress_max_Pa, "Pa")
-        text = f"{branch.count} of {variants.count} meshes: {name} {here} (others {others}), {stress}"
+        text = f"{branch.count} of {variants.count} meshes: {name} {here} (others {others}), stress {stress}"
         yield Finding("  other equilibrium", text, short=True)
     if overshoot := variants.changes.get("overshoot"):
         changes = {name: 100.0 * change if name == "active_percent" else change for name, change in vars(overshoot).items()}
         text = ", ".join(_changed(name, change, end, "+") for name, change in changes.items())
-        yield Finding("  after an overshoot", text, short=True)
+        yield Finding("  change by overshoot", text, short=True)
 
 
 def _range(variants: Means, names: Sequence[str]) -> str:

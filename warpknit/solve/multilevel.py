@@ -361,7 +361,7 @@ class MultilevelRelaxation(Relaxation):
         if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
             progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
         if progress.is_uncorrected:
-            self._move_clamps(correction.scaled(correction.max_factor))
+            self._move_clamps(correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor)))
         elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
             # the mesh differs from a membrane of endless cloth: continue without corrections
             self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
