@@ -1,9 +1,9 @@
 """Contacts that go on from the step before: CPU_LANES pairs at a time on a CPU, a pair by QUAD threads on a GPU (native/lanes.h).
 
-Most pairs have one closest point, or two with a saddle between them, near those of the previous step. Newton's method follows
-them, and their forces are found. wire_closest.py and wire_contact_forces.py have the equations, and the kernels for all other
-pairs: friction on a GPU, in real time, of an accepted equilibrium or of a new contact; a pair without a known place, one whose
-search is due, whose place is ill-conditioned or moves far, or that may have another place beyond a saddle.
+Most pairs have one closest point, or two with a saddle between them, close to where they were a step before. Newton's method
+follows them, and their forces are found. wire_closest.py and wire_contact_forces.py have the equations, and the kernels for all
+other pairs: friction on a GPU, in real time, of an accepted equilibrium or of a new contact; a pair without a known place, one
+whose search is due, whose place is ill-conditioned or moves far, or that may have another place beyond a saddle.
 
 The result of a pair does not depend on the others of its batch.
 """
