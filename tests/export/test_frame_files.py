@@ -192,7 +192,8 @@ def test_interrupted_and_killed_runs_leave_a_whole_stage(tmp_path: Path, whole_r
         assert not [path for path in out.rglob("*.usd*") if path.name.startswith(".")]
     stage = Usd.Stage.Open(str(out / "scene.usda"))
     named = list(stage.GetRootLayer().customLayerData["warpknit"]["frames"])
-    assert named == list(range(len(named))) and len(named) >= 4
+    # a kill may come after the fourth frame is written and before the stage names it
+    assert named == list(range(len(named))) and len(named) >= 3
     del stage
     assert start(out, *FRAMES, "--resume").wait() == 0
     resumed = {path.name: path for path in (out / "frames").iterdir()}
