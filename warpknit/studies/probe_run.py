@@ -146,4 +146,7 @@ def estimate_of(record: Record, scene: Scene, setting: Setting, percent: float) 
     if estimated > percent:
         text = f"The estimated error is {estimated:.2g} %, above the {percent:g} % of --error."
         warning = ResultWarning("W46", text)
-    return Estimate(estimated / 100.0, errors.active_percent, errors.tension, errors.contact_force, errors.stress, warning)
+    strain = errors.tension if any(scene.stages[-1].by_tension) else None
+    return Estimate(
+        estimated / 100.0, errors.active_percent, errors.tension, errors.contact_force, errors.stress, warning, strain=strain
+    )
