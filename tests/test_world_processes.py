@@ -17,7 +17,7 @@ from warpknit.solve import simulate, world_processes
 from warpknit.solve.simulate import SideBySide, Simulation
 from warpknit.solve.variant_models import VariantModels
 from warpknit.solve.world_processes import WorldProcesses
-from warpknit.studies.load_path import MeshesPath, under_strain
+from warpknit.studies.load_path import LoadPath, under_strain
 
 
 def scene_of(**tables: dict) -> Scene:
@@ -71,7 +71,7 @@ def test_a_path_of_meshes_goes_on_in_processes(two_processes, monkeypatch) -> No
     for spread in (True, False):
         if not spread:
             monkeypatch.setattr(simulate, "processes_of", lambda _models: 1)
-        path = MeshesPath(models)
+        path = LoadPath(models)
         rows[spread] = [*path.rows(first, levels=1), *path.rows(second, levels=1)]
     assert rows[True] == rows[False]
 

@@ -10,8 +10,8 @@ import pytest
 from warpknit import measure
 from warpknit.scene import load_scene
 from warpknit.studies import card as card_module
-from warpknit.studies.card import STEP, find_card, stretch
-from warpknit.studies.load_path import LoadPath, exact_model, states_at, under_strain, under_tension
+from warpknit.studies.card import STEP, find_cards, stretch
+from warpknit.studies.load_path import AS_KNITTED, Followed, LoadPath, Meshes, exact_model, states_at, under_strain, under_tension
 
 SCENE = Path(__file__).parents[2] / "scenes" / "contact_map.toml"
 STRAINS = 0.16, 0.16
@@ -26,7 +26,8 @@ def card_at(model, load):
     """The card under a load, and its mesh."""
     path = LoadPath(model)
     list(path.load(load, model.scene.output.frames))
-    return find_card(model, path.state, load)
+    card, record = find_cards(path.meshes, path.states, {0: load}, {})[0]
+    return card, record.observables
 
 
 def card_at_strains(model):
@@ -69,10 +70,11 @@ def test_the_step_is_halved_where_a_contact_closes_nearby(kink, step, monkeypatc
         return 140.0 * within + 60.0 * (strain[0, 0] - within), 100.0 * strain[1, 1], 50.0 * strain[0, 1]
 
     mesh = SimpleNamespace(panel=SimpleNamespace(area=1.0), scene=load_scene(SCENE))
-    observed = SimpleNamespace(gradient=np.eye(2), thermal_force=0.0)
-    path = SimpleNamespace(to=lambda load: SimpleNamespace(observables=observed), state=None)
+    observed = SimpleNamespace(gradient=np.eye(2), thermal_force=0.0, model=mesh)
+    record = SimpleNamespace(observables=observed)
+    path = SimpleNamespace(to=lambda load: {0: record}, states={0: None})
     monkeypatch.setattr(card_module, "LoadPath", lambda *_: path)
-    monkeypatch.setattr(card_module, "ends_beside", lambda models, _states, stages: [path.to(stage) for stage in stages])
+    monkeypatch.setattr(card_module, "follow", lambda loads, _levels: [Followed([record], AS_KNITTED) for _ in loads])
     monkeypatch.setattr(card_module, "under_strain", lambda *_: None)
     monkeypatch.setattr(card_module, "_stress", stress)
     for name, value in {
@@ -83,7 +85,7 @@ def test_the_step_is_halved_where_a_contact_closes_nearby(kink, step, monkeypatc
         monkeypatch.setattr(measure, name, lambda _, value=value: value)
     monkeypatch.setattr(measure, "contacts", lambda _: SimpleNamespace(active_percent=50.0))
     shares = []
-    card, _ = find_card(mesh, None, None, shares.append)
+    ((card, _),) = find_cards(Meshes.of(mesh), {}, {}, {}, shares.append).values()
     assert np.diag(card.stiffness) == pytest.approx([140.0, 100.0, 25.0])
     assert card.difference_step == step and card.difference < 1e-6
     assert shares[-1] == pytest.approx(1.0)

@@ -14,7 +14,7 @@ from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.studies.curves import tension_strain
 from warpknit.studies.equal_tension import YIELDED, load_equally, service_points, with_state_at
-from warpknit.studies.load_path import LoadPath, exact_model, under_strain, under_tension
+from warpknit.studies.load_path import LoadPath, Meshes, exact_model, under_strain, under_tension
 from warpknit.studies.report import KeptStates, read_states, write_states
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -31,7 +31,7 @@ def test_stages_of_a_path_are_those_of_a_run(model):
     stages = under_strain(model.scene, np.diag([1.05, 1.05])), under_tension(model.scene, 0.05), under_tension(model.scene, 0.1)
     whole = [row_of(r) for r in Simulation(replace(model, scene=replace(model.scene, stages=stages))).run()]
     path = LoadPath(model)
-    parts = [row_of(record) for stage in stages for record in path.load(stage, levels=2)]
+    parts = [row for stage in stages for row in path.rows(stage, levels=2)]
     assert [vars(row) for row in parts] == [vars(row) for row in whole]
     assert whole[4].active_pairs > 0 and whole[5].tension_weft_N_per_m == pytest.approx(0.075, rel=0.01)
 
@@ -42,10 +42,10 @@ def test_branches_do_not_depend_on_each_other(model):
     nearby = under_strain(model.scene, np.diag([1.101, 1.1]))
 
     def tension():
-        return measure.mesh_tension(LoadPath(model, path.state).to(nearby).observables)
+        return measure.mesh_tension(LoadPath(model, path.states).to(nearby)[0].observables)
 
     first = tension()
-    LoadPath(model, path.state).to(under_strain(model.scene, np.diag([1.1, 1.102])))
+    LoadPath(model, path.states).to(under_strain(model.scene, np.diag([1.1, 1.102])))
     assert tension() == first
 
 
@@ -54,8 +54,10 @@ def test_a_path_that_does_not_converge_stays_where_it_was():
     path = LoadPath(model)
     with pytest.raises(Diverged):
         path.to(under_strain(model.scene, np.diag([1.1, 1.1])))
-    assert path.state.stages == ()
-    assert all(point.tension_weft_N_per_m is None for point in tension_strain(model, 0.1, 0.1) if point.strain_weft > 0.0)
+    assert path.states[0].stages == ()
+    assert all(
+        point.tension_weft_N_per_m is None for point in tension_strain(Meshes.of(model), 0.1, 0.1) if point.strain_weft > 0.0
+    )
 
 
 @pytest.mark.parametrize("levels", [1, 2])
@@ -64,7 +66,7 @@ def test_a_curve_marks_the_point_behind_a_jump(levels, monkeypatch):
     monkeypatch.setattr("warpknit.studies.curves.POINTS", 3)
     monkeypatch.setattr("warpknit.studies.curves.jumps_of", lambda model, rows: [(rows[2 * levels - 1], rows[2 * levels])])
     model = build_model(load_scene(SCENES / "contact_map.toml", [f"output.frames={3 * levels}"], "draft"))
-    points = tension_strain(model, 0.06, 0.06)
+    points = tension_strain(Meshes.of(model), 0.06, 0.06)
     assert [point.jump for point in points] == 3 * [0, 0, 1, 0]
     assert all(point.tension_weft_N_per_m is not None for point in points)
 
@@ -73,7 +75,7 @@ def test_both_directions_are_strained_together_to_the_largest_strains_of_the_map
     """In proportion: at two thirds of the way both strains are two thirds of their ends."""
     monkeypatch.setattr("warpknit.studies.curves.POINTS", 3)
     model = build_model(load_scene(SCENES / "contact_map.toml", ["output.frames=3"], "draft"))
-    both = [(one.strain_weft, one.strain_warp) for one in tension_strain(model, 0.06, 0.03) if one.load == "both"]
+    both = [(one.strain_weft, one.strain_warp) for one in tension_strain(Meshes.of(model), 0.06, 0.03) if one.load == "both"]
     assert both == [pytest.approx((0.02 * k, 0.01 * k), abs=1e-12) for k in range(4)]
 
 
@@ -81,7 +83,7 @@ def test_strains_of_a_path_are_those_asked_for_whatever_the_frame_expands():
     """under_strain prescribes the deformation gradient; a frame that grows with heat adds its own strain to those of a scene."""
     settings = ["model.frame_expansion=1e-5", 'load.temperature="120 degC"', "output.frames=1"]
     model = build_model(load_scene(SCENES / "contact_map.toml", settings, "draft"))
-    gradient = LoadPath(model).to(under_strain(model.scene, np.diag([1.05, 1.02]))).observables.gradient
+    gradient = LoadPath(model).to(under_strain(model.scene, np.diag([1.05, 1.02])))[0].observables.gradient
     assert gradient == pytest.approx(np.diag([1.05, 1.02]), abs=1e-12)
 
 
@@ -107,7 +109,7 @@ def test_a_stage_that_does_not_converge_is_left_out(failing, monkeypatch):
                     raise Diverged("no progress")
                 yield record
 
-    monkeypatch.setattr("warpknit.studies.load_path.LoadPath", Failing)
+    monkeypatch.setattr("warpknit.studies.equal_tension.LoadPath", Failing)
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
     path = load_equally(exact_model(scene, scene.solver.residual_tolerance), 0.2)
     tensions = [row.tension_weft_N_per_m for row in path.rows]

@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 
 from warpknit.base.errors import Diverged
-from warpknit.runner.history import row_of
+from warpknit.results.row import Row
 from warpknit.runner.run_directory import clear
 from warpknit.scene import Scene, load_scene
-from warpknit.solve.variant_models import VariantModels
-from warpknit.studies.card import MaterialCard, find_card
-from warpknit.studies.load_path import DIFFERENCE_TOLERANCE, LoadPath, exact, under_tension
-from warpknit.studies.mean_card import BEYOND, find_mean, loads_of_card
+from warpknit.studies.card import MaterialCard, find_cards
+from warpknit.studies.load_path import (
+    AS_KNITTED,
+    DIFFERENCE_TOLERANCE,
+    ROUGH_TOLERANCE,
+    LoadPath,
+    Meshes,
+    meshes_of,
+    under_tension,
+)
+from warpknit.studies.mean_card import find_mean, loads_of_card
 from warpknit.studies.report_files import write_other_cards
 
 TENSION = 1.0  # [N/m]
@@ -40,52 +47,54 @@ def scene_of(friction: float) -> Scene:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.2])
-def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction, monkeypatch):
-    monkeypatch.setattr("warpknit.studies.mean_card.MESHES_A_PROCESS", 1)
+def test_a_mean_card_is_the_mean_of_the_cards_of_its_meshes(friction):
+    """With another friction each value changes by the mean of the changes of the same meshes."""
     scene = scene_of(friction)
-    load, fine = under_tension(scene, TENSION), exact(scene, DIFFERENCE_TOLERANCE)
-    cards = []
-    variants = VariantModels(replace(fine, stages=(load,)))
-    for number in (0, 1):
-        way = LoadPath(variants.model(number))
-        *_, record = way.load(load, 2)
-        here, ahead, _ = loads_of_card(fine, row_of(record), TENSION)
-        cards.append(find_card(way.model, way.state, here, ahead=ahead)[0])
-    mean = find_mean(scene, load, TENSION, replace(cards[0], jumps="it jumped"))
-    assert mean is not None and mean.meshes == 2 and mean.card.jumps == ""
-    assert mean.card.stiffness == pytest.approx(0.5 * (cards[0].stiffness + cards[1].stiffness), rel=1e-3, abs=1e-3)
-    assert mean.card.strain_weft == pytest.approx(0.5 * (cards[0].strain_weft + cards[1].strain_weft), rel=1e-4)
-    first, second = (card.stiffness[0, 0] for card in cards)
-    assert mean.spread["C11"].std == pytest.approx(abs(first - second) / np.sqrt(2.0), rel=0.05)
+    meshes = meshes_of(scene)
+    path = LoadPath(meshes)
+    list(path.load(under_tension(scene, TENSION), 2))
+    mean = find_mean(meshes, path.states, TENSION)
+    cards = {}
+    for place, mesh in meshes.with_tolerance(DIFFERENCE_TOLERANCE).models.items():
+        here, ahead, _ = loads_of_card(mesh.scene, path.states[place].gradient, TENSION)
+        ((cards[place], _),) = find_cards(Meshes.of(mesh), {0: path.states[place]}, {0: here}, {0: ahead}).values()
+    assert mean.meshes == 2 and len(cards) == (6 if friction else 2)
+    assert mean.card.stiffness == pytest.approx(0.5 * (cards[0].stiffness + cards[1].stiffness), rel=1e-9)
+    assert mean.card.strain_weft == pytest.approx(0.5 * (cards[0].strain_weft + cards[1].strain_weft), rel=1e-12)
+    first, second = (cards[place].stiffness[0, 0] for place in (0, 1))
+    assert mean.spread["C11"].std == pytest.approx(abs(first - second) / np.sqrt(2.0), rel=1e-6)
     ends = [float(np.trace(card.stiffness[:2, :2])) for card in (mean.softest, mean.stiffest)]
-    assert ends == pytest.approx(sorted(float(np.trace(card.stiffness[:2, :2])) for card in cards), rel=1e-3)
+    assert ends == sorted(float(np.trace(cards[place].stiffness[:2, :2])) for place in (0, 1))
+    median = float(mean.tensioned.gradient[0, 0]) - 1.0
+    assert min(abs(median - cards[place].strain_weft) for place in (0, 1)) < 1e-12
     if friction:
-        assert mean.card.history is not None and cards[0].history is not None and cards[1].history is not None
         loading = 0.5 * (cards[0].history.loading + cards[1].history.loading)
-        assert mean.card.history.loading == pytest.approx(loading, rel=1e-3, abs=0.05)
+        assert mean.card.history.loading == pytest.approx(loading, rel=1e-9)
+        others = {"friction_half": (2, 3), "friction_double": (4, 5)}
+        for name, places in others.items():
+            expected = np.mean([cards[place].stiffness[0, 0] for place in places])
+            assert mean.frictions["C11"][name] == pytest.approx(expected, rel=1e-9)
+    else:
+        assert mean.frictions["C11"] == {}
 
 
 def test_a_rougher_tolerance_is_tried_where_the_fine_one_does_not_converge(monkeypatch):
-    """Meshes have their cards at the second tolerance; their path is that of the card, in levels of a run."""
-    fine, rough = 1e-3, 2e-3  # enough for the path; no card is computed
-    monkeypatch.setattr("warpknit.studies.load_path.DIFFERENCE_TOLERANCE", fine)
-    monkeypatch.setattr("warpknit.studies.load_path.ROUGH_TOLERANCE", rough)
     tried: list[float] = []
 
-    def find(model, state, load, monitor, *, ahead):
-        tried.append(model.scene.solver.residual_tolerance)
-        if tried[-1] < rough:
+    def find(meshes, states, load, ahead, monitor):
+        tried.append(meshes.scene.solver.residual_tolerance)
+        if len(tried) == 1:
             raise Diverged("no progress")
-        return replace(CARD, stress_max=float(len(tried))), None
+        record = SimpleNamespace(observables=None)
+        return {place: (replace(CARD, stress_max=float(place)), record) for place in meshes.own}
 
-    monkeypatch.setattr("warpknit.studies.mean_card.find_card", find)
-    scene = scene_of(0.0)
-    mean = find_mean(scene, under_tension(scene, TENSION), TENSION, CARD)
-    assert tried == 2 * [fine] + 2 * [rough]
-    assert mean is not None and (mean.meshes, mean.card.stress_max) == (2, 3.5)
-    tensions = [row.tension_weft_N_per_m for row in mean.loading]
-    expected = [0.0, 0.5 * TENSION, TENSION, BEYOND * TENSION]
-    assert tensions == pytest.approx(expected, rel=0.01, abs=0.01 * TENSION)
+    row = Row(strain_weft=0.1, strain_warp=0.1, tension_weft_N_per_m=1.0, tension_warp_N_per_m=1.0, active_percent=1.0)
+    monkeypatch.setattr("warpknit.studies.mean_card.find_cards", find)
+    monkeypatch.setattr("warpknit.studies.mean_card.row_of", lambda _record: row.changed(stress_max_Pa=1e8))
+    meshes = meshes_of(scene_of(0.0))
+    mean = find_mean(meshes, dict.fromkeys(meshes.models, AS_KNITTED), TENSION)
+    assert tried == [DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE]
+    assert (mean.meshes, mean.card.stress_max) == (2, 0.5)
 
 
 def test_other_cards_of_an_earlier_report_are_removed(tmp_path):

@@ -27,7 +27,7 @@ from warpknit.studies.contact_map import LEAST_TOLD, map_row
 from warpknit.studies.equal_tension import YIELDED, EqualTensionPath, load_equally, service_points
 from warpknit.studies.fe_codes import CODES
 from warpknit.studies.findings import DEFAULT_STRAINS, Findings, report_scene
-from warpknit.studies.load_path import ends_of, exact_model, knitted_worlds
+from warpknit.studies.load_path import Meshes, ends_of, exact_model, knitted_worlds
 from warpknit.studies.report import _card
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -153,7 +153,7 @@ def test_an_optimum_that_is_not_found_again_is_marked_so(tmp_path, monkeypatch):
     def no_card(*_, **__):
         raise Diverged("a wire is lost")
 
-    monkeypatch.setattr("warpknit.studies.report.find_card", no_card)
+    monkeypatch.setattr("warpknit.studies.report.find_mean", no_card)
     done = make_report(tmp_path / "r", shown="--verbose")
     assert done.exit_code == 0
     page = html.unescape((tmp_path / "r" / "report.html").read_text(encoding="utf-8"))
@@ -191,7 +191,7 @@ def test_a_report_without_its_card_keeps_an_earlier_one(tmp_path, monkeypatch):
     def no_card(*_, **__):
         raise Diverged("a wire is lost")
 
-    monkeypatch.setattr("warpknit.studies.report.find_card", no_card)
+    monkeypatch.setattr("warpknit.studies.report.find_mean", no_card)
     done = make_report(out, "--tension", "0.06 N/m", "--areal-mass", "10 g/m^2")
     assert done.exit_code == 3 and done.stderr.count("a wire is lost") == 1
     assert "a wire is lost" not in done.stdout and len(done.stderr.splitlines()) == 1
@@ -288,12 +288,13 @@ def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
     ((_, end),) = ends_of(knitted_worlds([model], [scene.sweep.stage(scene.stages[0], pair)], [scene.output.levels]))
     cell = map_row(pair, end, steps=1, by_tension=True)
     path = EqualTensionPath(ended="level 1 did not converge")
-    card, _, text, loading = _card(model, [cell], None, path, [], 0.06, lambda _: None)
+    found, text, loading = _card(scene, Meshes.of(model), [cell], None, path, [], 0.06, lambda _: None)
+    card = found.card
     assert quantities(text) == ["60 mN/m"] and card.branch == ""
     assert (card.strain_weft, card.strain_warp) == pytest.approx((cell.strain_weft, cell.strain_warp), abs=1e-12)
     assert (card.tension_weft, card.tension_warp) == pytest.approx((0.06, 0.06), rel=scene.solver.residual_tolerance)
     assert loading[-2].strain_weft == cell.strain_weft
-    assert _card(model, [], None, path, [], 0.06, lambda _: None)[0] is None
+    assert _card(scene, Meshes.of(model), [], None, path, [], 0.06, lambda _: None)[0] is None
 
 
 def test_the_curves_are_a_table(reports):

@@ -15,8 +15,8 @@ from warpknit.scene.materials import MATERIALS
 from warpknit.solve.model import build_model
 from warpknit.spatial.observables import SpatialObservables
 from warpknit.studies import curves
-from warpknit.studies.card import HEATED, find_card
-from warpknit.studies.load_path import LoadPath, exact_model, states_at, under_strain, under_tension
+from warpknit.studies.card import HEATED, find_cards
+from warpknit.studies.load_path import LoadPath, Meshes, exact_model, states_at, under_strain, under_tension
 from warpknit.studies.opening_size import openings
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -116,9 +116,10 @@ def test_a_card_with_friction_has_a_stiffness_of_small_cycles_and_one_of_loading
     and cooled back it has strained by what slipped."""
     model = exact_model(load_scene(TRICOT), 1e-4)
     path, tension = LoadPath(model), 1.0
-    *_, record = path.load(under_tension(model.scene, tension), 3)
-    load = under_strain(model.scene, record.observables.gradient)
-    card, _ = find_card(exact_model(model.scene), path.state, load, ahead=under_tension(model.scene, 1.01 * tension))
+    list(path.load(under_tension(model.scene, tension), 3))
+    load = under_strain(model.scene, path.states[0].gradient)
+    ahead = under_tension(model.scene, 1.01 * tension)
+    card, _ = find_cards(Meshes.of(exact_model(model.scene)), path.states, {0: load}, {0: ahead})[0]
     assert card.asymmetry < 1e-3 and card.is_stable
     loading, cycles = card.history.loading, card.stiffness
     assert np.linalg.eigvalsh(cycles - 0.5 * (loading + loading.T)).min() > -0.01 * cycles.max()
@@ -140,7 +141,7 @@ def test_the_card_in_space_is_symmetric_and_near_that_of_the_plane():
         model = exact_model(scene_of(kind))
         path, load = LoadPath(model), under_strain(model.scene, np.diag([1.16, 1.12]))
         path.to(load)
-        cards[kind], _ = find_card(model, path.state, load)
+        cards[kind], _ = find_cards(path.meshes, path.states, {0: load}, {})[0]
     mine, other = cards["spatial"], cards["planar"]
     assert mine.asymmetry < 1.6e-3 and mine.step_difference < 5e-3 and mine.is_stable
     assert mine.stiffness == pytest.approx(other.stiffness, abs=0.06 * other.stiffness.max())

@@ -19,7 +19,7 @@ from ..runner.progress_display import Display
 from ..runner.run_directory import CommandResult, read_summary
 from ..scene import Scene, load_scene
 from ..scene.units import DIMENSIONS, QuantityError, has_unit, shown, si
-from ..studies.contact_map import MapSummary, map_table, read_map
+from ..studies.contact_map import MapSummary, friction_findings, map_table, read_map
 from ..studies.fe_codes import CODES
 from ..studies.findings import Findings, report_scene
 from ..studies.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
@@ -139,7 +139,7 @@ def report_command(
     try:
         page = write_report(
             fitted.scene, rows, out, tension=asked.tension, notes=notes, codes=asked.codes, progress=progress,
-            reflection=read_findings(out, fitted.scene),
+            of_map=list(friction_findings(result.summary)), reflection=read_findings(out, fitted.scene),
         )  # fmt: skip
     except KeyboardInterrupt:
         return Report(CommandResult(INTERRUPTED, result.summary, f"interrupted; the map is kept in {out}"), notes, None)

@@ -30,6 +30,7 @@ LONGEST_AXIS = 20.0  # upper over lower end of the axis of tension: service tens
 BEFORE = 0.8  # of the lowest reported tension: begin of the axis
 LEAST_TENSION = 1e-4  # of the largest: less is not drawn, on a logarithmic axis
 CLASS_COLOURS, CLASS_DASHES = (BLUE, ORANGE, PURPLE, GREY), ("-", "--", ":")  # dashes where colours come again
+FRICTION_DASHES = ((0, (1.0, 1.5)), (0, (6.0, 2.0)))  # of half and twice the friction
 LAST_CLASS, WIDER_CLASS, WIDEST_CLASS = 1.2, 0.9, 6.3  # [pt] of the last class, of each before it, which it may lie on, at most
 LEAST_DRIFT = 0.01  # of the axis of tension: a narrower one stands beside the best tension
 EQUAL = 1e-6  # of a strain: round-off between weft and warp
@@ -48,10 +49,12 @@ def tension_figure(
     *,
     yield_stress: float,
     jumps: Sequence[tuple[float, float]] = (),
+    frictions: Mapping[str, str] | None = None,
 ) -> Path:
     """Draw active contacts and largest wire stress against equal tensions.
 
-    history: columns under such tensions; answers: theirs (runner/answers.py); jumps: tensions [N/m] on both sides of each.
+    history: columns under such tensions; answers: theirs (runner/answers.py); jumps: tensions [N/m] on both sides of each;
+    frictions: labels of lines with another friction, by name.
     """
     tension = 0.5 * (history["tension_weft_N_per_m"] + history["tension_warp_N_per_m"])
     shown = tension > LEAST_TENSION * tension.max()
@@ -75,6 +78,11 @@ def tension_figure(
     draw_line(contacts, abscissa, active, jumped, color=GREEN, linewidth=widths[0], label="all contacts")
     draw_range(contacts, abscissa, history, "active_percent", GREEN, 1.0, shown)
     draw_range(stress, abscissa, history, "stress_max_Pa", BLUE, to_stress, shown)
+    for (name, label), dash in zip((frictions or {}).items(), FRICTION_DASHES, strict=False):
+        if f"{name}_active_percent" in history:
+            thin = {"linestyle": dash, "linewidth": 1.0, "label": label}
+            contacts.plot(abscissa, column(f"{name}_active_percent"), color=GREEN, **thin)
+            stress.plot(abscissa, to_stress * column(f"{name}_stress_max_Pa"), color=BLUE, **thin)
     if len(classes) > 1:
         for number, name in enumerate(classes):
             again, colour = divmod(number, len(CLASS_COLOURS))

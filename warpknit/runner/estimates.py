@@ -168,15 +168,22 @@ class Sensitivity:
 
 def changes_of(scene: Scene) -> dict[str, Scene]:
     """Scenes by what they change: fewer nodes a loop, and one further change each at these nodes."""
-    friction, overshoot, nodes = scene.contact.friction, scene.variants.overshoot, fewer_nodes(scene)
+    overshoot, nodes = scene.variants.overshoot, fewer_nodes(scene)
     coarse = replace(scene, model=replace(scene.model, nodes_per_loop=nodes))
-    found = {NODES: coarse}
-    if friction > 0.0:
-        for name, factor in FRICTIONS.items():
-            found[name] = replace(coarse, contact=replace(scene.contact, friction=factor * friction))
+    found = {NODES: coarse} | other_frictions(coarse)
     if overshoot > 0.0:
         found["overshoot"] = replace(coarse, stages=(_overshot(scene.stages[0], overshoot), *scene.stages))
     return found
+
+
+def other_frictions(scene: Scene) -> dict[str, Scene]:
+    """The scene with half and twice its friction; none for a scene without friction."""
+    contact = scene.contact
+    if contact.friction == 0.0:
+        return {}
+    return {
+        name: replace(scene, contact=replace(contact, friction=factor * contact.friction)) for name, factor in FRICTIONS.items()
+    }
 
 
 def fewer_nodes(scene: Scene) -> int:

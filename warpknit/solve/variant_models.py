@@ -16,14 +16,15 @@ MOST_NODES = 500_000  # of all meshes side by side
 TRIES = 4  # seeds to a mesh, before a scene has none
 
 
-def side_by_side(models: Sequence[Any]) -> list[list[int]]:
+def side_by_side(models: Sequence[Any], loops: Sequence[int] | None = None) -> list[list[int]]:
     """Places of models that can run as worlds of one simulation: with equal nodes and load steps, and own loops.
 
-    Results do not depend on which models run together. A group has at most MOST_NODES.
+    Results do not depend on which models run together. A group has at most MOST_NODES. loops: a number for each model, equal
+    for equal loops, which need not be their own; default: all differ.
     """
     groups: dict[tuple[int, ...], list[int]] = {}
     for place, model in enumerate(models):
-        alone = () if model.scene.model.of_kind.own_loops else (place,)
+        alone = () if model.scene.model.of_kind.own_loops else (place if loops is None else loops[place],)
         groups.setdefault((model.node_count, len(model.scene.stages), *alone), []).append(place)
     found = []
     for (nodes, *_), places in groups.items():

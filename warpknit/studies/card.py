@@ -23,17 +23,18 @@ loading, which is not symmetric. alpha is found by heating the mesh under its te
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
 from .. import measure
 from ..measure import Observables
+from ..measure.table import Record
 from ..results.row import Row
 from ..scene import Stage
-from .load_path import LoadPath, Mesh, PathState, ends_beside, part_of, under_strain
+from .load_path import Load, LoadPath, Meshes, PathState, follow, part_of, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state
@@ -42,6 +43,7 @@ BESIDE = 2.0  # amplitudes along the load, or back, to the middle of these diffe
 HEATED = 100.0  # [K] change of temperature for the expansion of a mesh with a history
 AGREEMENT = 0.05  # of the largest stiffness: larger changes from twice the step, or a larger asymmetry, give a warning
 WAVE_DIRECTIONS = 180  # directions of plane waves
+_Slopes: TypeAlias = tuple[np.ndarray, np.ndarray]
 VOIGT = np.array([[0, 2], [2, 1]])  # row of the stiffness for a pair of axes
 
 
@@ -171,34 +173,57 @@ def green(f: np.ndarray) -> np.ndarray:
     return np.array([strain[0, 0], strain[1, 1], 2.0 * strain[0, 1]])
 
 
-def find_card(
-    model: Mesh, begin: PathState, load: Stage, monitor: Callable[[float], None] = lambda _: None, *, ahead: Stage | None = None
-) -> tuple[MaterialCard, Observables]:
-    """The card under `load` and the tensioned mesh, from a state near it. model: periodic, see `exact_model`.
+def find_cards(
+    meshes: Meshes,
+    begin: Mapping[int, PathState],
+    load: Mapping[int, Stage],
+    ahead: Mapping[int, Stage],
+    monitor: Callable[[float], None] = lambda _: None,
+) -> dict[int, tuple[MaterialCard, Record]]:
+    """The cards of meshes and the tensioned meshes, by place; without meshes that do not converge.
 
-    All states of the differences start from that mesh. `monitor` is called with the completed share of the states. ahead: a load
-    a little further on, for a mesh with friction or yield. Raises `Diverged` where the mesh does not converge.
+    meshes: periodic. begin: a state near each, at which differences of all meshes start side by side. load: of each mesh. ahead:
+    loads a little further on, for meshes with friction or yield. `monitor` is called with the completed share of the states.
+    Raises `Diverged` where too few for a mean converge.
     """
-    path = LoadPath(model, begin)
-    base = path.to(load).observables
-    has_history = model.scene.depends_on_path
-    find = partial(_differences, model, path.state, base.gradient)
-    history = None
-    if has_history:
-        assert ahead is not None
-        onwards = LoadPath(model, path.state).to(ahead).observables.gradient
-        along = green(onwards @ np.linalg.inv(base.gradient))
-        along *= BESIDE / np.abs(along).max()
-        differences, loading = (find(CYCLE, sign * along, monitor=part_of(monitor, k, 3)) for k, sign in enumerate((-1.0, 1.0)))
-        expansion, cooling = _expansions(model, path.state, base, load)
+    path = LoadPath(meshes, begin)
+    bases = path.to(load)
+    near = _Near(meshes, path.states, {place: record.observables.gradient for place, record in bases.items()})
+    if meshes.scene.depends_on_path:
+        onwards = LoadPath(meshes, path.states).to({place: ahead[place] for place in path.states})
+        along = {place: _along(record.observables.gradient, near.tensioned[place]) for place, record in onwards.items()}
+        back = near.differences(CYCLE, {place: -strain for place, strain in along.items()}, monitor=part_of(monitor, 0, 3))
+        loading = near.differences(CYCLE, along, monitor=part_of(monitor, 1, 3))
+        heated, cooled = _expansions(meshes, path.states, bases, load)
         monitor(1.0)
-        history = History(loading.tangent, loading.step_difference, cooling)
-    else:
-        differences = find(STEP, least=LEAST_STEP, monitor=monitor)
-        expansion = -np.linalg.solve(differences.stiffness, differences.by_length) * model.scene.wire.expansion
-    weft, warp = (float(strain) for strain in np.diag(base.gradient) - 1.0)
-    tension = measure.mesh_tension(base)
-    card = MaterialCard(
+        histories = {
+            place: History(one.tangent, one.step_difference, cooled[place]) for place, one in loading.items() if place in cooled
+        }
+        return {
+            place: (_card(bases[place], back[place], heated[place], history), bases[place])
+            for place, history in histories.items()
+            if place in back
+        }
+    found = near.differences(STEP, dict.fromkeys(bases, np.zeros(3)), least=LEAST_STEP, monitor=monitor)
+    cards = {}
+    for place, one in found.items():
+        expansion = -np.linalg.solve(one.stiffness, one.by_length) * meshes.scene.wire.expansion
+        cards[place] = _card(bases[place], one, expansion, None), bases[place]
+    return cards
+
+
+def _along(onwards: np.ndarray, tensioned: np.ndarray) -> np.ndarray:
+    """Strain (3,) from a tensioned state towards another, BESIDE in its largest component."""
+    along = green(onwards @ np.linalg.inv(tensioned))
+    return np.asarray(along * BESIDE / np.abs(along).max())
+
+
+def _card(base: Record, differences: _Differences, expansion: np.ndarray, history: History | None) -> MaterialCard:
+    """The card of a tensioned mesh."""
+    state = base.observables
+    weft, warp = (float(strain) for strain in np.diag(state.gradient) - 1.0)
+    tension = measure.mesh_tension(state)
+    return MaterialCard(
         strain_weft=weft,
         strain_warp=warp,
         tension_weft=tension[0],
@@ -208,59 +233,90 @@ def find_card(
         step_difference=differences.step_difference,
         difference_step=differences.step,
         expansion=expansion,
-        areal_mass=measure.areal_mass(base),
-        stress_max=measure.largest_stress(base),
-        active_percent=measure.contacts(base).active_percent,
-        temperature=model.scene.stages[0].temperature,
+        areal_mass=measure.areal_mass(state),
+        stress_max=measure.largest_stress(state),
+        active_percent=measure.contacts(state).active_percent,
+        temperature=state.model.scene.stages[0].temperature,
         history=history,
     )
-    return card, base
 
 
-def _expansions(model: Mesh, state: PathState, base: Observables, load: Stage) -> tuple[np.ndarray, np.ndarray]:
-    """Strain E a kelvin (3,) [1/K] at a constant tension; while heated by HEATED, and while cooling back."""
-    weft, warp = measure.mesh_tension(base)
-    held = replace(load, strain_weft=None, strain_warp=None, tension_weft=weft, tension_warp=warp)
-    path, strains = LoadPath(model, state), [np.zeros(3)]
+def _expansions(
+    meshes: Meshes, states: Mapping[int, PathState], bases: Mapping[int, Record], load: Mapping[int, Stage]
+) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
+    """Strain E a kelvin (3,) [1/K] at a constant tension, by place: while heated by HEATED, and while cooling back."""
+    path, strains = LoadPath(meshes, states), [dict.fromkeys(states, np.zeros(3))]
     for name, change in (("heated", HEATED), ("cooled", 0.0)):
-        found = path.to(replace(held, name=name, temperature=load.temperature + change)).observables
-        strains.append(green(found.gradient @ np.linalg.inv(base.gradient)))
-    return strains[1] / HEATED, (strains[1] - strains[2]) / HEATED
+        held = {}
+        for place in path.states:
+            weft, warp = measure.mesh_tension(bases[place].observables)
+            stage = replace(load[place], strain_weft=None, strain_warp=None, tension_weft=weft, tension_warp=warp)
+            held[place] = replace(stage, name=name, temperature=stage.temperature + change)
+        ends = {place: record.observables.gradient for place, record in path.to(held).items()}
+        strains.append({place: green(end @ np.linalg.inv(bases[place].observables.gradient)) for place, end in ends.items()})
+    begin, heated, cooled = strains
+    return (
+        {place: (strain - begin[place]) / HEATED for place, strain in heated.items()},
+        {place: (heated[place] - strain) / HEATED for place, strain in cooled.items()},
+    )
 
 
-def _differences(
-    model: Mesh,
-    state: PathState,
-    tensioned: np.ndarray,
-    step: float,
-    beside: np.ndarray | float = 0.0,
-    *,
-    least: float = np.inf,
-    monitor: Callable[[float], None],
-) -> _Differences:
-    """Derivatives about a strain of `beside` (3,) steps from a tensioned state; the most consistent step from `least` on."""
-    area = model.panel.area * float(np.linalg.det(tensioned))
+@dataclass(frozen=True)
+class _Near:
+    """Tensioned meshes, and equilibria near them; all by place."""
 
-    def slopes(*sizes: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Derivatives of stress (3, 3) and of energy by length factor (3,), for each step. By E11, E22, 2 E12."""
-        steps = [stretch(size * (beside + sign * along)) for size in sizes for along in np.eye(3) for sign in (1.0, -1.0)]
-        stages = [under_strain(model.scene, f @ tensioned) for f in steps]
-        ends = ends_beside(model, state, stages)
-        there = [(f, record.observables) for f, record in zip(steps, ends, strict=True)]
-        values = [(*_stress(r, f, tensioned), r.thermal_force / area) for f, r in there]
-        for size, found in zip(sizes, np.reshape(values, (len(sizes), 3, 2, 4)), strict=True):
-            slope = (found[:, 0] - found[:, 1]) / (2.0 * size)
-            yield slope[:, :3], slope[:, 3]
+    meshes: Meshes
+    states: Mapping[int, PathState]
+    tensioned: Mapping[int, np.ndarray]  # (2, 2) deformation gradients
 
-    coarse, fine = slopes(2.0 * step, step)
-    best = _Differences.of(coarse, fine, step)
-    while best.error > AGREEMENT and step > least:
-        monitor(0.5)
-        step *= 0.5
-        coarse, (fine,) = fine, slopes(step)
-        best = min(best, _Differences.of(coarse, fine, step), key=lambda one: one.error)
-    monitor(1.0)
-    return best
+    def differences(
+        self, step: float, beside: Mapping[int, np.ndarray], *, least: float = np.inf, monitor: Callable[[float], None]
+    ) -> dict[int, _Differences]:
+        """Derivatives about a strain of `beside` (3,) steps from the tensioned states; without meshes that do not converge.
+
+        Of each mesh the most consistent step from `least` on.
+        """
+        coarse, fine = self._slopes((2.0 * step, step), beside)
+        best = {place: _Differences.of(coarse[place], slope, step) for place, slope in fine.items()}
+        while step > least and (more := {place: beside[place] for place, one in best.items() if one.error > AGREEMENT}):
+            monitor(0.5)
+            step *= 0.5
+            coarse, (fine,) = fine, self._slopes((step,), more)
+            for place, slope in fine.items():
+                best[place] = min(best[place], _Differences.of(coarse[place], slope, step), key=lambda one: one.error)
+        monitor(1.0)
+        return best
+
+    def _slopes(self, sizes: Sequence[float], beside: Mapping[int, np.ndarray]) -> list[dict[int, _Slopes]]:
+        """Derivatives of stress (3, 3) and of energy by length factor (3,).
+
+        By E11, E22, 2 E12; for each size of a step.
+        """
+        steps = {
+            place: [stretch(size * (middle + sign * along)) for size in sizes for along in np.eye(3) for sign in (1.0, -1.0)]
+            for place, middle in beside.items()
+        }
+        models = {place: self.meshes.models[place] for place in steps}
+        loads = [
+            Load(place, mesh, under_strain(mesh.scene, f @ self.tensioned[place]), self.states[place])
+            for place, mesh in models.items()
+            for f in steps[place]
+        ]
+        ends = iter(follow(loads, 1))
+        found: list[dict[int, _Slopes]] = [{} for _ in sizes]
+        for place, mesh in models.items():
+            of_mesh = [next(ends) for _ in steps[place]]
+            if any(one.end is None for one in of_mesh):
+                continue
+            area = mesh.panel.area * float(np.linalg.det(self.tensioned[place]))
+            states = [one.records[-1].observables for one in of_mesh]
+            values = [
+                (*_stress(r, f, self.tensioned[place]), r.thermal_force / area) for f, r in zip(steps[place], states, strict=True)
+            ]
+            for size, of_size, pairs in zip(sizes, found, np.reshape(values, (len(sizes), 3, 2, 4)), strict=True):
+                slope = (pairs[:, 0] - pairs[:, 1]) / (2.0 * size)
+                of_size[place] = slope[:, :3], slope[:, 3]
+        return found
 
 
 @dataclass(frozen=True)
@@ -273,7 +329,7 @@ class _Differences:
     step: float
 
     @classmethod
-    def of(cls, coarse: tuple[np.ndarray, np.ndarray], fine: tuple[np.ndarray, np.ndarray], step: float) -> _Differences:
+    def of(cls, coarse: _Slopes, fine: _Slopes, step: float) -> _Differences:
         change = _symmetric(fine[0]) - _symmetric(coarse[0])
         return cls(fine[0].T, fine[1], float(np.abs(change).max() / np.abs(_symmetric(fine[0])).max()), step)
 

@@ -198,12 +198,13 @@ def write_card(
     model_warnings: Sequence[ResultWarning] = (),
     fe_cards: Mapping[str, str] | None = None,
     spread: Mapping[str, Spread] | None = None,
+    frictions: Mapping[str, Mapping[str, float]] | None = None,
     meshes: int = 1,
 ) -> None:
     """Write both files into `out`; where: the state of the card, in words; model_warnings: of its map.
 
     fe_cards: the file for each FE code, or why there is none.
-    spread: of the values over the cards of several `meshes`, by name.
+    spread: of the values over the cards of several `meshes`, by name; frictions: of each value its means with other frictions.
     """
     rows = [validity(scene, model_warnings), *card_values(card), *strength_values(card, scene)]
     columns = zip(("name", "value", "unit", "meaning"), zip(*rows, strict=True), strict=True)
@@ -221,6 +222,7 @@ def write_card(
         "definition": definition(card),
         "meshes": meshes,
         "spread": spread or {},
+        "frictions": frictions or {},
         "values": {name: value for name, value, _, _ in rows},
         "units": {name: unit for name, _, unit, _ in rows},
         "meaning": {name: meaning for name, _, _, meaning in rows},

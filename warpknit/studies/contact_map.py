@@ -21,6 +21,7 @@ from ..mechanics.protocols import Model
 from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Row, Values, read_rows, valued, write_rows
 from ..runner.best_tension import DRIFT
+from ..runner.estimates import FRICTIONS
 from ..runner.run_directory import Tree
 from ..runner.summary_table import TIMED, heading, model_findings
 
@@ -354,7 +355,7 @@ def _is_jump(low: Pair, high: Pair, jumps: Sequence[Jump]) -> bool:
 
 
 class MapSummary(Values):
-    """The tables of map.json. `report`, `reflection`, `answers` and `spatial_model` are left out of maps without them."""
+    """The tables of map.json. `report`, `reflection`, `answers`, `spatial_model` and `frictions` are left out without them."""
 
     scene: Values
     version: str
@@ -372,6 +373,7 @@ class MapSummary(Values):
     report: Values  # times of a report
     reflection: Sequence[Values]  # of a map with [reflection], see there
     answers: Values  # of a map with [reflection]: its least tensions
+    frictions: Values  # of several meshes: means at the optimum with half and twice the friction, by name
     spatial_model: Values  # of a planar tile: means of the spatial model at the largest load, with `load` and `planar`
 
     @classmethod
@@ -410,6 +412,7 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
         )
         share = f", {percent(1.0 - optimum.stress_margin, 0)} of yield{assumed}"
         yield Finding("  largest wire stress", optimum.stress_max_Pa, "Pa", where=share, short=True)
+        yield from friction_findings(result)
         for drift in optimum.drift:
             yield Finding(f"  {drift_name(drift)}", drift_text(drift), short=drift.along == "both")
     if "spatial_model" in result:
@@ -423,6 +426,17 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
     else:
         stages = ", ".join(f"{name} {duration(took)}" for name, took in vars(report.stages_s).items() if took >= LEAST_TOLD)
         yield Finding("  wall time", f"{duration(report.wall_s, 3)}: {stages}")
+
+
+def friction_findings(result: MapSummary) -> Iterator[Finding]:
+    """The optimum with other frictions."""
+    for name, means in vars(result.get("frictions", Values())).items():
+        strain = f"{percent(means.strain_weft)} weft, {percent(means.strain_warp)} warp"
+        tension = sides_text((means.tension_weft_N_per_m, means.tension_warp_N_per_m), "N/m")
+        driven = f"strain {strain}" if result.loads == "tensions" else f"tension {tension}"
+        share, stress = percent(0.01 * means.active_percent), engineering(means.stress_max_Pa, "Pa")
+        friction = f"{FRICTIONS[name] * result.model.friction:g}"
+        yield Finding(f"  with friction {friction}", f"{driven}; {share} active; {stress}", short=True)
 
 
 def _spatial_finding(other: Values, *, by_tension: bool) -> Finding:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,34 +17,34 @@ from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
 from ..runner.variants import mean_row
-from .load_path import Mesh, MeshesPath, part_of, path_of, under_strain
+from .load_path import Load, Meshes, follow, levels_of, under_strain
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
 LOADS = (("both", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
-def tension_strain(
-    meshes: Mesh | Sequence[Mesh], weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None
-) -> list[Row]:
+def tension_strain(meshes: Meshes, weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None) -> list[Row]:
     """The curves of all LOADS up to the strains `weft` and `warp`; both together grow in proportion.
 
-    meshes: one, or several, whose curves are means with the ranges of eight in ten. `monitor` is called with the completed share
-    of the curves.
+    Curves of several meshes are means with the ranges of eight in ten. `monitor` is called with the completed share.
     """
-    points = []
-    for number, (name, along_weft, along_warp) in enumerate(LOADS):
-        path = path_of(meshes)
-        levels = math.ceil(path.scene.output.levels / POINTS)  # of the way from one point to the next
-        stage = under_strain(path.scene, np.diag([1.0 + along_weft * weft, 1.0 + along_warp * warp]))
+    meshes = replace(meshes, models={place: meshes.models[place] for place in meshes.own}, again={})
+    scene, points = meshes.scene, []
+    levels = math.ceil(scene.output.levels / POINTS)  # of the way from one point to the next
+    ends = [(name, under_strain(scene, np.diag([1.0 + x * weft, 1.0 + y * warp]))) for name, x, y in LOADS]
+    followed = iter(
+        follow([Load(place, mesh, end) for _, end in ends for place, mesh in meshes.models.items()], levels * POINTS, monitor)
+    )
+    for name, along_weft, along_warp in LOADS:
         found: dict[int, list[Observables]] = {}
         rows: list[Row] = []
         with suppress(Diverged):
-            for k, records in enumerate(path.beside(stage, levels * POINTS, part_of(monitor, number, len(LOADS)))):
-                rows.append(row_of(records[0]))
+            for k, records in enumerate(levels_of({place: next(followed) for place in meshes.models}, meshes)):
+                rows.append(row_of(next(iter(records.values()))))
                 if k % levels == 0:
-                    found[k // levels] = [record.observables for record in records]
-        jumped = [] if isinstance(path, MeshesPath) else jumps_of(path.model, rows)  # of means there are none
+                    found[k // levels] = [record.observables for record in records.values()]
+        jumped = jumps_of(meshes.first, rows) if len(meshes.models) == 1 else []  # of means there are none
         behind = {math.ceil(after.index / levels) for _, after in jumped}
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
             strains = along_weft * weft * share, along_warp * warp * share

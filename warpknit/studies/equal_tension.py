@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,14 @@ from ..base.errors import Diverged
 from ..base.text import engineering, exact, of_sides, percent
 from ..results.row import Row
 from ..runner.branches import Jump, tensions_text
+from ..runner.estimates import FRICTIONS
 from ..runner.history import mean_tension
 from ..runner.service_tensions import SERVICE_TENSIONS, Service
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from .card import MaterialCard
 from .contact_map import SIDES, STEADY, MapRow, axes_of, grid
-from .load_path import part_of, path_of, under_tension
+from .load_path import LoadPath, Meshes, PathState, part_of, under_tension
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
@@ -37,6 +37,7 @@ MISSES = 2  # stages in a row that may fail
 REFINED = 16  # times finer than the map on each side, for the search of equal tensions
 DOUBLINGS = 4  # of the largest tension of interest, at most, in search of first yield
 JUMPS_SHOWN = 4
+SHOWN = ("strain_weft", "strain_warp", "active_percent", "stress_max_Pa")  # figures of a service tension
 SAME_STRESS, SAME_STRAIN = 0.05, 0.003  # largest differences of one equilibrium found twice: relative, and strain
 
 
@@ -45,7 +46,7 @@ class EqualTensionPath:
     """Rows of history.csv under equal tensions; states at the ends of load steps."""
 
     rows: Sequence[Row] = ()
-    states: Mapping[float, Any] = field(default_factory=dict)  # by tension [N/m]; see `path_of`
+    states: Mapping[float, Mapping[int, PathState]] = field(default_factory=dict)  # by tension [N/m], of each mesh
     at: Mapping[float, Row] = field(default_factory=dict)  # the rows of these states
     ended: str = ""  # why, where it did not go to its largest tension
 
@@ -63,25 +64,21 @@ class EqualTensionPath:
         return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
 
 
-def load_equally(
-    meshes: Any, largest: float, monitor: Callable[[float], None] = lambda _: None, tension: float | None = None
-) -> EqualTensionPath:
-    """The path to first yield, or through DOUBLINGS of the largest tension.
+def load_equally(meshes: Meshes, largest: float, monitor: Callable[[float], None] = lambda _: None) -> EqualTensionPath:
+    """The path to first yield, or through DOUBLINGS of the largest tension; its rows are means over the meshes.
 
-    That is the largest of the service tensions, `tension` and `largest` [N/m].
+    That is the larger of the service tensions and `largest` [N/m], of the map.
 
     If a load step does not converge, the path goes to the end of the next load step, at most MISSES times in a row. Then it ends
     with the records before. `monitor` gets the completed share.
-
-    meshes: one in double precision, or a list, whose rows are means. largest: of the map.
     """
-    path = path_of(meshes)
+    path = LoadPath(meshes)
     scene = path.scene
-    wanted = service_tensions(scene, tension)
+    wanted = service_tensions(scene, None)
     top = max(largest, *wanted)
     ends = [*_ends(wanted, largest), *(top * 2.0**k for k in range(1, DOUBLINGS + 1))]
     rows: list[Row] = []
-    states: dict[float, Any] = {}
+    states: dict[float, Mapping[int, PathState]] = {}
     at: dict[float, Row] = {}
     low, missed = 0.0, 0
     for number, high in enumerate(ends):
@@ -99,7 +96,7 @@ def load_equally(
                 return EqualTensionPath(rows, states, at, str(error))
             del rows[before:]
         else:
-            states[high], at[high] = path.state, rows[-1]
+            states[high], at[high] = path.states, rows[-1]
             if rows[-1].stress_max_Pa > scene.wire.yield_stress:
                 return EqualTensionPath(rows, states, at, YIELDED)
             low, missed = high, 0
@@ -107,7 +104,7 @@ def load_equally(
 
 
 def with_state_at(
-    meshes: Any, path: EqualTensionPath, tension: float, monitor: Callable[[float], None] = lambda _: None
+    meshes: Meshes, path: EqualTensionPath, tension: float, monitor: Callable[[float], None] = lambda _: None
 ) -> EqualTensionPath:
     """The path with its state at `tension` [N/m], from the next smaller tension.
 
@@ -117,7 +114,7 @@ def with_state_at(
     if tension in path.states:
         return path
     low = max((one for one in path.states if one < tension), default=0.0)
-    way, rows, ended, is_found = path_of(meshes, path.states.get(low)), list[Row](), path.ended, False
+    way, rows, ended, is_found = LoadPath(meshes, path.states.get(low)), list[Row](), path.ended, False
     scene = way.scene
     try:
         for row in way.rows(under_tension(scene, tension), levels_between(scene, low, tension), monitor):
@@ -141,7 +138,7 @@ def with_state_at(
         if not is_found:
             return replace(path, rows=joined if max(map(mean_tension, joined), default=0.0) > top else path.rows, ended=ended)
     path = replace(path, rows=joined)
-    return replace(path, states={**path.states, tension: way.state}, at={**path.at, tension: rows[-1]})
+    return replace(path, states={**path.states, tension: way.states}, at={**path.at, tension: rows[-1]})
 
 
 def unreached_text(scene: Scene, path: EqualTensionPath, tension: float) -> str:
@@ -214,10 +211,18 @@ class ServicePoint:
         """The ranges of these figures over eight in ten meshes; None of one mesh."""
         if self.row is None or "p10_stress_max_Pa" not in self.row:
             return None
-        names = ("strain_weft", "strain_warp", "active_percent", "stress_max_Pa")
-        low, high = (Row(**{name: self.row[f"{end}_{name}"] for name in names}) for end in ("p10", "p90"))
+        low, high = (Row(**{name: self.row[f"{end}_{name}"] for name in SHOWN}) for end in ("p10", "p90"))
         weft, warp, *others = (f"{one} to {other}" for one, other in zip(_parts(low), _parts(high), strict=True))
         return f"{weft} / {warp}", *others
+
+    @property
+    def friction_texts(self) -> dict[str, tuple[str, ...]]:
+        """The figures with other frictions, by name; none of one mesh."""
+        if self.row is None:
+            return {}
+        of = {friction: [self.row.get(f"{friction}_{name}") for name in SHOWN] for friction in FRICTIONS}
+        parts = {one: _parts(Row(**dict(zip(SHOWN, of[one], strict=True)))) for one in of if None not in of[one]}
+        return {friction: (f"{weft} / {warp}", *others) for friction, (weft, warp, *others) in parts.items()}
 
     @property
     def answer(self) -> Service:

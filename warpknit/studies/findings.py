@@ -12,6 +12,7 @@ from ..results.row import Row
 from ..runner.answers import Answers
 from ..runner.answers_table import answer_findings
 from ..runner.branches import Jump as RowJump
+from ..runner.estimates import FRICTIONS, MESHES
 from ..runner.strength import exceeded_text
 from ..scene import Scene, Sweep
 from ..scene.capabilities import refuse
@@ -77,6 +78,7 @@ class Findings:
     earlier_kept: bool  # nothing was written: there is no card, and the directory has an earlier report with one
     codes: Sequence[str]  # FE codes that get the card
     times: Mapping[str, float] = field(default_factory=dict)  # [s] of the stages of the report
+    of_map: Sequence[Finding] = ()  # lines on the optimum of the map with other frictions
     reflection: Sequence[Finding] = ()  # lines on the reflection loss of the states of the map
     file_notes: tuple[str, ...] = ()  # FE codes without a card and why, and files that were removed
 
@@ -92,8 +94,19 @@ class Findings:
             return ""
         counts = [row.meshes for row in self.path.rows if "meshes" in row]
         if not counts:
-            return "of one mesh with equal loops"
+            return "means of several meshes"
         return f"means of {' to '.join(map(str, sorted({min(counts), max(counts)})))} meshes"
+
+    def friction_name(self, friction: str) -> str:
+        """The name of another friction on the page."""
+        return f"friction {FRICTIONS[friction] * self.scene.contact.friction:g}"
+
+    @property
+    def friction_text(self) -> str:
+        """Where values with other frictions come from, as a sentence after a space; or nothing."""
+        if not any(point.friction_texts for point in self.service):
+            return ""
+        return f" Values with another friction are these means, changed as {MESHES} of the meshes change with it."
 
     @property
     def by_tension(self) -> bool:
@@ -133,10 +146,21 @@ class Findings:
             of = f"; {self.of_meshes}" if self.of_meshes else ""
             yield Finding("equal tensions", f"followed {self.path.end_text}{of}", short=True)
             yield from answer_findings(self.answers, self.scene.wire.yield_stress, failed=self.path.failed)
+            yield from self._friction_lines
         if self.heat_note:
             yield Finding("heat", self.heat_note)
         if self.no_heat and later_temperatures(self.scene):
             yield Finding("heat", f"not shown: {self.no_heat}")
+
+    @property
+    def _friction_lines(self) -> Iterator[Finding]:
+        """The requested tension, or the middle service tension, with other frictions."""
+        known = [point for point in self.service if point.friction_texts]
+        point = next((one for one in known if one.tension == self.requested), known[len(known) // 2] if known else None)
+        if point is not None:
+            for friction, (strains, active, stress) in point.friction_texts.items():
+                text = f"at {point.name} strain {strains}, {active} active, {stress}"
+                yield Finding(f"  with {self.friction_name(friction)}", text, short=True)
 
     @property
     def heat_note(self) -> str:

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ..base.errors import Diverged
 from ..base.text import celsius, exact
 from ..results.row import Row
 from ..runner.branches import Jump, jumps_of
 from ..runner.heat import Heat, heat_of
-from ..runner.history import row_of
 from ..scene import Scene
 from .equal_tension import EqualTensionPath, levels_between
-from .load_path import AS_KNITTED, LoadPath, exact_model, part_of, under_strain, under_tension
+from .load_path import LoadPath, Meshes, part_of, under_strain, under_tension
 
 TOLERANCE = 5e-5  # residual, at most: heat strains a soft mesh by little, and its tension is held to two thirds of that
 LEAST_LEVELS = 2  # of a change of temperature
@@ -42,7 +39,11 @@ def tension_held(path: EqualTensionPath, requested: float | None, best: float | 
 
 
 def heat(
-    scene: Scene, path: EqualTensionPath, held: float | None, monitor: Callable[[float], None] = lambda _: None
+    scene: Scene,
+    meshes: Meshes,
+    path: EqualTensionPath,
+    held: float | None,
+    monitor: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[HeatedMesh], str]:
     """Meshes under a tension [N/m] at the temperatures of [[path]]; or none, and the reason.
 
@@ -58,30 +59,29 @@ def heat(
     if held is None or len(path.rows) < 2:
         return [], "no tension was found that the mesh carries below the elastic limit of the wire"
     low = max((tension for tension in path.states if tension <= held), default=0.0)
-    mesh = LoadPath(exact_model(scene, TOLERANCE), path.states.get(low, AS_KNITTED))
-    under = under_tension(scene, held)
+    mesh = LoadPath(meshes.with_tolerance(TOLERANCE), path.states.get(low))
+    scene, under = mesh.scene, under_tension(scene, held)
     try:
-        *_, record = mesh.load(under, 1 if low == held else levels_between(scene, low, held))
+        *_, begin = mesh.rows(under, 1 if low == held else levels_between(scene, low, held))
     except Diverged as error:
         return [], f"the mesh did not converge under {exact(held, 'N/m')} at {celsius(under.temperature)}: {error}"
-    begin = row_of(record)
-    framed = under_strain(scene, np.diag([1.0 + begin.strain_weft, 1.0 + begin.strain_warp]))
-    cases = (("tension held", under), ("frame held", framed))
+    framed = {place: under_strain(scene, state.gradient) for place, state in mesh.states.items()}
+    cases = (("tension held", dict.fromkeys(framed, under)), ("frame held", framed))
     found = []
-    for number, (name, load) in enumerate(cases):
-        way, rows, stages = LoadPath(mesh.model, mesh.state), [begin], list(mesh.state.stages)
+    for number, (name, loads) in enumerate(cases):
+        way, rows, stages = LoadPath(mesh.meshes, mesh.states), [begin], list(next(iter(mesh.states.values())).stages)
         ended = ""
         ahead = part_of(monitor, number, len(cases))
         try:
             for count, temperature in enumerate(temperatures):
-                stage = replace(load, name=f"{celsius(temperature)}, {name}", temperature=temperature)
-                stages.append(stage)
+                at = f"{celsius(temperature)}, {name}"
+                stage = {place: replace(loads[place], name=at, temperature=temperature) for place in way.states}
+                stages.append(next(iter(stage.values())))
                 frames = scene.output.frames
                 levels = frames if isinstance(frames, str) else max(LEAST_LEVELS, frames // 2)
-                for record in way.load(stage, levels, part_of(ahead, count, len(temperatures))):
-                    rows.append(row_of(record))
+                rows += way.rows(stage, levels, part_of(ahead, count, len(temperatures)))
         except Diverged:
             ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
-        jumps = jumps_of(mesh.model, rows)
+        jumps = jumps_of(meshes.first, rows) if len(meshes.own) == 1 else []  # of means there are none
         found.append(HeatedMesh(rows, heat_of(rows, stages, jumps), jumps, ended))
     return found, ""

@@ -1,10 +1,9 @@
-"""Load paths of meshes: stages are given one after the other, and a path may return to an earlier state.
+"""Load paths of meshes side by side: stages are given one after the other, and a path may return to an earlier state.
 
-    path = LoadPath(build_model(scene))
-    records = list(path.load(under_strain(scene, np.diag([1.1, 1.1])), levels=20))
-    beside = LoadPath(path.model, path.state)                         # goes on from there, as often as wanted
-    means = MeshesPath(models).rows(under_strain(scene, np.diag([1.1, 1.1])), levels=20)    # of several meshes side by side
-    for world, end in ends_of(knitted_worlds(models, stages, levels)): ...      # each load from the mesh as knitted
+    path = LoadPath(meshes_of(scene))                     # or a model
+    rows = list(path.rows(under_strain(scene, np.diag([1.1, 1.1])), levels=20))    # means over the meshes
+    beside = LoadPath(path.meshes, path.states)           # goes on from there, as often as wanted
+    for world, end in ends_of(knitted_worlds(models, stages, levels)): ...         # each load from the mesh as knitted
 
 Each equilibrium starts from the last one. So states of one path are on one branch of equilibria. A tight knit has several
 equilibria under one load: states that are each found from the mesh as knitted may lie on different branches.
@@ -22,13 +21,14 @@ from ..base.errors import Diverged
 from ..measure import Observables
 from ..measure.table import Record
 from ..results.row import Row
+from ..runner.estimates import MESHES, other_frictions
 from ..runner.history import row_of
-from ..runner.variants import mean_row
+from ..runner.variants import first_meshes, mean_row
 from ..scene import Scene, Stage
 from ..solve.model import build_model
 from ..solve.progress import Progress
 from ..solve.simulate import Simulation
-from ..solve.variant_models import side_by_side
+from ..solve.variant_models import VariantModels, side_by_side
 
 Mesh: TypeAlias = Any  # a model of either kind
 Monitor = Callable[[float], None]  # is called with the share that is done
@@ -37,6 +37,102 @@ FEWEST = 2  # meshes, of a mean
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
 DIFFERENCE_TOLERANCE = 2e-5
 ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
+FIGURES = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """The meshes of a scene, and some of them again with another friction."""
+
+    models: Mapping[int, Mesh]  # by place
+    again: Mapping[int, tuple[str, int]] = field(default_factory=dict)  # of a mesh with another friction: which, and the
+    # place of the same mesh with the scene's friction
+
+    @classmethod
+    def of(cls, meshes: Meshes | Sequence[Mesh] | Mesh) -> Meshes:
+        """One or several models."""
+        if isinstance(meshes, Meshes):
+            return meshes
+        return cls(dict(enumerate(meshes if isinstance(meshes, Sequence) else [meshes])))
+
+    @property
+    def first(self) -> Mesh:
+        """The first model."""
+        return next(iter(self.models.values()))
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the first mesh."""
+        scene: Scene = self.first.scene
+        return scene
+
+    @property
+    def own(self) -> list[int]:
+        """Places of the meshes with the friction of the scene."""
+        return [place for place in self.models if place not in self.again]
+
+    @property
+    def fewest(self) -> int:
+        """Number of these meshes that a mean needs."""
+        return min(FEWEST, len(self.own))
+
+    def with_tolerance(self, tolerance: float) -> Meshes:
+        """The meshes with a residual tolerance that is at most this."""
+        changed = {place: replace(model, scene=exact(model.scene, tolerance)) for place, model in self.models.items()}
+        return replace(self, models=changed)
+
+    def means(self, values: Mapping[int, Mapping[str, float]], name: str) -> dict[str, float]:
+        """The mean of a value over the meshes with each other friction: that over the scene's meshes, and the mean change.
+
+        values: by place. The change is over the meshes with both frictions, so their scatter drops out.
+        """
+        mean = float(np.mean([values[place][name] for place in self.own if place in values]))
+        changes: dict[str, list[float]] = {}
+        for place, (friction, same) in self.again.items():
+            if place in values and same in values:
+                changes.setdefault(friction, []).append(values[place][name] - values[same][name])
+        return {friction: mean + float(np.mean(of)) for friction, of in changes.items()}
+
+    def mean_of(self, records: Mapping[int, Record]) -> Row:
+        """The mean row of records by place, or the row of a single mesh.
+
+        It has ranges of eight in ten, `meshes` in the mean, and FRICTION_NAME for another friction.
+        """
+        rows = {place: row_of(record) for place, record in records.items()}
+        own = [rows[place] for place in self.own if place in rows]
+        if len(own) == 1:
+            return own[0]
+        mean = mean_row([row.changed(variant=None, meshes=len(own)) for row in own], 0)
+        values = {place: vars(row) for place, row in rows.items()}
+        frictions = {f"{one}_{name}": value for name in FIGURES for one, value in self.means(values, name).items()}
+        return mean.changed(**frictions)
+
+
+def meshes_of(scene: Scene) -> Meshes:
+    """The first meshes of `[variants]`, and some of them with other frictions; or the single mesh of the scene.
+
+    In double precision. Raises `ModelError`, `KnitError`.
+    """
+    variants = scene.variants
+    scene = exact(replace(scene, stages=scene.stages[:1], sweep=None), scene.solver.residual_tolerance)
+    if variants.count == 1:
+        return Meshes.of(build_model(scene))
+    own = VariantModels(scene)
+    own.take(first_meshes(variants))
+    return with_frictions(own)
+
+
+def with_frictions(own: VariantModels) -> Meshes:
+    """The meshes that were taken, and with `variants.sensitivity` some of them with other frictions.
+
+    Raises `ModelError`, `KnitError`.
+    """
+    models, again = {place: own.of_place(place) for place in range(len(own.taken))}, dict[int, tuple[str, int]]()
+    for name, changed in (other_frictions(own.scene) if own.scene.variants.sensitivity else {}).items():
+        other = VariantModels(changed, own.device)
+        for same, number in enumerate(own.taken[:MESHES]):
+            again[len(models)], models[len(models)] = (name, same), other.model(number)
+    return Meshes(models, again)
 
 
 @dataclass(frozen=True)
@@ -45,98 +141,104 @@ class PathState:
 
     stages: tuple[Stage, ...] = ()
     kept: dict[str, np.ndarray] = field(default_factory=dict)  # snapshot of the drive
+    gradient: np.ndarray = field(default_factory=lambda: np.eye(2))  # (2, 2) deformation gradient
 
 
 AS_KNITTED = PathState()
 
 
-class LoadPath:
-    """A load path from the mesh as knitted, or from another path's state."""
+@dataclass(frozen=True)
+class Load:
+    """A load step of one mesh, from a state."""
 
-    def __init__(self, model: Mesh, state: Any = AS_KNITTED) -> None:
-        """state: of another path, whose model may differ in its solver's tolerance."""
-        self.model, self.state = model, state
+    place: int  # of the mesh: loads of equal places are on one mesh
+    mesh: Mesh
+    stage: Stage
+    begin: PathState = AS_KNITTED
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Records of a load step, and the state at its end."""
+
+    records: Sequence[Record]
+    end: PathState | None  # None where it does not converge
+    error: Diverged | None = None
+
+
+def follow(loads: Sequence[Load], levels: int | str, monitor: Monitor = lambda _: None) -> list[Followed]:
+    """Load steps in `levels` of load, side by side. They are independent: results do not depend on those beside."""
+    onwards = [_onwards(load.mesh, load.begin, load.stage, levels) for load in loads]
+    groups = side_by_side(onwards, [load.place for load in loads])
+    found: dict[int, Followed] = {}
+    for done, places in enumerate(groups):
+        simulation = _begun([onwards[k] for k in places], [loads[k].begin for k in places], part_of(monitor, done, len(groups)))
+        records: list[list[Record]] = [[] for _ in places]
+        for record in simulation.run():
+            records[record.world].append(record)
+        for world, k in enumerate(places):
+            error, end = simulation.failures.get(world), None
+            if error is None:
+                gradient = np.asarray(records[world][-1].observables.gradient)
+                end = PathState(onwards[k].scene.stages, simulation.drives[world].snapshot(), gradient)
+            found[k] = Followed(records[world], end, error)
+    return [found[k] for k in range(len(loads))]
+
+
+def levels_of(followed: Mapping[int, Followed], meshes: Meshes) -> Iterator[dict[int, Record]]:
+    """Records of the meshes that reach the end of a load step, by level.
+
+    Raises `Diverged` where too few for a mean reach it, after the levels that enough of them reach.
+    """
+    ended = {place: one.records for place, one in followed.items() if one.end is not None}
+    own = [place for place in meshes.own if place in ended]
+    if len(own) < meshes.fewest:
+        ordered = sorted((place for place in followed if place not in meshes.again), key=lambda k: -len(followed[k].records))
+        ended = {place: followed[place].records for place in ordered[: meshes.fewest]}
+    for level in zip(*ended.values(), strict=len(own) >= meshes.fewest):
+        yield dict(zip(ended, level, strict=True))
+    if len(own) < meshes.fewest:
+        raise next((one.error for one in followed.values() if one.error is not None), Diverged("no mesh"))
+
+
+class LoadPath:
+    """A load path of meshes, from the meshes as knitted or another path's states.
+
+    A mesh that does not converge is left out from there on.
+    """
+
+    def __init__(self, meshes: Meshes | Sequence[Mesh] | Mesh, states: Mapping[int, PathState] | None = None) -> None:
+        """states: of another path of these meshes, by place; it may have had another tolerance."""
+        self.meshes = Meshes.of(meshes)
+        self.states = dict.fromkeys(self.meshes.models, AS_KNITTED) if states is None else dict(states)
 
     @property
     def scene(self) -> Scene:
-        """The scene of the mesh."""
-        scene: Scene = self.model.scene
-        return scene
+        """The scene of the meshes."""
+        return self.meshes.scene
 
-    def load(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[Record]:
-        """Records of a load step; the path moves to its end. The first begins as knitted.
+    def load(
+        self, stage: Stage | Mapping[int, Stage], levels: int | str, monitor: Monitor = lambda _: None
+    ) -> Iterator[dict[int, Record]]:
+        """Records of a load step by place, level by level; the path moves to its end. The first begins as knitted.
 
-        `monitor` is called with the load factor at every convergence check. Raises `Diverged`; then `state` is before the stage.
+        stage: of all meshes, or of each by its place, and then of these only. `monitor` is called with the load factor at every
+        convergence check. Raises `Diverged` where too few meshes converge; then `states` are before the load step.
         """
-        model = _onwards(self.model, self.state, stage, levels)
-        simulation = Simulation(
-            model, progress=Progress() if self.state.kept else None, monitor=lambda progress: monitor(progress.load_factor)
-        )
-        if self.state.kept:
-            simulation.drive.restore(self.state.kept)
-        else:
-            simulation.compile()
-        yield from simulation.run()
-        self.state = PathState(model.scene.stages, simulation.drive.snapshot())
+        stages = stage if isinstance(stage, Mapping) else dict.fromkeys(self.states, stage)
+        loads = [Load(place, self.meshes.models[place], one, self.states[place]) for place, one in stages.items()]
+        followed = dict(zip(stages, follow(loads, levels, monitor), strict=True))
+        yield from levels_of(followed, self.meshes)
+        self.states = {place: one.end for place, one in followed.items() if one.end is not None}
 
-    def beside(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[list[Record]]:
-        """The records of `load`, each as a list."""
-        return ([record] for record in self.load(stage, levels, monitor))
+    def rows(self, stage: Stage | Mapping[int, Stage], levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[Row]:
+        """The mean rows of `load`."""
+        return map(self.meshes.mean_of, self.load(stage, levels, monitor))
 
-    def rows(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[Row]:
-        """The rows of these records; of several meshes their means, with the ranges of eight in ten."""
-        return map(mean_of, self.beside(stage, levels, monitor))
-
-    def to(self, stage: Stage) -> Record:
-        """The record at the end of a stage in one level. Raises `Diverged`."""
-        *_, record = self.load(stage, levels=1)
-        return record
-
-
-class MeshesPath(LoadPath):
-    """A load path of several meshes side by side. A mesh that does not converge is left out from there on."""
-
-    def __init__(self, models: Sequence[Any], state: Mapping[int, PathState] | None = None) -> None:
-        """state: of another path of these meshes, by their place; default: as knitted."""
-        super().__init__(models[0], state or dict.fromkeys(range(len(models)), AS_KNITTED))
-        self.models = {place: models[place] for place in self.state}
-
-    def beside(self, stage: Stage, levels: int | str, monitor: Monitor = lambda _: None) -> Iterator[list[Record]]:
-        """Records of a load step, of all meshes that converge; the path moves to its end.
-
-        Raises `Diverged` where fewer than FEWEST meshes converge; then `state` is before the load step.
-        """
-        numbers = list(self.models)
-        onwards = [_onwards(self.models[number], self.state[number], stage, levels) for number in numbers]
-        records: dict[int, list[Record]] = {number: [] for number in numbers}
-        state: dict[int, PathState] = {}
-        error: Diverged | None = None
-        groups = side_by_side(onwards)
-        for done, places in enumerate(groups):
-            of = [numbers[place] for place in places]
-            states = [self.state[number] for number in of]
-            simulation = _begun([onwards[place] for place in places], states, part_of(monitor, done, len(groups)))
-            for record in simulation.run():
-                records[of[record.world]].append(record)
-            error = next(iter(simulation.failures.values()), error)
-            for world, number in enumerate(of):
-                if world not in simulation.failures:
-                    state[number] = PathState(onwards[places[world]].scene.stages, simulation.drives[world].snapshot())
-        if len(state) < FEWEST:
-            raise error or Diverged("no mesh")
-        self.models, self.state = {number: self.models[number] for number in state}, state
-        return map(list, zip(*(records[number] for number in state), strict=True))
-
-
-def path_of(meshes: Any, state: Any = None) -> LoadPath:
-    """The load path of a mesh, or of a list of meshes; state: of an earlier path, default: as knitted."""
-    return MeshesPath(meshes, state) if isinstance(meshes, Sequence) else LoadPath(meshes, state or AS_KNITTED)
-
-
-def mean_of(records: Sequence[Record]) -> Row:
-    """The row of a record; of several meshes the mean row with ranges of eight in ten, and the number of `meshes`."""
-    rows = [row_of(record) for record in records]
-    return rows[0] if len(rows) == 1 else mean_row([row.changed(variant=None, meshes=len(rows)) for row in rows], 0)
+    def to(self, stage: Stage | Mapping[int, Stage]) -> dict[int, Record]:
+        """The records at the end of a load step in one level. Raises `Diverged`."""
+        *_, records = self.load(stage, levels=1)
+        return records
 
 
 def knitted_worlds(
@@ -161,15 +263,6 @@ def ends_of(simulation: Simulation) -> Iterator[tuple[int, Record | Diverged]]:
     """Number and last record of each world of one load step, as they converge; then the errors of the others."""
     yield from ((record.world, record) for record in simulation.run())
     yield from simulation.failures.items()
-
-
-def ends_beside(model: Mesh, state: PathState, stages: Sequence[Stage]) -> list[Record]:
-    """Records at the ends of load steps in one level, all from one state. Raises the first `Diverged`."""
-    simulation = _begun([_onwards(model, state, stage, 1) for stage in stages], [state] * len(stages))
-    ends = dict(ends_of(simulation))
-    for error in simulation.failures.values():
-        raise error
-    return [end for _, end in sorted(ends.items()) if isinstance(end, Record)]
 
 
 def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables | Diverged]:

@@ -9,11 +9,10 @@ from __future__ import annotations
 import json
 import time
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,18 +21,15 @@ from ..base.errors import Diverged
 from ..base.files import write_arrays
 from ..base.text import exact
 from ..compute.kept import strip_prefix
-from ..measure import Observables
-from ..measure.table import Record
 from ..results.finding import Finding
 from ..results.row import Row, plain
 from ..runner.answers import answers_of
 from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
-from ..runner.history import mean_tension, row_of
+from ..runner.history import mean_tension
 from ..runner.progress_display import Display
 from ..scene import Scene, Stage
 from ..solve.model import build_model
-from .card import MaterialCard, find_card
 from .card_files import CARD, ahead_of_card
 from .contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
 from .curves import tension_strain
@@ -54,12 +50,13 @@ from .equal_tension import (
 from .fe_codes import CODES
 from .findings import Findings
 from .heat import heat, later_temperatures, tension_held
-from .load_path import LoadPath, Mesh, PathState, exact_model, part_of, states_at, tolerances_of, under_tension
-from .mean_card import find_mean, loads_of_card, meshes_of
+from .load_path import LoadPath, Meshes, PathState, meshes_of, part_of, states_at, under_tension
+from .mean_card import MeanCard, find_mean, loads_of_card
 from .opening_size import openings
 from .report_files import write_files
 
 STATES = "report_states.npz"
+GRADIENT = "gradient"  # of a state, beside its snapshot
 UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
 
 
@@ -68,16 +65,21 @@ class KeptStates:
     """Results of a report that do not depend on the requested tension."""
 
     curves: Sequence[Row] = ()
-    path: EqualTensionPath = EqualTensionPath()  # of one mesh of even loops
-    means: EqualTensionPath = EqualTensionPath()  # over the meshes of [variants], without their states; empty without them
+    path: EqualTensionPath = EqualTensionPath()
 
 
 def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
     """Write the file into `out`."""
-    about = plain(replace(states, path=replace(states.path, states={}))) | {"made_by": [scene.hash, __version__]}
+    places = [list(of_meshes) for of_meshes in states.path.states.values()]
+    about = plain(replace(states, path=replace(states.path, states={}))) | {
+        "made_by": [scene.hash, __version__],
+        "places": places,
+    }
     arrays = {"about": np.array(json.dumps(about, default=lambda value: value.item()))}
-    for number, state in enumerate(states.path.states.values()):
-        arrays |= {f"{number}_{name}": value for name, value in state.kept.items()}
+    for number, of_meshes in enumerate(states.path.states.values()):
+        for place, state in of_meshes.items():
+            kept = state.kept | {GRADIENT: state.gradient}
+            arrays |= {f"{number}_{place}_{name}": value for name, value in kept.items()}
     write_arrays(out / STATES, arrays)
 
 
@@ -89,21 +91,19 @@ def read_states(scene: Scene, out: Path) -> KeptStates:
         about = json.loads(str(arrays.pop("about")))
         if about["made_by"] != [scene.hash, __version__]:
             return KeptStates()
-        path, means = (_path_from(about[name]) for name in ("path", "means"))
-        stages = [under_tension(scene, tension) for tension in path.at]
-        states = {
-            tension: PathState(tuple(stages[: number + 1]), strip_prefix(f"{number}_", arrays))
-            for number, tension in enumerate(path.at)
-        }
-        return KeptStates([Row(**point) for point in about["curves"]], replace(path, states=states), means)
+        table = about["path"]
+        at = {float(tension): Row(**row) for tension, row in table["at"].items()}
+        stages = [under_tension(scene, tension) for tension in at]
+        states: dict[float, dict[int, PathState]] = {}
+        for number, (tension, places) in enumerate(zip(at, about["places"], strict=True)):
+            kept = {place: strip_prefix(f"{number}_{place}_", arrays) for place in places}
+            states[tension] = {
+                place: PathState(tuple(stages[: number + 1]), of_mesh, of_mesh.pop(GRADIENT)) for place, of_mesh in kept.items()
+            }
+        path = EqualTensionPath([Row(**row) for row in table["rows"]], states, at, table["ended"])
+        return KeptStates([Row(**point) for point in about["curves"]], path)
     except UNUSABLE:
         return KeptStates()
-
-
-def _path_from(table: Mapping[str, Any]) -> EqualTensionPath:
-    """The path in such a file, without its states."""
-    at = {float(tension): Row(**row) for tension, row in table["at"].items()}
-    return EqualTensionPath([Row(**row) for row in table["rows"]], {}, at, table["ended"])
 
 
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
@@ -121,12 +121,14 @@ def write_report(
     notes: Sequence[str] = (),
     codes: Sequence[str] = tuple(CODES),
     progress: Display | None = None,
+    of_map: Sequence[Finding] = (),
     reflection: Sequence[Finding] = (),
 ) -> Findings:
     """Write report.html, the card, tension_strain.csv and figures into `out`. It holds the finished map of `scene`.
 
     rows: of the map. tension [N/m]: of the card, in both directions; default: the optimum. notes: how the scene was fitted.
-    codes: FE codes that get the card (`fe.CODES`). reflection: lines on the waves from the states of the map.
+    codes: FE codes that get the card (`fe.CODES`). of_map: lines on the optimum with other frictions. reflection: lines on the
+    waves from the states of the map.
     A report without a card does not replace one that has one.
     Raises `ModelError`, `KnitError`.
     """
@@ -141,51 +143,39 @@ def write_report(
             show.stage(name, number=stages.index(name) + 1, of=len(stages))
         return lambda share: show.update(done=None if name in SEARCHES else share, load_factor=share)
 
-    model = build_model(scene)
+    model, meshes = build_model(scene), meshes_of(scene)
+    is_one = len(meshes.own) == 1
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     largest = largest_equal_tension(rows)
-    double = exact_model(scene, scene.solver.residual_tolerance)
-    several = scene.variants.count > 1
     monitor = begin("tension-strain curves")
     kept = read_states(scene, out)
-    curves, path, means = kept.curves, kept.path, kept.means
+    curves, path = kept.curves, kept.path
     if not curves:
-        meshes = meshes_of(scene, scene.solver.residual_tolerance) if several else model
         curves = tension_strain(meshes, weft, warp, monitor)
-    jumps = find_jumps(model, rows)
+    jumps = find_jumps(model, rows) if is_one else []  # of means there are none
     optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
     monitor = begin("equal tensions")
-    parts = 2 + several
     if not path.rows and (largest > 0.0 or tension is not None):
-        path = load_equally(double, largest, part_of(monitor, 0, parts))
-    if several and path.rows and (not means.rows or (tension is not None and tension not in means.at)):
-        meshes = meshes_of(scene, scene.solver.residual_tolerance)
-        means = load_equally(meshes, largest, part_of(monitor, 2, parts), tension)
-        means = replace(means if tension is None else with_state_at(meshes, means, tension), states={})
-    if (curves, path, means) != (kept.curves, kept.path, kept.means):
-        write_states(scene, out, KeptStates(curves, path, means))
+        path = load_equally(meshes, largest, part_of(monitor, 0, 2))
+    if (curves, path) != (kept.curves, kept.path):
+        write_states(scene, out, KeptStates(curves, path))
     if tension is not None:
-        path = with_state_at(double, path, tension, part_of(monitor, 1, parts))
-    found_jumps = jumps_under_tension(double, path.rows)
-    shown = replace(path, rows=means.rows, at=means.at, ended=means.ended) if means.rows else path
-    shown_jumps = [] if means.rows else found_jumps  # of means there are none
-    answers = None if len(shown.rows) < 2 else answers_of(double, shown.rows, shown_jumps)
+        path = with_state_at(meshes, path, tension, part_of(monitor, 1, 2))
+    path_jumps = jumps_under_tension(meshes.first, path.rows) if is_one else []
+    answers = None if len(path.rows) < 2 else answers_of(meshes.first, path.rows, path_jumps)
     monitor = begin("material card")
-    card, tensioned, where, loading = _card(double, rows, optimum, path, found_jumps, tension, part_of(monitor, 0, 2))
-    mean = None
-    if card is not None and several:
-        load = under_tension(scene, tension) if tension is not None else _load_of_map(scene, optimum)
-        mean = find_mean(scene, load, tension, card, part_of(monitor, 1, 2))
-        card, loading = (card, loading) if mean is None else (mean.card, mean.loading)
+    mean, where, loading = _card(scene, meshes, rows, optimum, path, path_jumps, tension, monitor)
+    card = None if mean is None else mean.card
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
-        card = replace(card, ahead=ahead_of_card(card, yields, shown_jumps))
-    service = service_points(scene, shown, shown_jumps, tension, None if means.rows else card)
+        card = replace(card, ahead=ahead_of_card(card, yields, path_jumps))
+    service = service_points(scene, path, path_jumps, tension, card if is_one else None)
     best = None if answers is None else answers.best
     held = tension_held(path, tension, None if best is None else mean_tension(best))
-    heated, no_heat = heat(scene, path, held, begin("heat"))
+    heated, no_heat = heat(scene, meshes, path, held, begin("heat"))
     begin("openings and page")
     (knitted,) = (None if isinstance(state, Diverged) else state for state in states_at(model, [np.eye(2)]))
+    tensioned = None if mean is None else mean.tensioned
     states = {"as knitted": knitted, "at the tension of the card": tensioned}
     found = Findings(
         scene=scene,
@@ -195,8 +185,8 @@ def write_report(
         optimum=optimum,
         jumps=jumps,
         requested=tension,
-        path=shown,
-        path_jumps=shown_jumps,
+        path=path,
+        path_jumps=path_jumps,
         answers=None
         if answers is None
         else answers.changed(service=[point.answer for point in service], heat=[one for case in heated for one in case.answers]),
@@ -206,7 +196,7 @@ def write_report(
         curves=curves,
         where=where,
         card=card,
-        mean=mean,
+        mean=None if is_one else mean,
         loading=loading,
         tensioned=tensioned,
         knitted=knitted,
@@ -214,6 +204,7 @@ def write_report(
         model_warnings=list(model.warnings(rows)),
         earlier_kept=card is None and (out / CARD).exists(),
         codes=codes,
+        of_map=of_map,
         reflection=reflection,
     )
     found = found if found.earlier_kept else replace(found, file_notes=write_files(found, out))
@@ -222,83 +213,62 @@ def write_report(
 
 
 def _card(
-    model: Mesh,
+    scene: Scene,
+    meshes: Meshes,
     cells: Sequence[MapRow],
     optimum: Optimum | None,
     path: EqualTensionPath,
     path_jumps: Sequence[RowJump],
     tension: float | None,
     monitor: Callable[[float], None],
-) -> tuple[MaterialCard | None, Observables | None, str, Sequence[Row]]:
-    """The card, its mesh, its state in words, and neighbouring states; or None and the reason.
+) -> tuple[MeanCard | None, str, Sequence[Row]]:
+    """The card, its state in words, and neighbouring states; or None and the reason.
 
-    A card at a `tension` [N/m] is computed from the state of the path under equal tensions, else from the map's `cells`. It keeps
-    the strains of this state, and so its equilibrium. The states end before the first snap-through. path_jumps: of the path.
-    `monitor` gets the completed share.
+    A card at a `tension` [N/m] is computed from the states of the path under equal tensions, else from those at the optimum of
+    the map's `cells`. It keeps the strains of these states, and so their equilibria. The neighbouring states end before the first
+    snap-through. path_jumps: of the path. `monitor` gets the completed share.
     """
-    scene = model.scene
     row = None if tension is None else path.at.get(tension)
     if tension is not None:
         text, cell = f"{exact(tension, 'N/m')} in both directions", map_cell(cells, tension)
     elif optimum is not None:
         text, cell = "the optimum of the map", next(one for one in cells if one.load == optimum.load)
     else:
-        return None, None, f"no card: the map has no optimum; {ANOTHER}, or widen [sweep]", ()
+        return None, f"no card: the map has no optimum; {ANOTHER}, or widen [sweep]", ()
     try:
         if tension is not None and row is not None:
-            begin, rows, jumps = path.states[tension], list(path.rows), path_jumps
+            way, rows, jumps = LoadPath(meshes, path.states[tension]), list(path.rows), list(path_jumps)
             passed = [jump for jump in jumps if mean_tension(jump[0]) < tension]
         elif cell is not None:
-            way = LoadPath(model)
-            rows = [row_of(record) for record in _path_of_map(way, cell, lambda share: monitor(WAY * share))]
-            begin, jumps = way.state, jumps_of(model, rows)
-            passed = jumps
+            way = LoadPath(meshes)
+            rows = list(way.rows(*_way_to(scene, cell), lambda share: monitor(WAY * share)))
+            jumps = passed = jumps_of(meshes.first, rows) if len(meshes.own) == 1 else []
         else:
             raise Diverged(unreached_text(scene, path, tension or 0.0))
-        here = rows[-1] if row is None else row
-        load, ahead, beyond = loads_of_card(scene, here, tension)
-        card, mesh = _card_from(scene, begin, load, ahead, lambda share: monitor(WAY + (1.0 - WAY) * share))
+        found = find_mean(meshes, way.states, tension, lambda share: monitor(WAY + (1.0 - WAY) * share))
     except Diverged as error:
-        if tension is None:
-            return None, None, f"no card for {text}, which was not found again: {error}; {ANOTHER}", ()
-        return None, None, f"no card for {text}: {error}", ()
+        again = "" if tension is not None else ", which was not found again"
+        return None, f"no card for {text}{again}: {error}" + ("" if tension is not None else f"; {ANOTHER}"), ()
     if jumps:
         rows = rows[: next(k for k, each in enumerate(rows, 1) if each is jumps[0][0])]
     else:
+        beyond = {place: loads_of_card(scene, state.gradient, tension)[2] for place, state in way.states.items()}
         with suppress(Diverged):
-            rows.append(row_of(LoadPath(model, begin).to(beyond)))
+            rows += way.rows(beyond, 1)
+    if len(meshes.own) > 1:
+        return found, text, rows
+    card = found.card
     left = row is not None and is_other(card.row, row)
     if tension is not None:
         branch = branches_at(tension, row, cells, card)
     else:
         branch = "" if cell is None or cell.variants > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
     jumped = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
-    return replace(card, jumps=jumped, branch=branch), mesh, text, rows
+    return replace(found, card=replace(card, jumps=jumped, branch=branch)), text, rows
 
 
-def _load_of_map(scene: Scene, cell: MapRow | Optimum | None) -> Stage:
-    """The load of a cell of the map."""
-    assert scene.sweep is not None and cell is not None
-    return scene.sweep.stage(scene.stages[0], cell.load)
-
-
-def _path_of_map(way: LoadPath, cell: MapRow, monitor: Callable[[float], None]) -> Iterator[Record]:
-    """Records on the load path to a cell of the map, in its levels. Raises `Diverged`."""
-    scene = way.scene
+def _way_to(scene: Scene, cell: MapRow) -> tuple[Stage, int]:
+    """The load of a cell of the map, and its levels."""
     assert scene.sweep is not None
     levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.levels), strict=True))
-    return way.load(_load_of_map(scene, cell), levels[cell.load], monitor)
-
-
-def _card_from(
-    scene: Scene, begin: PathState, load: Stage, ahead: Stage, monitor: Callable[[float], None]
-) -> tuple[MaterialCard, Observables]:
-    """The card under `load`, from a state converged to the tolerance of the scene; ahead: a further increment of load.
-
-    Raises `Diverged`.
-    """
-    *finer, tolerance = tolerances_of(scene)
-    for one in finer:
-        with suppress(Diverged):
-            return find_card(exact_model(scene, one), begin, load, monitor, ahead=ahead)
-    return find_card(exact_model(scene, tolerance), begin, load, monitor, ahead=ahead)
+    return scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load]

@@ -13,6 +13,7 @@ from ..base.files import write_aside
 from ..base.text import celsius, of_sides
 from ..measure.stress_peak import peak_position
 from ..results.row import Row, columns_of, write_json, write_rows
+from ..runner.estimates import FRICTIONS
 from ..runner.history import mean_tension
 from ..runner.strength import assumed_text
 from . import sections
@@ -31,7 +32,7 @@ def write_files(found: Findings, out: Path) -> tuple[str, ...]:
     write_rows(out / "tension_strain.csv", found.curves, [*vars(found.curves[0])])
     if found.card is not None:
         before = earlier_state(out)
-        several = () if found.mean is None else (found.mean.spread, found.mean.meshes)
+        several = () if found.mean is None else (found.mean.spread, found.mean.frictions, found.mean.meshes)
         fe_cards = _write_cards(found, found.card, found.loading, found.where, out, *several)
         write_other_cards(found, out)
         notes = list(missing_cards(fe_cards))
@@ -149,7 +150,8 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     if found.answers is not None:
         answers, path = found.answers, columns_of(map(vars, found.path.rows))
         apart = [(mean_tension(one), mean_tension(other)) for one, other in found.path_jumps]
-        draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart)
+        others = {name: found.friction_name(name) for name in FRICTIONS}
+        draw["tension"] = lambda file: tension_figure(path, answers, file, yield_stress=limit, jumps=apart, frictions=others)
     if (cloth := found.model.cloth) is not None:
         draw["knit"] = lambda path: knit_figure(cloth, found.scene.wire.thickness, path)
     if (mesh := found.tensioned) is not None:

@@ -133,7 +133,7 @@ def answers_section(page: Page, found: Findings, figures: dict[str, Path]) -> No
         figures["tension"],
         "Active contacts and largest wire stress against equal tensions in weft and warp. The best tension is in the"
         " middle of its valid range: the widest range with the most active contacts below yield. Grey: snap-through to another"
-        f" equilibrium.{band}",
+        f" equilibrium.{band}{' Thin lines: with another friction.' if found.friction_text else ''}",
     )
     if "heat" in figures:
         page.figure(
@@ -202,6 +202,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
             ("tension, weft / warp", _pair(optimum.tension_weft_N_per_m, optimum.tension_warp_N_per_m, "N/m")),
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {share}"),
+            *((line.name.strip().removeprefix("with "), line.text) for line in found.of_map),
             *((drift_name(drift), drift_text(drift)) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
@@ -214,15 +215,20 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     )
     for warning in optimum_warnings(optimum, jumps):
         page.warning(warning)
-    lines = [((point.name, *point.texts), point.range_texts) for point in found.service]
+    lines: list[tuple[str, ...]] = []
+    for point in found.service:
+        lines.append((point.name, *point.texts))
+        lines += [] if point.range_texts is None else [("eight in ten meshes", *point.range_texts)]
+        lines += [(found.friction_name(friction), *texts) for friction, texts in point.friction_texts.items()]
     page.table(
-        [row for line, ranges in lines for row in ((line, ("eight in ten meshes", *ranges)) if ranges else (line,))],
+        lines,
         ("service tension, both directions", "strain, weft / warp", "active contacts", "largest wire stress"),
     )
     if found.of_meshes:
         page.text(
-            f"The map is the mean over meshes with scattered loops; the service tensions are {found.of_meshes}."
-            f" Openings, contact resistances and pictures belong to one mesh with equal loops.{scatter_text(found.rows, optimum)}"
+            f"The map is the mean over meshes with scattered loops. The service tensions are {found.of_meshes}."
+            f"{found.friction_text} Openings, contact resistances and the picture at the tension of the card belong to the median"
+            f" mesh.{scatter_text(found.rows, optimum)}"
         )
     page.text(f"The map has {found.sweep_text}.")
     limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
@@ -304,17 +310,18 @@ def card_section(page: Page, found: Findings) -> None:
     rows = [(name, *_shown(name, value, unit), meaning) for name, value, unit, meaning in values]
     if (mean := found.mean) is None:
         page.table(rows, ("", "value", "unit", "meaning"))
-        if scene.variants.count > 1:
-            page.text(
-                "The card belongs to one mesh with equal loops: fewer than two meshes with scattered loops converged at its load."
-            )
     else:
-        ranges = [_range(mean.spread.get(name), name, unit) for name, _value, unit, _meaning in values]
-        wider = [(*row[:2], of, *row[2:]) for row, of in zip(rows, ranges, strict=True)]
-        page.table(wider, ("", "value", "range of eight in ten", "unit", "meaning"))
+        frictions = list(dict.fromkeys(friction for of in mean.frictions.values() for friction in of))
+        wider = []
+        for row, (name, _value, unit, _meaning) in zip(rows, values, strict=True):
+            others = mean.frictions.get(name, {})
+            more = [_shown(name, others[one], unit)[0] if one in others else "" for one in frictions]
+            wider.append((*row[:2], _range(mean.spread.get(name), name, unit), *more, *row[2:]))
+        names = map(found.friction_name, frictions)
+        page.table(wider, ("", "value", "range of eight in ten", *names, "unit", "meaning"))
         page.text(
             f"The card is the mean of {mean.meshes} meshes with scattered loops. The folders softest and stiffest have the"
-            " cards of the meshes with the least and the largest C11 + C22."
+            f" cards of the meshes with the least and the largest C11 + C22.{found.friction_text}"
         )
     page.text(
         definition(card) + " material_card.csv and material_card.json contain the same values, in SI units;"

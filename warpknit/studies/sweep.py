@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
@@ -23,6 +23,7 @@ from ..base.text import counted, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, required_memory
 from ..measure import Observables, tension_scale
+from ..measure.table import Record
 from ..mesh.layout import refuse_large_patch
 from ..results.finding import ResultWarning
 from ..results.frame import state_file
@@ -43,6 +44,7 @@ from .contact_map import (
     STEADY,
     MapRow,
     MapSummary,
+    Optimum,
     Pair,
     find_jumps,
     find_optimum,
@@ -57,7 +59,7 @@ from .contact_map import (
     unconverged_warning,
     write_map,
 )
-from .load_path import ends_of, knitted_worlds, share_done
+from .load_path import ends_of, knitted_worlds, share_done, with_frictions
 
 _log = logging.getLogger(__name__)
 
@@ -145,7 +147,7 @@ class _Mapper:
                 self._save()
         summary = self._summary(reason)
         if code == 0:
-            summary = summary.changed(**self._spatial_model())
+            summary = summary.changed(**self._spatial_model(), **self._frictions(summary.optimum))
         if code == 0 and not any(row.active_percent is not None for row in self.rows):
             code, message = 3, f"no {self.sweep.quantity} of the sweep converged: {self.rows[0].message}"
             summary = summary.changed(stop_reason="diverged")
@@ -165,6 +167,34 @@ class _Mapper:
             planar = Values(**{name: row[name] for name in COMPARED})
             return {} if means is None else {"spatial_model": Values(**vars(means), load=list(row.load), planar=planar)}
         return {}
+
+    def _frictions(self, optimum: Optimum | None) -> dict[str, Values]:
+        """Means at the optimum with other frictions; an interrupt leaves them out."""
+        if optimum is None or self.variants is None or not (meshes := with_frictions(self.variants)).again:
+            return {}
+        stage, levels = self.sweep.stage(self.scene.stages[0], optimum.load), dict(self._levels)[optimum.load]
+        models = {place: meshes.models[place] for place in meshes.again}
+        count, found = len(models), dict[int, Mapping[str, float]]()
+        with suppress(Interrupted), self._interrupts.handled():
+            simulation = knitted_worlds(
+                list(models.values()), [stage] * count, [levels] * count, lambda _load: self._interrupts.check()
+            )
+            for world, end in ends_of(simulation):
+                if isinstance(end, Record):
+                    row = map_row(optimum.load, end, steps=0, by_tension=self.sweep.by_tension)
+                    found[list(models)[world]] = vars(row)
+            rows = {mesh: rows.get(optimum.load) for mesh, rows in enumerate(self.maps)}
+            found |= {mesh: vars(row) for mesh, row in rows.items() if row is not None and row.stop_reason == STEADY}
+            means = {name: meshes.means(found, name) for name in COMPARED}
+            known = means[COMPARED[0]]
+            by_friction = {one: Values(**{name: mean[one] for name, mean in means.items()}) for one in known}
+            return {"frictions": Values(**by_friction)} if known else {}
+        return {}
+
+    @property
+    def _levels(self) -> Iterator[tuple[Pair, int]]:
+        """The pairs and the levels of each."""
+        return zip(self.pairs, levels_of_pairs(self.pairs, self.scene.levels), strict=True)
 
     @property
     def rows(self) -> list[MapRow]:
@@ -218,7 +248,7 @@ class _Mapper:
         self._stage += 1
         pairs = len({pair for _mesh, pair in missing})
         self.display.stage(f"{counted(pairs, 'pair')} of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
-        levels = dict(zip(self.pairs, levels_of_pairs(self.pairs, self.scene.levels), strict=True))
+        levels = dict(self._levels)
         own_loops = self.scene.model.of_kind.own_loops
         alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
         groups = [list(own) for _, own in groupby(sorted(missing, key=alike), alike)]
