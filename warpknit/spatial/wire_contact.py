@@ -44,11 +44,10 @@ STICK_SHARE = 0.5  # tangential over normal stiffness
 CACHE_LINE = 8  # numbers
 PAIRS_A_THREAD = 8  # of a list that a GPU filters for pairs not asleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
-LEAST_CAPACITY = 64  # of a list
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
-# capacity of a list over the pairs found; the larger one for few pairs, where re-recording takes longer
-CAPACITY_MARGIN, SMALL_MARGIN, SMALL_LIST = 1.3, 2.5, 100_000
+CAPACITY_MARGIN = 1.3  # of a list over the pairs found
+PAIRS_A_NODE, SMALL_LIST = 2, 20_000  # capacity of a new list, at most: to record launches again takes longer than small steps
 
 
 # the equilibrium before, which friction needs (kernels/wire_friction.py); arrays of the state
@@ -99,11 +98,12 @@ class WireContact:
         self.max_penetration = zeros((max(stepper.team.threads, worlds), CACHE_LINE), wp.float64, device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
         self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
-        self.touch = self._new_touch(LEAST_CAPACITY)
-        self.pairs = self._new_list(LEAST_CAPACITY, 0)
+        least = min(PAIRS_A_NODE * rods.node_count, SMALL_LIST)
+        self.touch = self._new_touch(least)
+        self.pairs = self._new_list(least, 0)
         # the list before, for its elastic slips and for worlds that are not searched
         self._has_two_lists = self.friction > 0.0 or worlds > 1
-        self._other = self._new_list(LEAST_CAPACITY, 1) if self._has_two_lists else self.pairs
+        self._other = self._new_list(least, 1) if self._has_two_lists else self.pairs
         now = {f"before_{name}": getattr(stepper.state, name) for name in BEFORE}
         self._before = SimpleNamespace(**{name: wp.clone(x) if self.friction > 0.0 else x for name, x in now.items()})
         stepper.steering.set(contact_stiffness=stiffness, friction=friction)
@@ -366,7 +366,7 @@ class WireContact:
 
     def _capacity(self, total: int, size: int) -> int:
         """Capacity of a list of `total` pairs of `size` bytes."""
-        capacity = round((SMALL_MARGIN if total < SMALL_LIST else CAPACITY_MARGIN) * total)
+        capacity = round(CAPACITY_MARGIN * total)
         needed, available = size * capacity, available_memory(self.stepper.device)
         if needed > available:
             raise OutOfResources(
