@@ -385,8 +385,9 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
 
 
 def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One repeat is its start, and gives the stiffness. The equilibrium is the one without that start, with its cords in
-    balance."""
+    """One repeat is its start, and gives the stiffness. The equilibrium is the one without that start. Against the cords
+    alone, which are softer than cords and mesh, the forces left would move a station by no more than a hundredth of the sag, or
+    across the mesh by a tenth of the thickness."""
     panel = ("model.boundary=gripped", "panel.outline=hexagon", "panel.size=12 mm", "contact.friction=0", "panel.grip_pitch=6 mm")
     panel = (*panel, "model.nodes_per_loop=16")
     changes = (*panel, 'panel.cord={tension="50 mN", stiffness="50 N"}', "solver.residual_tolerance=0.01")
@@ -400,7 +401,11 @@ def test_a_large_panel_on_cords_is_corrected_as_a_membrane(monkeypatch: pytest.M
     edge, seen, free = mechanics.edge, mechanics.observe(), ~mechanics.edge.rim.given
     carried = edge.rim.clamps.T @ edge.grip_forces(seen.force)
     left = edge.rim.cord_forces(seen.gradient, edge.station_displacement)[0] - carried
-    assert np.linalg.norm(left[free]) <= 0.01 * np.linalg.norm(carried[free])
+    moves = np.repeat(free, 3)
+    stiffness = edge.rim.cord_stiffness(seen.gradient, edge.station_displacement).toarray()[np.ix_(moves, moves)]
+    away = np.linalg.solve(stiffness, left[free].ravel()).reshape(-1, 3)
+    assert np.abs(away[:, :2]).max() <= 0.01 * np.abs(edge.station_displacement[:, :2]).max()
+    assert np.abs(away[:, 2]).max() <= 0.1 * mechanics.model.scene.wire.thickness
     (tension, active), (expected, share) = observed(mechanics), observed(alone)
     assert tension == pytest.approx(expected, rel=MEMBRANE_TOLERANCE)
     assert active == pytest.approx(share, abs=2.0)

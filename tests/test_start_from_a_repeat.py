@@ -96,7 +96,7 @@ def test_a_start_that_overlaps_wires_is_repeated_with_stiffer_contacts(most_kept
     multipliers = simulation.drive.mechanics.group.multipliers
     assert multipliers is not None and multipliers.loading_factor.tolist() == [STIFFER]
     assert not simulation.notes
-    assert tension(simulation, last) == pytest.approx(expected, rel=0.1 * simulation.drive.scene.solver.residual_tolerance)
+    assert tension(simulation, last) == pytest.approx(expected, rel=0.25 * simulation.drive.scene.solver.residual_tolerance)
 
 
 def contact_forces(fields: Fields) -> tuple[np.ndarray, np.ndarray]:

@@ -23,11 +23,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from ..measure import tension_scale
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim, build_rim
-from .convergence import TENSION_FLOOR
 
 MAX_CELLS = 96  # cells of the grid in one direction
 CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
@@ -37,11 +35,11 @@ MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
 SETTLED, SLOW_DECAY = 1.5, 0.8
 LIFT_TOLERANCE = 0.01  # of the height of the edge above the apex: error of the height of the mesh
 LEAST_LIFT = 0.1  # the same, of the thickness of the wire, at least
+LEAST_SAG = 1e-4  # the same, of the sag of a cord
 MAX_SLOPE = 0.05  # of one correction, which tilts loops rigidly
 # of a correction: the mesh inside has less tension than its mean, where cut wires at the grips carry more
 LARGEST_FACTOR = 2.0
 FACTORS = (0.1, 1.0)  # of a correction, smallest, and largest by default
-IN_PLANE, ACROSS = slice(0, 2), slice(2, 3)  # axes
 CORD_STEPS, CORD_ERROR = 8, 1e-3  # Newton steps of a cord in a correction, and their error
 
 
@@ -208,19 +206,14 @@ class Membrane:
             force[-pull.size :] += pull.ravel()
         return self._correction(share * force, np.zeros(len(force)), edge)
 
-    def edge_imbalance(self, edge: EdgeState, least: float, axes: slice = IN_PLANE) -> float:
-        """Rms force on free stations along axes over the wires' force, or over `least` [N/m].
+    def edge_error(self, correction: Correction, edge: EdgeState) -> float:
+        """Largest motion of a station by a correction, over the sag of the cords.
 
-        A stiff cord may be out of balance with little effect on the mesh.
+        A cord may be stiff: its force may be far out of balance where its stations stand well, and hardly move the mesh.
         """
-        free = ~self.rim.given
-        if not free.any():
-            return 0.0
-        cord = self.rim.cord_forces(edge.gradient, edge.stations)[0]
-        total = self._pull(edge)
-        wires = float(np.sqrt(np.mean((total - cord)[free] ** 2)))
-        spacing = self.rim.outline.length / len(self.rim.arc)
-        return float(np.sqrt(np.mean(total[free, axes] ** 2))) / max(wires, least * spacing)
+        stations = edge.stations[:, : correction.stations.shape[1]]
+        sag = np.abs(stations + correction.stations - self.rim.chords @ stations[self.rim.given]).max()
+        return float(np.abs(correction.stations).max() / max(float(sag), LEAST_SAG * self.model.scene.wire.thickness))
 
     def solve_rim(self, edge: EdgeState) -> tuple[Correction, float]:
         """Solve for the edge alone, with the mesh behind it fixed."""
@@ -361,22 +354,16 @@ class Lift:
             return
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
         height = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
-        out_of_balance = membrane.edge_imbalance(edge, TENSION_FLOOR * tension_scale(mechanics.model), ACROSS)
-        self.imbalance = max(height, out_of_balance / self._tolerance)
-        if self.imbalance <= 1.0:
+        self.imbalance = height
+        if height <= 1.0:
             return
         self._failed += 1
-        if self.imbalance < CORRECTION_GAIN * self._least_imbalance:
-            self._least_imbalance, self._failed = self.imbalance, 0
+        if height < CORRECTION_GAIN * self._least_imbalance:
+            self._least_imbalance, self._failed = height, 0
         if self._failed > MAX_FAILED_CORRECTIONS:
-            lifted, cords = 100.0 * LIFT_TOLERANCE * height, 100.0 * out_of_balance
-            mechanics.notes.append(
-                f"the height of the mesh has an error of {lifted:.2g} %; forces of the cords across the mesh balance"
-                f" to {cords:.2g} % of the forces of the wires"
-            )
+            mechanics.notes.append(f"the height of the mesh has an error of {100.0 * LIFT_TOLERANCE * height:.2g} %")
             return
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
-        if height > 1.0:  # else the mesh follows its edge
-            membrane.grid.spread_across(lift.grid[:, 0])
+        membrane.grid.spread_across(lift.grid[:, 0])
         mechanics.move_stations(lift.in_space)
         mechanics.search()

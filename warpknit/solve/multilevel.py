@@ -40,7 +40,7 @@ MOVE_STEPS = 200  # steps between increments of an edge displacement
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
-EDGE_TOLERANCE = 0.05  # out-of-balance force on the stations of a cord over the force of the wires
+EDGE_TOLERANCE = 0.05  # of the sag of a cord between two net nodes
 STIFFER, MOST_STIFFER = 4.0, 16.0  # factor of contacts where a start from a smaller mesh overlaps wires too deeply, and the most
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 
@@ -337,7 +337,7 @@ class MultilevelRelaxation(Relaxation):
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             allowed = min(EDGE_TOLERANCE, self.scene.solver.residual_tolerance)
-            progress.imbalance = max(progress.imbalance, membrane.edge_imbalance(edge, self.least_tension) / allowed)
+            progress.imbalance = max(progress.imbalance, membrane.edge_error(correction, edge) / allowed)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
         moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction
