@@ -357,3 +357,17 @@ def test_bars_that_are_given_twice_and_even_chains_are_reported():
     assert found("2-3/1-0", "1-0/1-2") == []
     assert found("1-0/1-2", "2-3/1-0", "1-0/1-2") == ["knit.bars[0] and knit.bars[2] are the same: every loop has both wires."]
     assert found("4-6/2-0", "2-0/2-4") == ["Chains in even numbers count half needles: 4-6/2-0 as 2-3/1-0, 2-0/2-4 as 1-0/1-2."]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("wire.youngs_modulus", "320 MPa", True),
+        ("wire.density", "10 g/cm^3", False),
+        ("contact.friction", 0.5, False),
+        ("contact.friction", 5.0, True),
+    ],
+)
+def test_a_constant_of_no_metal_is_named(key: str, value: float | str, says: bool) -> None:
+    found = [one for one in of_input.scene_cautions(load_scene(SCENE, {key: value}), None) if one.code == "W28"]
+    assert [one.text.split()[0] for one in found] == [key] * says

@@ -103,7 +103,7 @@ KINDS = {
     "W27": WarningKind(INVALID, "Strain beyond straight wires",
         "At this strain, wires that are straight and slide freely would be longer than at break.", "Reduce the strains."),
     "W28": WarningKind(INPUT, "Not a metal",
-        "Young's modulus or density is outside the range of metals.", "Check the value and its unit."),
+        "Young's modulus, density or friction is outside the range of metals.", "Check the value and its unit."),
     "W29": WarningKind(INPUT, "Temperature without a unit", "A bare number is in kelvin.", "Write the unit, such as '20 degC'."),
     "W30": WarningKind(INVALID, "The wire melts", "A given temperature is above the melting point.", "Reduce the temperature."),
     "W31": WarningKind(LIMITED, "Constants far from room temperature",

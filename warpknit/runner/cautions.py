@@ -23,6 +23,7 @@ from .strength import limit_text
 
 METAL_STIFFNESS = (10e9, 600e9)  # [Pa] Young's modulus, from lead to osmium
 METAL_DENSITY = (500.0, 23e3)  # [kg/m3] from lithium to osmium
+METAL_FRICTION = (0.0, 2.0)  # coefficients of clean metals in vacuum may exceed 1
 FRAGMENT_SHARE = 0.1  # of the wire: more in pieces of less than a loop is reported
 BARE_KELVIN = 100.0  # [K] a colder temperature without a unit was probably meant in degrees Celsius
 CONSTANTS_HOLD = (70.0, 600.0)  # [K] range in which moduli are within a few percent of those at 20 degC
@@ -139,12 +140,13 @@ def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterato
 def _about_constants(scene: Scene) -> Iterator[ResultWarning]:
     wire = scene.wire
     for name, value, unit, (low, high) in (
-        ("youngs_modulus", wire.youngs_modulus, "Pa", METAL_STIFFNESS),
-        ("density", wire.density, "kg/m^3", METAL_DENSITY),
+        ("wire.youngs_modulus", wire.youngs_modulus, "Pa", METAL_STIFFNESS),
+        ("wire.density", wire.density, "kg/m^3", METAL_DENSITY),
+        ("contact.friction", scene.contact.friction, "", METAL_FRICTION),
     ):
         if not low <= value <= high:
             metals = f"{exact(low, unit)} to {exact(high, unit)}"
-            yield ResultWarning("W28", f"wire.{name} = {exact(value, unit)} is outside the range of metals ({metals}).")
+            yield ResultWarning("W28", f"{name} = {exact(value, unit)} is outside the range of metals ({metals}).")
     temperatures = [wire.reference_temperature, *(stage.temperature for stage in scene.stages)]
     for bare in sorted({temperature for temperature in scene.bare_temperatures if temperature < BARE_KELVIN}):
         text = f"A temperature without a unit is in kelvin: {bare:g} is {celsius(bare)}."

@@ -40,7 +40,7 @@ MOVE_STEPS = 200  # steps between increments of an edge displacement
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
 MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
-EDGE_TOLERANCE = 0.05  # of the sag of a cord between two net nodes
+EDGE_TOLERANCE = 0.01  # of the sag of a cord: error of the places of its stations
 STIFFER, MOST_STIFFER = 4.0, 16.0  # factor of contacts where a start from a smaller mesh overlaps wires too deeply, and the most
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 
@@ -326,7 +326,7 @@ class MultilevelRelaxation(Relaxation):
 
         ratio: of its residual; above 1 the correction balances it to a smaller imbalance, and across the mesh too.
         """
-        progress, rim = self.progress, membrane.rim
+        progress, rim, before = self.progress, membrane.rim, self.progress.imbalance
         least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
         pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 3))
         membrane.imbalance()
@@ -336,11 +336,12 @@ class MultilevelRelaxation(Relaxation):
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
-            allowed = min(EDGE_TOLERANCE, self.scene.solver.residual_tolerance)
-            progress.imbalance = max(progress.imbalance, membrane.edge_error(correction, edge) / allowed)
+            progress.imbalance = max(progress.imbalance, membrane.edge_error(correction, edge) / EDGE_TOLERANCE)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
-        moves = progress.imbalance > least and not is_in_vain and progress.checks >= progress.next_correction
+        # the mesh had time to balance itself, or it has come to rest and no longer does
+        is_due = progress.checks >= progress.next_correction or (ratio <= 1.0 and progress.imbalance >= before)
+        moves = progress.imbalance > least and not is_in_vain and is_due
         if moves:
             self._move_as_membrane(membrane, correction, edge)
         lift = None
