@@ -339,7 +339,7 @@ class MultilevelRelaxation(Relaxation):
             progress.imbalance = max(progress.imbalance, membrane.edge_error(correction, edge) / EDGE_TOLERANCE)
         is_small = progress.imbalance <= 1.0
         is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
-        # the mesh had time to balance itself, or it has come to rest and no longer does
+        # the mesh had time to balance itself, or its residual is met and it no longer does
         is_due = progress.checks >= progress.next_correction or (ratio <= 1.0 and progress.imbalance >= before)
         moves = progress.imbalance > least and not is_in_vain and is_due
         if moves:
