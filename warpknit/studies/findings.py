@@ -103,10 +103,10 @@ class Findings:
 
     @property
     def friction_text(self) -> str:
-        """Where values with other frictions come from, as a sentence after a space; or nothing."""
+        """Source of the values with other frictions, after a space; or nothing."""
         if not any(point.friction_texts for point in self.service):
             return ""
-        return f" Values with another friction are these means, changed as {MESHES} of the meshes change with it."
+        return f" With another friction {MESHES} of the meshes ran again. Their mean change is added to the means."
 
     @property
     def by_tension(self) -> bool:
