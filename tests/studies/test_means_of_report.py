@@ -12,11 +12,12 @@ from reference.in_words import quantities
 from warpknit.base.errors import Diverged
 from warpknit.commands.cli import main
 from warpknit.runner.history import row_of
+from warpknit.runner.other_model import FIGURES
 from warpknit.scene import Scene, load_scene
 from warpknit.studies import curves
 from warpknit.studies.curves import tension_strain
 from warpknit.studies.equal_tension import load_equally, service_points
-from warpknit.studies.load_path import FIGURES, LoadPath, Meshes, meshes_of, under_tension
+from warpknit.studies.load_path import LoadPath, Meshes, meshes_of, under_tension
 from warpknit.studies.report import KeptStates, read_states, write_states
 
 TABLES: dict = {

@@ -209,9 +209,9 @@ class Membrane:
     def edge_error(self, correction: Correction, edge: EdgeState) -> float:
         """Largest motion of a station by a correction, over the sag of the cords.
 
-        A cord may be stiff: its force may be far out of balance where its stations stand well, and hardly move the mesh.
+        The force of a stiff cord may be far out of balance although its stations are in place.
         """
-        stations = edge.stations[:, : correction.stations.shape[1]]
+        stations = edge.stations[:, :2]
         sag = np.abs(stations + correction.stations - self.rim.chords @ stations[self.rim.given]).max()
         return float(np.abs(correction.stations).max() / max(float(sag), LEAST_SAG * self.model.scene.wire.thickness))
 

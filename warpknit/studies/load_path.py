@@ -23,6 +23,7 @@ from ..measure.table import Record
 from ..results.row import Row
 from ..runner.estimates import MESHES, other_frictions
 from ..runner.history import row_of
+from ..runner.other_model import FIGURES
 from ..runner.variants import first_meshes, mean_row
 from ..scene import Scene, Stage
 from ..solve.model import build_model
@@ -37,7 +38,6 @@ FEWEST = 2  # meshes, of a mean
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
 DIFFERENCE_TOLERANCE = 2e-5
 ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
-FIGURES = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,10 @@ def meshes_of(scene: Scene) -> Meshes:
     In double precision. Raises `ModelError`, `KnitError`.
     """
     variants = scene.variants
-    scene = exact(replace(scene, stages=scene.stages[:1], sweep=None), scene.solver.residual_tolerance)
+    scene, tolerance = replace(scene, stages=scene.stages[:1], sweep=None), scene.solver.residual_tolerance
     if variants.count == 1:
-        return Meshes.of(build_model(scene))
-    own = VariantModels(scene)
+        return Meshes.of(exact_model(scene, tolerance))
+    own = VariantModels(exact(scene, tolerance))
     own.take(first_meshes(variants))
     return with_frictions(own)
 
