@@ -3,7 +3,7 @@
 Each node gathers from the contacts of the four segments on whose curve it has a weight, in their order: no sum depends on the
 number of threads. A contact is a place of a pair with a force, or with a gap below a distance.
 
-Offsets and penalties (spatial/contact_multipliers.py), with the overlaps o and forces N of the contacts that push at a node:
+Offsets and penalties (spatial/multipliers.py), with the overlaps o and forces N of the contacts that push at a node:
 
     mean overlap = sum w N o/sum w N        penalty k -> FORCE_PENALTY raised max N/d, within [DECAY, GROWTH] of before
     offset -> offset k_before/k + rate/2 mean overlap

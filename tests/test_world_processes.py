@@ -1,4 +1,4 @@
-"""Worlds in processes (warpknit/solve/world_processes.py)."""
+"""Worlds in processes (warpknit/solve/side_by_side.py)."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from warpknit import build_model, load_scene
 from warpknit.base.errors import OutOfResources
 from warpknit.runner.history import row_of
 from warpknit.scene import Scene
-from warpknit.solve import simulate, world_processes
+from warpknit.solve import side_by_side, simulate
+from warpknit.solve.side_by_side import WorldProcesses
 from warpknit.solve.simulate import SideBySide, Simulation
 from warpknit.solve.variant_models import VariantModels
-from warpknit.solve.world_processes import WorldProcesses
 from warpknit.studies.load_path import LoadPath, under_strain
 
 
@@ -37,7 +37,7 @@ def scene_of(**tables: dict) -> Scene:
 
 @pytest.fixture
 def two_processes(monkeypatch) -> None:
-    for module in (simulate, world_processes):
+    for module in (simulate, side_by_side):
         monkeypatch.setattr(module, "processes_of", lambda _models: 2)
 
 

@@ -1,4 +1,4 @@
-"""Multipliers of contacts between wires (warpknit/spatial/contact_multipliers.py)."""
+"""Multipliers of contacts between wires (warpknit/spatial/multipliers.py)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from warpknit import Simulation, build_model, load_scene
 from warpknit.compute.host import fetch, store
 from warpknit.kernels.contact_checks import PATIENCE
-from warpknit.spatial.contact_multipliers import OVERLAP_ERROR
+from warpknit.spatial.multipliers import OVERLAP_ERROR
 
 
 @pytest.mark.parametrize("share", [0.3, 0.49, 0.51, 0.75, 1.5])

@@ -71,7 +71,7 @@ class Row:
     steps: int
     seconds: float  # of the processor
     balance: float  # unbalanced forces or motion, compared with solver.residual_tolerance
-    overlap: float  # [d] largest overlap or gap of a contact, compared with OVERLAP_ERROR of spatial/contact_multipliers.py
+    overlap: float  # [d] largest overlap or gap of a contact, compared with OVERLAP_ERROR of spatial/multipliers.py
     tension_weft: float
     tension_warp: float
     active_percent: float

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpknit.compute.steering import Steering
-from warpknit.spatial.contact_multipliers import ContactMultipliers
+from warpknit.spatial.multipliers import ContactMultipliers
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import CHECK_STEPS, RodStepper
 from warpknit.spatial.rods import Section, rods_of

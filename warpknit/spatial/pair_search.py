@@ -35,7 +35,7 @@ PAIR_ARRAYS = (
 SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
 
 APPROACH = 0.12, 0.5  # of a segment, and of the thickness at least: approach allowed before the next search
-MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (contact_multipliers.py)
+MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (multipliers.py)
 MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
 STRETCHED = 1.2  # largest length of a segment under load over that at rest
 CELL = 0.5  # width of a cell over the radius, which bounds what most segments reach by far

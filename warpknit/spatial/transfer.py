@@ -22,19 +22,21 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from scipy.spatial import cKDTree
 
 from ..compute.host import fetch, store, take
 from ..compute.launch import bind
 from ..kernels.membrane_transfer import gather_forces, respond_to_strain
 from ..kernels.resample import resample_along_wires
 from ..kernels.rod_turns import find_turns, turn_sections
+from ..kernels.wire_closest import PLACES
 from ..mechanics.grid import CountedForces, MembraneGrid
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
 from ..mechanics.response import Response
 from .clamps import Edge, Surface
-from .elastic_slips import elastic_slips, take_elastic_slips
 from .model import SpatialModel
+from .wire_contact import WireContact
 
 OF_NODES = ("x", "y", "z", "push")
 OF_SEGMENTS = ("turn", "tension", "strain", "stretch")  # the last one a stiffness
@@ -44,6 +46,7 @@ CHANGED = ("displacement", "tangent", "director", "angle", "tension_offset", "co
 MOTION = ("velocity", "spin", "pending_turn")
 STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
+SLIPS = 2  # elastic slips of a pair: one for each minimum
 LEAST_LIFT = 1.0  # thicknesses: over a panel, changes strains and contacts by far less than any tolerance
 
 
@@ -105,16 +108,9 @@ class Fields:
     def read(self) -> dict[str, np.ndarray]:
         """Fields [panel node] of the current state."""
         self.stepper.evaluate()
-        displacement = fetch(self.stepper.state.displacement)
-        values = {
-            "x": displacement[:, 0],
-            "y": displacement[:, 1],
-            "z": displacement[:, 2],
-            "push": self.multipliers.push,
-            "turn": self._turn(),
-            "tension": self.relaxation.tension(),
-            "strain": self.relaxation.strain(),
-        }
+        values = dict(zip("xyz", fetch(self.stepper.state.displacement).T, strict=True))
+        values |= {"push": self.multipliers.push, "turn": self._turn()}
+        values |= {"tension": self.relaxation.tension(), "strain": self.relaxation.strain()}
         return self.nodes.of_panel(values)
 
     def read_everywhere(self) -> dict[str, np.ndarray]:
@@ -133,11 +129,8 @@ class Fields:
     def read_stiffness(self) -> dict[str, np.ndarray]:
         """STIFFNESSES [panel node] of the current state of the global mesh, on each rank."""
         state = self.stepper.state
-        values = {
-            "stretch": fetch(state.stretch_stiffness),
-            "penalty": fetch(state.contact_penalty),
-            "raised": self.multipliers.raised,
-        }
+        values = {"stretch": fetch(state.stretch_stiffness), "penalty": fetch(state.contact_penalty)}
+        values["raised"] = self.multipliers.raised
         return {name: self._of_all_ranks(value) for name, value in self.nodes.of_panel(values).items()}
 
     def stiffen(self, stiffness: dict[str, np.ndarray], mean_force: np.ndarray) -> None:
@@ -279,6 +272,58 @@ class Prolongation(RepeatProlongation):
         value = wp.zeros(self.large.panel.node_count, dtype=wp.float64, device=self.large.device)
         self.add_to_nodes(change, response, name, value, wire_scale=self._one, scale=wp.float64(1.0))
         return take(value)
+
+
+def elastic_slips(contact: WireContact) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the contacts of a single world, see `_at_rest`; their elastic slips (contact, 3) [m]."""
+    step, pairs = int(contact.stepper.steering.step[0]), contact.pairs
+    which = np.flatnonzero(fetch(pairs.slip_step)[step % 2, : SLIPS * contact.pair_count] == step)
+    place, slip = (fetch(x)[step % 2, which] for x in (pairs.slip_place, pairs.elastic_slip))
+    return _at_rest(contact, which // SLIPS, place), slip.copy()
+
+
+def take_elastic_slips(contact: WireContact, at_rest: np.ndarray, slip: np.ndarray, repeat: np.ndarray) -> None:
+    """Take over the elastic slips of one repeat, and begin an increment.
+
+    at_rest, slip: `elastic_slips` of the repeat; repeat: its size (2,) [m]. A contact takes the slip of the nearest contact
+    of the repeat at rest, within a segment.
+    """
+    step, pairs, near = int(contact.stepper.steering.step[0]), contact.pairs, contact.near_pairs()
+    touches = fetch(contact.touch.touch_normal_force)[: PLACES * len(near)].reshape(-1, PLACES)[:, :SLIPS] != 0.0
+    row, slot = np.nonzero(touches)
+    pair = near[row]
+    place = fetch(pairs.pair_place)[PLACES * pair + slot]
+    # either wire of a contact may be the first one
+    ways = at_rest, np.concatenate([at_rest[:, :3] + at_rest[:, 3:], -at_rest[:, 3:]], axis=1)
+    size = np.array([*repeat, 0.0, 0.0, 0.0, 0.0])
+    known, own = (_in_repeat(points, repeat) for points in (np.concatenate(ways), _at_rest(contact, pair, place)))
+    segment = float(contact.stepper.rods.natural_length.max())
+    distance, nearest = cKDTree(known, boxsize=size).query(own, distance_upper_bound=segment)
+    is_known = np.isfinite(distance)
+    which = (SLIPS * pair + slot)[is_known]
+    numbers, places, slips = (fetch(x).copy() for x in (pairs.slip_step, pairs.slip_place, pairs.elastic_slip))
+    numbers[:] = -1
+    numbers[step % 2, which] = step
+    places[step % 2, which], slips[step % 2, which] = place[is_known], np.concatenate([slip, -slip])[nearest[is_known]]
+    for array, values in ((pairs.slip_step, numbers), (pairs.slip_place, places), (pairs.elastic_slip, slips)):
+        store(array, values)
+    contact.begin_increment(np.array([0]))
+
+
+def _at_rest(contact: WireContact, pair: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(contact, 6) [m] at rest: a place on the first segment of a pair, and the way from there to that on the second."""
+    pairs, rods = contact.pairs, contact.stepper.rods
+    first, second = (fetch(x)[pair] for x in (pairs.pair_first, pairs.pair_second))
+    one, two = (rods.position[k] + place[:, n, None] * rods.rest_edge[k] for n, k in enumerate((first, second)))
+    return np.concatenate([one, two + fetch(pairs.pair_shift)[pair] - one], axis=1)
+
+
+def _in_repeat(points: np.ndarray, repeat: np.ndarray) -> np.ndarray:
+    """Points (n, 6) with their first two coordinates in one repeat."""
+    inside = points.copy()
+    inside[:, :2] %= repeat
+    inside[:, :2][inside[:, :2] >= repeat] = 0.0  # of round-off
+    return inside
 
 
 class SpatialGrid(MembraneGrid):

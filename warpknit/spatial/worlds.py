@@ -18,10 +18,10 @@ from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE, SLO
 from ..mechanics.protocols import Check
 from ..mechanics.worlds import Worlds
 from .clamps import MovingClamps
-from .contact_multipliers import LOADED, SOFTEST, ContactMultipliers
 from .convergence import Stability
 from .mechanics import SpatialMechanics
 from .model import SpatialModel
+from .multipliers import LOADED, SOFTEST, ContactMultipliers
 from .pair_search import search_cells
 from .rest_curve import joined_curves
 from .rod_arrays import RodState, StepForces

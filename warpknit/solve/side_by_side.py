@@ -1,4 +1,4 @@
-"""Worlds of a large group in several processes with a share of the cores.
+"""Worlds side by side: in this process, or a large group in several processes with a share of the cores.
 
 Warp runs a launch on one thread, so threads share the steps of worlds but not their checks. Results of a world are the same in
 any process.
@@ -7,17 +7,81 @@ any process.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from ..base.errors import Diverged
 from ..base.processes import INTERVAL, messages
 from ..compute.device import start_warp
 from ..compute.kept import Kept
 from ..mechanics.numerics import process_count, thread_count
+from ..mechanics.protocols import Model
+from .equilibrium import Equilibrium
+from .model import worlds_of
 from .progress import Progress
+from .relax import Relaxation, Unsolved
 
 NODES_A_PROCESS = 2_000  # fewer take less time than the start of a process
+# what a world goes through: what it finds, and UNSOLVED wherever it is to be brought to equilibrium; `Diverged` is thrown in
+Findings = Generator[Any, None, None]
+
+
+class SideBySide:
+    """Worlds of one topology, each with a relaxation (`members`).
+
+    Each world has its own levels. Worlds that are done or have failed wait.
+    """
+
+    def __init__(
+        self, models: Sequence[Model], findings_of: Callable[[Relaxation], Findings], progress: Sequence[Progress] = ()
+    ) -> None:
+        """models: of each world; findings_of: what a relaxation goes through; progress: of each, where they go on."""
+        self.group = worlds_of(models)
+        self.members: list[Relaxation] = []
+        self.equilibrium = Equilibrium(self.group, self.members)
+        for row, mechanics in enumerate(self.group.members):
+            begun = progress[row] if progress else None
+            self.members.append(Relaxation(mechanics, begun, equilibrium=self.equilibrium, row=row))
+        self.resumed = bool(progress)
+        self._findings = [findings_of(member) for member in self.members]
+
+    def run(self, monitor: Callable[[], None] = lambda: None, without: Collection[int] = ()) -> Iterator[tuple[int, Any]]:
+        """Number of a world and its finding, or its final `Diverged`; in order of arrival.
+
+        monitor: called at every convergence check; may raise to stop. without: worlds that have ended before.
+        """
+        rows = np.setdiff1d(np.arange(len(self.members)), list(without))
+        if not self.resumed:
+            self.group.search(rows)
+        due: dict[int, Diverged | None] = dict.fromkeys(rows.tolist())  # worlds that go on, after an error or none
+        active: list[int] = []
+        while due or active:
+            found: list[tuple[int, Any]] = []
+            with self.group.together():
+                active += [row for row, error in due.items() if self._goes_on(row, error, found)]
+            yield from found
+            if not active:
+                return
+            monitor()
+            check = self.equilibrium.advance(np.array(sorted(active)))
+            due = {row: check.failed.get(row) for row in [*check.failed, *check.converged]}
+            active = [row for row in active if row not in due]
+
+    def _goes_on(self, row: int, error: Diverged | None, found: list[tuple[int, Any]]) -> bool:
+        """Go to the next equilibrium of a world, or end; adds to what is `found` on the way."""
+        findings = self._findings[row]
+        try:
+            step = next(findings, None) if error is None else findings.throw(error)
+            while step is not None and not isinstance(step, Unsolved):
+                found.append((row, step))
+                step = next(findings, None)
+        except Diverged as failure:  # also where no strain carries the tension
+            found.append((row, failure))
+            return False
+        return step is not None
 
 
 @dataclass
@@ -54,7 +118,7 @@ def processes_of(models: Sequence[Any]) -> int:
 
 
 class WorldProcesses:
-    """Worlds that run in processes, in place of `SideBySide` (simulate.py)."""
+    """Worlds that run in processes, in place of `SideBySide`."""
 
     def __init__(self, models: Sequence[Any], begin: Callable[..., Any], *, ends_only: bool) -> None:
         """begin: `Simulation`."""
