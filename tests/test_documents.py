@@ -1,5 +1,6 @@
 """Commands, scenes, links and keys in the documents are valid, studies have dates, and the site builds without warnings."""
 
+import inspect
 import json
 import os
 import re
@@ -7,16 +8,24 @@ import shlex
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from inspect import get_annotations
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 
 from warpknit.base.text import exact
 from warpknit.commands.cli import main
 from warpknit.measure import table
+from warpknit.reflection.table import LeastTension, LossRow
+from warpknit.results.finding import KINDS
+from warpknit.results.row import Row, Values
+from warpknit.runner.answers import Answers
+from warpknit.runner.other_model import SpatialMeans
 from warpknit.runner.run import run_scene
+from warpknit.runner.summary import ERRORS, panel_of
+from warpknit.runner.variants import Means, Spread
 from warpknit.scene import load_scene
 from warpknit.scene.keys import keys_below
 from warpknit.scene.materials import MATERIALS
@@ -27,9 +36,6 @@ PAGES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not 
 GUIDES = [path for path in PAGES if path.parent.name in ("tutorials", "how-to") or path.name in ("start.md", "index.md")]
 HELP = main.context_settings  # click keeps the help option that a context is first asked for
 LARGEST = 150_000  # [bytes] of a picture of a tutorial or the gallery
-
-sys.path.insert(0, str(ROOT / "docs"))
-import summary_keys  # noqa: E402
 
 
 def name_of(path: Path) -> str:
@@ -114,18 +120,62 @@ def test_every_key_of_a_scene_stands_once() -> None:
     assert found == Counter(name.removeprefix("load.") for name in keys if not name.startswith("path[]."))
 
 
+def reference_of(section: str) -> list[str]:
+    """Names with a meaning in the tables of a section of docs/reference/summary.md, sorted."""
+    text = (ROOT / "docs/reference/summary.md").read_text(encoding="utf-8")
+    part = text.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    return sorted(re.findall(r"^\| `([^`]+)` \| \S", part, re.MULTILINE))
+
+
+def keys_of(kind: type, before: str = "") -> Iterator[str]:
+    """Keys of a section of results, from the fields of its type and of the types in it."""
+    for part in reversed(kind.__mro__[: kind.__mro__.index(Row if issubclass(kind, Row) else Values)]):
+        types = get_type_hints(part)
+        for name in get_annotations(part):
+            yield f"{before}{name}"
+            for inner, place in types_in(types[name]):
+                if name != "first_yield_interior" and inner.__module__ != Row.__module__:
+                    yield from keys_of(inner, f"{before}{name}{place}.")
+
+
+def types_in(hint: Any) -> Iterator[tuple[type, str]]:
+    """The types of values in a type: in a sequence at the place `[]`, else at ``."""
+    if isinstance(hint, type) and issubclass(hint, Values):
+        yield hint, ""
+    for inner in get_args(hint):
+        yield from ((one, "[]" if get_origin(hint) is Sequence else place) for one, place in types_in(inner))
+
+
 def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
-    """Meanings stand beside the code: none is missing, none is left of a key that is gone."""
-    names = Counter(name for name, _ in summary_keys.answers_rows())
-    assert names and max(names.values()) == 1
-    measures = {line.name for line in table.MEASURES}
-    assert set(summary_keys.meanings_of_measures()) == {*measures, "probes", "panel"}
-    assert max(Counter(name for name, _ in summary_keys.summary_rows()).values()) == 1
-    columns = {line.name for line in table.MEASURES if line.history}
-    left_out = {name for name in columns if f"| `{name}` |" not in summary_keys.history_table()}
-    assert left_out == {name for name in columns if re.match(r"(active|force)_[B-Z]_", name)}
-    assert summary_keys.PAGE.read_text(encoding="utf-8") == summary_keys.page(), "python docs/summary_keys.py"
-    assert summary_keys.WARNINGS_PAGE.read_text(encoding="utf-8") == summary_keys.warnings_page(), "python docs/summary_keys.py"
+    """None is missing, none is left of a key that is gone."""
+    assert reference_of("answers") == sorted([*keys_of(Answers), *keys_of(LeastTension, "reflection[].")])
+    assert reference_of("variants") == sorted([*keys_of(Spread), *keys_of(Means)])
+    assert reference_of("spatial_model") == sorted(keys_of(SpatialMeans))
+    assert reference_of("reflection.csv") == sorted(get_annotations(LossRow))
+    columns = {line.name for line in table.MEASURES if line.history or line.map}
+    of_first_class = (name for name in columns if not re.search(r"_[B-Z]_(percent|N)$", name))
+    assert reference_of("history.csv and map.csv") == sorted(of_first_class)
+    summary = reference_of("summary.json")
+    measures = {f"{line.summary}.{line.name}" for line in table.MEASURES if line.summary}
+    groups = {name.partition(".")[0] for name in measures}
+    errors = ["quality.estimated_error", *(f"quality.estimated_errors.{name}" for name in ERRORS)]
+    assert [name for name in summary if name.partition(".")[0] in groups] == sorted([*measures, *errors])
+    of_panel = re.findall(r'^ {8,12}"(\w+)":', inspect.getsource(panel_of), re.MULTILINE)
+    assert sorted(of_panel) == sorted(name.rpartition(".")[2] for name in summary if name.startswith("panel."))
+    assert max(Counter(summary).values()) == 1
+
+
+def test_every_warning_has_its_meaning_and_its_advice() -> None:
+    """In docs/reference/warnings.md, where contents list the codes by rank."""
+    text = (ROOT / "docs/reference/warnings.md").read_text(encoding="utf-8")
+    sections = re.findall(r"^### (W\d\d): (.+)\n\n\S[^#]*?\n\n\*\*Advice\.\*\* (.+)$", text, re.MULTILINE)
+    assert {code: advice for code, _, advice in sections} == {code: advice for code, (_, advice) in KINDS.items()}
+    titles = {code: title for code, title, _ in sections}
+    for rank, part in enumerate(text.partition("## General limits")[0].split("\n**")[1:]):
+        codes = [code for code, (other, _) in KINDS.items() if other == rank]
+        assert re.findall(r"^- \[(.*?)\]\(#(.*?)\) (.*)$", part, re.MULTILINE) == [
+            (code, code.lower(), titles[code]) for code in codes
+        ]
 
 
 def paths_of(part: dict[str, Any], before: str = "") -> Iterator[str]:
@@ -145,12 +195,11 @@ def test_every_key_of_a_summary_is_in_its_reference(scene: str, overrides: tuple
     quick = ("output.frames=1", "output.figures=false", "output.usd=false")
     run_scene(load_scene(ROOT / "scenes" / f"{scene}.toml", [*overrides, *quick]), out=tmp_path / "run", device="cpu")
     found = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
-    known = {name for name, _ in summary_keys.summary_rows()}
+    known = set(reference_of("summary.json"))
     keys = {name for name in paths_of(found) if not name.startswith(("answers.", "contacts.central_rhombus.", "spatial_model."))}
     assert keys - known == set()
     if found["answers"] is not None:
-        of_answers = {name.partition("[")[0].partition(".")[0] for name, _ in summary_keys.answers_rows()}
-        assert set(found["answers"]) == of_answers
+        assert set(found["answers"]) == set(get_annotations(Answers))
 
 
 @pytest.mark.slow

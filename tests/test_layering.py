@@ -26,7 +26,7 @@ LAYERS = (
     # what everything may use
     {"base", "kernels"},
     # the pattern, and the form in which results leave
-    {"knit", "results.frame", "results.row", "results.warning_kinds", "results.finding"},
+    {"knit", "results.frame", "results.row", "results.finding"},
     {"scene", "wires"},
     {"compute"},
     {"mesh"},

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from reference.in_words import quantities
-from warpknit.results.finding import Finding, ResultTable, ResultWarning
+from warpknit.results.finding import KINDS, Finding, ResultTable, ResultWarning
 from warpknit.results.row import Row, Values, columns_of, plain, read_rows, valued, write_rows
-from warpknit.results.warning_kinds import KINDS
 
 HOST = Path(__file__).parents[1] / "warpknit"
 
@@ -51,7 +50,7 @@ def test_a_finding_in_words() -> None:
 def test_a_warning_is_one_line_with_what_to_do() -> None:
     """The advice is that of its kind, unless it has its own."""
     own, line = ResultWarning("W18", "Snap-through.", "Compare."), str(ResultWarning("W18", "Snap-through."))
-    assert str(own) == "W18 Snap-through. Compare." and line == f"W18 Snap-through. {KINDS['W18'].advice}"
+    assert str(own) == "W18 Snap-through. Compare." and line == f"W18 Snap-through. {KINDS['W18'][1]}"
     assert str(ResultWarning.of(line)) == line and ResultWarning.of(line).code == "W18"
     assert str(ResultWarning.of("of an older version")) == "of an older version"
 

@@ -3,7 +3,7 @@
 history.csv, summary.json, maps and trades draw on it. A new measure is one line: a function of the observables, which returns
 None where a model or a mesh has none of it; there is no column and no key then, or an empty field (`may_be_empty`).
 
-Meanings and types stand at the class `Row` (results/row.py); docs/reference/summary.md has them too.
+docs/reference/summary.md has their meanings; types that are not float stand at the class `Row` (results/row.py).
 """
 
 from __future__ import annotations

@@ -19,10 +19,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpknit.base.files import write_arrays
-from warpknit.base.text import short_repr
-
-__all__ = ["Frame", "WireLayout", "curve_parts", "curve_position", "drawn_frame", "drawn_layout", "state_file"]
+from ..base.files import write_arrays
+from ..base.text import short_repr
 
 POINTS_A_LOOP = 128  # of the drawn curve of small meshes, about
 MOST_PARTS = 8  # between two nodes

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..base.errors import InputError, RunDirectoryError, needing_extra
 from ..base.text import either
+from ..measure.table import MEASURES
 from .row import Row
 
 Value = TypeVar("Value")
@@ -21,7 +22,7 @@ Value = TypeVar("Value")
 AGAIN = "run it again, with --force"  # where a file of results is missing or damaged
 SHOWN_ROWS = 5  # at either end
 TEXTS = {name for name, kind in Row.__annotations__.items() if kind.startswith("str")}  # measures that are words
-NUMBERS = set(Row.__annotations__) - TEXTS  # measures that are numbers or truth values
+NUMBERS = {measure.name for measure in MEASURES} - TEXTS  # measures that are numbers or truth values
 UNITS = {
     "N_per_m": "N/m", "kg_per_m2": "kg/m^2", "percent": "%", "Pa": "Pa", "K": "K", "N": "N", "J": "J", "rad": "rad", "m2": "m^2",
     "m": "m", "s": "s", "bytes": "byte",

@@ -29,24 +29,17 @@ ZERO_TENSION = 0.01  # of EI/C^3: tensions of loose meshes are found to the tole
 class Answers(Values):
     """The section `answers` of summary.json, in SI units."""
 
-    contacts: Sequence[ClassAnswer]  # classes of contact: `name`, `pairs`, `active_percent` at the end, and `closes`; null if
-    # they stay open
-    service: Sequence[Service]  # `tension_N_per_m` with `active_percent` and the `state` where the mean of weft and warp first
-    # reaches this tension. Each later load step that passes this tension, as on unloading, has an entry of its own
-    first_yield: Event | None  # the first record with a largest stress `stress_max_Pa` above the yield stress, and the place
-    # of this stress; null if there is none
+    contacts: Sequence[ClassAnswer]  # classes of contact
+    service: Sequence[Service]  # where the mean of weft and warp first reaches a tension, in each load step
+    first_yield: Event | None  # the first record with a largest stress above the yield stress; None: there is none
     first_yield_interior: Event | None  # first yield away from the grips; without a place
     largest_stress: Row  # the largest stress of the run, and its place
     largest_tension: Row  # the state of the largest tension
-    asked_tension_N_per_m: float | None  # largest mean tension of weft and warp in the scene; null where no load step gives
-    # both tensions
+    asked_tension_N_per_m: float | None  # largest mean tension in the scene; None: no load step gives both
     tension_tolerance_N_per_m: float  # smaller tensions are zero within the tolerance of the equilibria
-    tension_error_percent: float | None  # known error of tensions at the preset: of tight knits against the reference preset, at
-    # nine of ten loads; else the error for the double atlas mesh; null where it is not known
+    tension_error_percent: float | None  # known error of tensions at the preset; None: not known
     heat: Sequence[Heat]  # load steps that change the temperature only: values at begin and end of each
-    best: Best | None  # state in the middle of the widest range of tensions with the most active contacts, up to first yield
-    # away from the grips. A share that only a single record has does not count. Load steps that go on loading at one
-    # temperature count as one. A load step that changes the temperature under constant tensions does not count
+    best: Best | None  # middle of the widest range of tensions with the most active contacts, up to first yield
 
 
 def zero_tension(model: MeshModel) -> float:

@@ -20,12 +20,10 @@ SAME = 1e-9  # of a tension: round-off
 class Best(Row):
     """State of the best tension, and its range of records."""
 
-    low: Row  # lower end of the range. If the range is a single record: the tension below `best`
-    # down to which at most one percentage point of contacts opens
+    low: Row  # lower end of the range; of a single record where one percentage point of contacts opens
     open_low: bool  # true where the records begin there
     low_jump: bool  # true where a snap-through lies between the records of `low_between`
-    low_between: Sequence[Row] | None  # records on both sides of the lower end; null where they are within
-    # `output.load_tolerance`, or the records end there
+    low_between: Sequence[Row] | None  # records on both sides of the lower end; None: near, or the records end there
     high: Row  # upper end of this range
     open_high: bool  # true where the records end there
     high_jump: bool  # the same as `low_jump` of the upper end
@@ -33,13 +31,11 @@ class Best(Row):
     stress_with_grips_Pa: float  # the largest stress of this state, at the grips as well
     stage: str  # load step of this state
     grows: bool  # true where only the last record is in the range; `best` is then this record
-    next_jump: Sequence[Row] | None  # the states on both sides of the first snap-through at a larger tension, up to first yield;
-    # null without one
+    next_jump: Sequence[Row] | None  # states around the first snap-through at a larger tension, up to first yield
     jumps: Sequence[Sequence[Row]]  # states on both sides of each snap-through within the range
     stages: int  # number of load steps that were searched, up to first yield
     stress_over_limit: float  # the stress away from the grips over the elastic limit
-    first_yield_over_tension: float | None  # mean tension of first yield away from the grips, over the tension of this state;
-    # null without such a yield at a known larger tension and the same temperature
+    first_yield_over_tension: float | None  # mean tension of first yield away from the grips, over the tension here
 
 
 def best_tension(run: Rows, limit: float, stress: str, first_yield: Event | None) -> Best | None:

@@ -34,10 +34,8 @@ class ClassAnswer(Values):
     name: str
     pairs: int
     active_percent: float
-    closes: Closing | None  # the first record in which half of the pairs carry more than the threshold, its `stage`, and the
-    # records `between`
-    closed: Sequence[ClosedRange]  # ranges of records in which the class is closed, by their states `from` and `to` with their
-    # `stage`. Several where the class opened again, empty where it stays open
+    closes: Closing | None  # None: they stay open
+    closed: Sequence[ClosedRange]  # ranges of records in which the class is closed
 
 
 def class_answer(run: Rows, name: str, pairs: int, threshold: float, yields: int | None = None) -> ClassAnswer:

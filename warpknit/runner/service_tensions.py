@@ -25,8 +25,7 @@ class Service(Values):
     state: Row | None
     resolved: bool  # false where the records on both sides have different shares
     stage: str | None  # load step of this state; null without one
-    jump: Sequence[Row] | None  # in place of a state: records on both sides of a snap-through at this tension, each with
-    # `active_percent`; null without one
+    jump: Sequence[Row] | None  # records on both sides of a snap-through at this tension, in place of a state
     between: Sequence[Row] | None  # records on both sides, each with `active_percent`, where not resolved; null otherwise
     why: str  # why there is no share, or what limits it; left out otherwise
 

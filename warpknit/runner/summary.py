@@ -37,8 +37,7 @@ PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of s
 class Estimate:
     """Estimated errors of the last state of a run; of means also the `changes` behind them."""
 
-    error: float | None = None  # of means: root of the sum of squares of `standard_error`, `nodes` and `friction`; with
-    # `run --error`: 1.3 times the largest error of `quality.estimated_errors`, plus 0.2 %; else null
+    error: float | None = None  # of means: root of the sum of squares; with `run --error`: largest error, with a margin
     active_percent: float | None = None  # estimated error of the share of active contacts, in percentage points
     tension: float | None = None  # estimated relative error of the tension; of the strain where tension drives
     contact_force: float | None = None  # estimated relative error of the contact forces
@@ -65,11 +64,9 @@ class Summary:
     warnings: Sequence[ResultWarning] = ()  # limits to the use of this result
     stages: tuple[Row, ...] = ()  # the same groups at the end of each load step, with its `name`
     estimate: Estimate = field(default_factory=Estimate)
-    jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between
-    # them. In a change of temperature also where the mesh strains by far more than free wire
+    jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between them
     variants: Means | None = None  # with `variants.count` above 1: spread of single meshes about the means
-    spatial_model: SpatialMeans | None = None  # for a planar tile: means of three meshes of the spatial model, under the same
-    # load and with the same preset
+    spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model
     answers: Answers | None = None  # results for a designer, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 
@@ -176,36 +173,29 @@ def run_summary(
             friction=scene.contact.friction,  # friction coefficient
             friction_assumed="contact.friction" in scene.assumed,  # whether this is the default, not given in the scene
             kind_reason=scene.kind_reason,  # reason: chosen in the scene, the default, or a feature of the planar model only
-            source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",  # table of the scene that
-            # gives the wires: `knit`, `hook` or `wires`
+            source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",
             warnings=of_model,  # why the model is not valid for this mesh, most serious first; also in `warnings`
             boundary=scene.model.boundary,  # `periodic`, `gripped` or the boundary of wires from a file
             precision=model.precision.name,  # `single` or `double`
             wires=len(panel.wire_first),  # wires of the mesh
             nodes=model.node_count,  # nodes of the mesh
-            repeats=list(scene.knit.repeats if scene.wires is None else scene.wires.repeats),  # repeats of the knit in weft and
-            # warp
-            bodies=panel.body_count,  # clasps, where two wires hook each other; of wires from a file also where
-            # wires cross or come near each other
+            repeats=list(scene.knit.repeats if scene.wires is None else scene.wires.repeats),
+            bodies=panel.body_count,  # clasps; of wires from a file also where wires cross or come near
             pairs=model.pair_count,  # two for each clasp, one for each of its wires
             notes=list(panel.notes),  # how the mesh was cut
-            rest_curve_error=model.curve_error / scene.wire.diameter,  # largest error of the contact curve in the reference
-            # state, over d
+            rest_curve_error=model.curve_error / scene.wire.diameter,  # of the contact curve, over d
         ),
         solver=Values(
             time_step_s=model.time_step,  # step of the unloaded mesh; 1 for a relaxation, which has fictitious masses
             steps=steps,  # time steps of the run
-            wall_s=wall,  # wall time of steps, convergence checks and files, of all parts of a resumed run; without building the
-            # model and compilation
+            wall_s=wall,  # of steps, checks and files, of all parts of a resumed run
             compile_s=compile_time,  # time of compilation; 0 if the kernels were compiled before
             ranks=model.ranks.count,  # processes under `mpirun`
             node_steps_per_s=steps * model.node_count / wall if wall > 0 else 0.0,  # steps times nodes over the wall time
             mass_scaling=1.0 + model.added_mass,  # mass of a ramp over the real mass
-            axial_softening=model.softening,  # divisor of the axial stiffness in the dynamics at the start of the run, at most
-            # the scene's; in the spatial model bending limits it
+            axial_softening=model.softening,  # at the start of the run
             preset=scene.solver.preset,  # preset of the settings
-            preset_error_percent=scene.preset_error_percent,  # measured error of the preset; null if keys of the scene override
-            # its settings
+            preset_error_percent=scene.preset_error_percent,
             drive=scene.solver.drive,  # `relax` or `ramp`
             notes=list(notes),  # load levels that needed more than one increment, and overlaps as knitted
         ),
@@ -256,24 +246,20 @@ def panel_of(record: Record) -> tuple[dict[str, Columns], PanelValues | None]:
         known, tension = panel_map.known, panel_map.tension
         least = np.minimum(tension[..., 0, 0], tension[..., 1, 1])
         values |= {
-            "tension_median_weft_N_per_m": float(np.median(tension[known][:, 0, 0])),  # median of the repeats;
-            # the mean of `mesh` includes the short taut wires at the grips
+            "tension_median_weft_N_per_m": float(np.median(tension[known][:, 0, 0])),
             "tension_median_warp_N_per_m": float(np.median(tension[known][:, 1, 1])),  # the same in warp
             "tension_least_N_per_m": float(least[known].min()),  # smallest tension of a repeat in weft or warp
             "tension_threshold_N_per_m": options.tension_threshold,  # `panel.tension_threshold`
-            "area_below_tension_percent": _share_below(panel_map, least, options.tension_threshold),  # share of the area with
-            # a tension below this threshold
+            "area_below_tension_percent": _share_below(panel_map, least, options.tension_threshold),
             "active_threshold_percent": options.active_threshold,  # `panel.active_threshold`
-            "area_below_active_percent": _share_below(panel_map, panel_map.active_percent, options.active_threshold),  # share of
-            # the area with fewer active contacts than this threshold
+            "area_below_active_percent": _share_below(panel_map, panel_map.active_percent, options.active_threshold),
         }
     if rim.is_free:
         cord = rim.cord_forces(r.stretch, stations)[1]
         values |= {
             "cord_tension_max_N": float(cord.max()),  # largest tension of the edge cords
             "cord_tension_min_N": float(cord.min()),  # smallest tension of the edge cords
-            "cord_displacement_max_m": float(np.hypot(stations[:, 0], stations[:, 1]).max()),  # largest displacement of the
-            # edge cords
+            "cord_displacement_max_m": float(np.hypot(stations[:, 0], stations[:, 1]).max()),
         }
     if panel_map is None:
         return {}, values

@@ -63,8 +63,7 @@ class Means(Values):
     failed: int  # meshes that did not converge, which are left out
     refused: int  # seeds whose loops do not fit, which others replace
     why: str  # reason for the first of these
-    standard_error: float | None  # largest standard error: of tension (strain, where tension drives) and stress over their
-    # means, of active contacts over all pairs
+    standard_error: float | None  # largest one, of tension or strain, of stress and of active contacts
     median: int  # number of the mesh whose states are kept
     branch: Branch | None  # meshes on another branch of equilibria; null where all are together
     changes: Values  # change of the means with other nodes, other friction and an overshoot, as fractions, by name and value
