@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import tomli_w
 from click.testing import CliRunner
+from scene_reference import COLUMNS, capabilities_page, compatibility, with_needs
 
 from warpknit.base.errors import InputError
 from warpknit.commands.cli import main
@@ -16,8 +17,7 @@ from warpknit.commands.plan import overview_of
 from warpknit.compute.ranks import One
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
-from warpknit.scene.capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, Case, compatibility, with_needs
-from warpknit.scene.reference import capabilities_page
+from warpknit.scene.capabilities import AT_COMMAND, GROUPS, RULES, TRAITS, Case
 from warpknit.studies import probe_run, sweep
 
 ROOT = Path(__file__).parent.parent
@@ -150,7 +150,7 @@ def test_a_scene_asks_for_what_its_example_asks_for(folder):
 
 def test_the_page_is_that_of_the_table():
     text = (ROOT / "docs" / "capabilities.md").read_text(encoding="utf-8")
-    assert text == capabilities_page(), "python -m warpknit.scene.reference docs"
+    assert text == capabilities_page(), "python docs/scene_reference.py"
 
 
 def test_rules_name_traits():

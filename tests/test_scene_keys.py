@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 from typing import get_args
 
+from scene_reference import with_key_tables
+
 from warpknit.scene import make_scene
 from warpknit.scene.keys import keys_below
 from warpknit.scene.messages import known_keys
-from warpknit.scene.reference import with_key_tables
 from warpknit.scene.scene import SceneFile
 
 ROOT = Path(__file__).parent.parent
@@ -22,7 +23,7 @@ tomllib = __import__("tomllib" if sys.version_info >= (3, 11) else "tomli")
 from pathlib import Path
 import warpknit
 from warpknit.scene import SceneError, make_scene, resolved_toml
-from warpknit.scene.reference import with_key_tables
+from scene_reference import with_key_tables
 
 assert Path(warpknit.__file__).is_relative_to(sys.argv[1])
 scene = make_scene({})
@@ -56,7 +57,7 @@ def test_a_key_is_one_line(tmp_path):
     path.write_text(text.replace(place, DECLARED + place), encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-c", FOLLOWS, str(tmp_path), str(ROOT / "docs" / "scenes.md")],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT / "docs")])},
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -67,7 +68,7 @@ def test_a_key_is_one_line(tmp_path):
 
 def test_the_tables_of_keys_are_those_of_the_code():
     text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
-    assert text == with_key_tables(text), "python -m warpknit.scene.reference docs"
+    assert text == with_key_tables(text), "python docs/scene_reference.py"
 
 
 def test_every_key_says_what_it_means_in_one_line():

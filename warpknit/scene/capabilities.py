@@ -3,7 +3,7 @@
 `TRAITS` are features that a scene or a command may request, `RULES` the combinations that are excluded.
 From these follow the refusals (`refuse`, called when a scene is read and by each command), the keys without effect
 (`without_effect`, shown by `warpknit plan`), the kind of model of `model.kind = "auto"` (`kind_of_model`), and
-docs/capabilities.md (reference.py).
+docs/capabilities.md (docs/scene_reference.py).
 Limits that depend on a size, a file or values of a model are checked where these are known: in wires/read.py, mesh/,
 planar/model.py, spatial/.
 """
@@ -240,7 +240,6 @@ TRAITS = {
     "cuda": _if("a GPU", "--device", lambda case: case.device not in (None, "cpu")),
 }
 AT_COMMAND = frozenset({"map", "trade", "report", "error", "ranks", "cuda"})
-COLUMNS = (*GROUPS[1], *GROUPS[2], *GROUPS[3], *GROUPS[0], "map", "trade", "report", "error", "ranks", "cuda")
 
 
 @dataclass(frozen=True)
@@ -418,27 +417,3 @@ def _refusal(case: Case, rule: Rule, location: Location, value: Any, source: Sou
     if source is not None:
         return source.refusal(location, value, wrong, rule.instead)
     return scene_error(path, key, f"{value_text(location, value)} {wrong}", rule.instead)
-
-
-def with_needs(names: Iterable[str]) -> frozenset[str]:
-    """Traits and all that they imply."""
-    found: set[str] = set()
-    left = list(names)
-    while left:
-        name = left.pop()
-        if name not in found:
-            found.add(name)
-            left += TRAITS[name].needs
-    return frozenset(found)
-
-
-def compatibility(one: str, other: str) -> str:
-    """Whether two traits go together, whatever else a scene has: "yes", "no", "partly" (it depends on a third one), or "no
-    effect"."""
-    both = with_needs((one, other))
-    if any(len(both & set(group)) > 1 for group in GROUPS) or any(rule.refused and rule.traits <= both for rule in RULES):
-        return "no"
-    between = [rule for rule in RULES if {one, other} == {rule.trait, *rule.others[:1]}]
-    if any(rule.refused for rule in between):
-        return "partly"
-    return "no effect" if between else "yes"

@@ -1,21 +1,21 @@
 """Documents generated from the code: the tables of keys in docs/scenes.md, and docs/capabilities.md.
 
-python -m warpknit.scene.reference docs        regenerates them
+python docs/scene_reference.py        regenerates them
 """
 
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from .capabilities import AT_COMMAND, COLUMNS, GROUPS, RULES, TRAITS, compatibility
-from .keys import Key, keys_below
-from .scene import SceneFile
+from warpknit.scene.capabilities import AT_COMMAND, GROUPS, RULES, TRAITS
+from warpknit.scene.keys import Key, keys_below
+from warpknit.scene.scene import SceneFile
 
-BEGIN, END = "<!-- keys of {}, written by warpknit.scene.reference -->", "<!-- end of keys -->"
+BEGIN, END = "<!-- keys of {}, written by docs/scene_reference.py -->", "<!-- end of keys -->"
 SECTIONS = ("the file", *(name for name, entry in SceneFile.keys.items() if entry.table is not None and name != "path"))
+COLUMNS = (*GROUPS[1], *GROUPS[2], *GROUPS[3], *GROUPS[0], "map", "trade", "report", "error", "ranks", "cuda")
 HEADINGS = {"error": "run --error", "ranks": "mpirun", "cuda": "GPU"}  # of columns whose heading is not the name of their trait
 UNSAID = {"elastic", "even loops", "no sweep"}  # defaults, which have no row
 
@@ -69,7 +69,7 @@ def _as_code(found: re.Match[str]) -> str:
 
 CAPABILITIES = """# Compatibility of features
 
-Generated from `warpknit/scene/capabilities.py` by `python -m warpknit.scene.reference docs`. Excluded combinations are refused
+Generated from `warpknit/scene/capabilities.py` by `python docs/scene_reference.py`. Excluded combinations are refused
 with a message of one line and exit status 2. Limits that depend on a size, a file or values of a model are not in this table.
 A message states them. With `model.kind = "auto"` the model is spatial, unless the scene needs a feature of the planar model only.
 
@@ -111,6 +111,30 @@ def _alternatives(one: str, other: str) -> bool:
     return one == other or any({one, other} <= set(group) for group in GROUPS)
 
 
+def with_needs(names: Iterable[str]) -> frozenset[str]:
+    """Traits and all that they imply."""
+    found: set[str] = set()
+    left = list(names)
+    while left:
+        name = left.pop()
+        if name not in found:
+            found.add(name)
+            left += TRAITS[name].needs
+    return frozenset(found)
+
+
+def compatibility(one: str, other: str) -> str:
+    """Whether two traits go together, whatever else a scene has: "yes", "no", "partly" (it depends on a third one), or "no
+    effect"."""
+    both = with_needs((one, other))
+    if any(len(both & set(group)) > 1 for group in GROUPS) or any(rule.refused and rule.traits <= both for rule in RULES):
+        return "no"
+    between = [rule for rule in RULES if {one, other} == {rule.trait, *rule.others[:1]}]
+    if any(rule.refused for rule in between):
+        return "partly"
+    return "no effect" if between else "yes"
+
+
 def main(folder: Path) -> None:
     """Write the generated parts of the documents in `folder`."""
     path = folder / "scenes.md"
@@ -119,4 +143,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"))
+    main(Path(__file__).parent)
