@@ -11,9 +11,9 @@ import pytest
 from reference.in_words import quantities, table_of
 from reference.two_classes import CLOSES, LIMIT, STRAIN, STRESS, found, row
 from warpknit.results.row import Row, Values
+from warpknit.runner.answers import heat_of
 from warpknit.runner.answers_table import ahead_texts, answer_findings
 from warpknit.runner.branches import jumps_in_heat, state_of
-from warpknit.runner.heat import heat_of
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary import Summary
 from warpknit.runner.summary_table import summary_findings

@@ -12,7 +12,7 @@ from reference.interrupted import assert_parts_are_the_whole
 from warpknit import Simulation, build_model, load_scene, measure
 from warpknit.base.errors import Diverged, InputError
 from warpknit.knit.named import NAMED_KNITS
-from warpknit.measure.contact_classes import classes_of, median_force
+from warpknit.measure import class_median_force, classes_of
 from warpknit.measure.jumps import Level, happens
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.equilibrium import Equilibrium
@@ -45,7 +45,7 @@ def closings(scene: Scene) -> tuple[dict[str, tuple[float, float]], int]:
     for record in Simulation(model).run():
         shares.append(record.load_factor)
         for name, series in closed.items():
-            series.append((median_force(record.observables, name) or 0.0) > threshold)
+            series.append((class_median_force(record.observables, name) or 0.0) > threshold)
     found = {}
     for name, series in closed.items():
         last = [k for k, (before, after) in enumerate(pairwise(series)) if after and not before]

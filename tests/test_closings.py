@@ -5,9 +5,9 @@ import pytest
 
 from reference.in_words import quantities, table_of
 from reference.two_classes import CLOSES, LIMIT, SLOPE, STRAIN, found, row
+from warpknit.runner.answers import class_answer
 from warpknit.runner.answers_table import answer_findings
 from warpknit.runner.branches import Rows
-from warpknit.runner.closings import class_answer
 
 
 @pytest.mark.parametrize(("levels", "is_known"), [(100, True), (50, True), (49, False), (10, False)])

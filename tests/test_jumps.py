@@ -13,8 +13,8 @@ from warpknit.export.map_figure import Marks, map_figure
 from warpknit.measure.jumps import UNBALANCED, energy_gap, jumps, stands_out
 from warpknit.results.row import Values
 from warpknit.runner import warnings_of as warnings
+from warpknit.runner.answers import heat_of
 from warpknit.runner.branches import jumps_of, with_work, work_steps
-from warpknit.runner.heat import heat_of
 from warpknit.runner.history import missing_steps, missing_work
 from warpknit.scene import make_scene
 from warpknit.studies.contact_map import MapRow, MapSummary, find_jumps, jump_warning, map_table

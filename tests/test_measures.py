@@ -14,8 +14,7 @@ from reference.in_words import table_of
 from warpknit import export, measure
 from warpknit.base.errors import Diverged
 from warpknit.base.text import engineering
-from warpknit.measure import Observables, table
-from warpknit.measure.contact_classes import class_of_pair, classes_of, median_force
+from warpknit.measure import Observables, class_median_force, class_of_pair, classes_of, table
 from warpknit.measure.observables import MeshModel
 from warpknit.measure.table import Measure
 from warpknit.planar.model import Model
@@ -145,7 +144,7 @@ def test_a_class_has_the_force_that_half_of_its_pairs_reach(loaded: int, found: 
     assert len(pairs) == 8
     force = np.zeros(model.pair_count)
     force[pairs[:loaded]] = 283e-6
-    assert median_force(SimpleNamespace(model=model, pair_force=force), "A") == found
+    assert class_median_force(SimpleNamespace(model=model, pair_force=force), "A") == found
 
 
 @pytest.mark.parametrize("kind", ["planar", "spatial"])

@@ -45,7 +45,7 @@ def found(
         stages=[SimpleNamespace(name=name, by_tension=(asked is not None,) * 2, tension_weft=asked, tension_warp=asked)
                 for name in ("load", "unload", "cold")],
     )  # fmt: skip
-    monkeypatch.setattr(module, "classes_of", lambda _: {"A": pairs[0], "B": pairs[1]})
+    monkeypatch.setattr(module.measure, "classes_of", lambda _: {"A": pairs[0], "B": pairs[1]})
     monkeypatch.setattr(module.measure, "active_threshold", lambda _: 1e-12)
     monkeypatch.setattr(module.measure, "tension_scale", lambda _: 1.0)
     monkeypatch.setattr(module, "tension_error", lambda _: error)

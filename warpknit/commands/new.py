@@ -83,7 +83,6 @@ def _gauges(request: SceneRequest, scene: Scene) -> Iterator[str]:
 
 
 def _has_room(request: SceneRequest) -> bool:
-    """Whether the knit of a request can be laid out."""
     try:
         knit_scene(make_scene(toml.loads(scene_text(request, ""))))
     except (KnitError, InputError):
@@ -125,7 +124,6 @@ def copy_scene(name: str, path: Path) -> list[Finding]:
 
 
 def _plated(wire: Wire) -> str:
-    """The coating of the wire, in words."""
     return "" if wire.plating is None else f", plated with {exact(wire.plating.thickness, 'm')} of {wire.plating.material}"
 
 
@@ -189,7 +187,6 @@ def ask(given: Mapping[str, str], path: Path | None, *, force: bool) -> tuple[Sc
 
 
 def _answered(request: SceneRequest, name: str) -> SceneRequest:
-    """The request with the answer to the question about a value."""
     return _prompt(QUESTIONS[name], getattr(request.filled_in, name), lambda answer: replace(request, **{name: answer}))
 
 

@@ -232,7 +232,6 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
 
 
 def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
-    """Warnings of overlapping wires in a repeat with loops of mean size."""
     if cloth is not None:
         repeat = knit_cloth(scene.knit.even, scene.wire.thickness, scene.model.merge_lenses)
         yield from kind_of(scene).overlaps_as_knitted(scene, repeat)
@@ -253,7 +252,6 @@ def _about(text: Callable[[int], str], run: Measured) -> str:
 
 
 def _measured(run: Measured) -> str:
-    """On what steps and time were measured."""
     small, stages = run.small, len(run.small.model.scene.stages)
     if run.is_bound:
         return f"on {small.model.node_count:,} nodes: {small.steps:,} steps, no load level reached"
@@ -324,7 +322,6 @@ def physics_of(scene: Scene, loading_time: float) -> Iterator[str]:
 
 
 def _panel_physics(scene: Scene) -> Iterator[str]:
-    """Physics that the boundary, [panel] and uneven loads switch on."""
     panel = scene.panel
     if scene.model.boundary == "periodic":
         yield "periodic boundary: one tile of an endless mesh, model.boundary = 'periodic'"

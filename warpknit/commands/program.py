@@ -47,7 +47,6 @@ def exit_status(error: BaseException) -> tuple[int, str] | None:
 
 
 def _free(path: str | None) -> str:
-    """Free space on the disk of a path, in words."""
     for folder in Path(path).parents if path else ():
         if folder.is_dir():
             return f"{path} needs more than the available {shutil.disk_usage(folder).free / 1024:,.0f} KiB"

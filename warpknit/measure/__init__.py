@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..knit.cloth import CLASS_NAMES
 from ..results.frame import Frame
 from ..scene import Wire
 from .observables import MeshModel, Observables
@@ -121,6 +122,8 @@ def residual(r: Observables) -> float:
 
 
 # --- contacts ---------------------------------------------------------------------------------------------------------
+# Contacts of a class are places of one shape (knit/cloth.py), which close together in a mesh of equal loops. Where an equilibrium
+# breaks the symmetry of the mesh, a part of a class is closed.
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,41 @@ def contacts(r: Observables, bodies: np.ndarray | None = None) -> Contacts:
     if bodies is not None:
         active = active[bodies]
     return Contacts(len(active), active.size, int(active.sum()), int(active.all(axis=1).sum()))
+
+
+def class_of_pair(model: MeshModel) -> np.ndarray:
+    """[pair] number of its class; one class for all where nothing is knitted."""
+    if model.cloth is None:
+        return np.zeros(model.pair_count, dtype=np.int64)
+    return np.repeat(model.cloth.classes[model.panel.body_clasp], 2)
+
+
+def classes_of(model: MeshModel) -> dict[str, int]:
+    """Pairs in each class of contact, by its name A, B; none of two hooked wires."""
+    counts = np.bincount(class_of_pair(model)).tolist() if model.scene.hook is None else []
+    return {CLASS_NAMES[number]: count for number, count in enumerate(counts) if count}
+
+
+def class_active_percent(r: Observables, name: str) -> float | None:
+    """Share of the active pairs of a class; None where the mesh has none of it."""
+    pairs = _pairs_of_class(r, name)
+    return None if pairs is None else 100.0 * float(np.mean(pair_active(r)[pairs]))
+
+
+def class_median_force(r: Observables, name: str) -> float | None:
+    """Contact force [N] that half of a class's pairs reach, the upper median; None without pairs."""
+    pairs = _pairs_of_class(r, name)
+    return None if pairs is None else float(np.sort(r.pair_force[pairs])[len(pairs) // 2])
+
+
+def _pairs_of_class(r: Observables, name: str) -> np.ndarray | None:
+    if r.model.scene.hook is not None:
+        return None
+    number, model = CLASS_NAMES.index(name), r.model
+    if number > (0 if model.cloth is None else model.cloth.classes.max(initial=0)):
+        return None
+    pairs = np.flatnonzero(class_of_pair(model) == number)
+    return pairs if len(pairs) else None
 
 
 def largest_contact_force(r: Observables) -> float:
@@ -212,7 +250,6 @@ def yield_share(r: Observables) -> float:
 
 
 def _wire_share(r: Observables, nodes: np.ndarray) -> float:
-    """Share of the wire length that nodes [node] represent."""
     return float(np.sum(r.node_length[nodes]) / np.sum(r.node_length))
 
 

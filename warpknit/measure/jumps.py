@@ -25,7 +25,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from .. import measure as m
-from .contact_classes import classes_of, median_force
 from .observables import Observables
 
 UNBALANCED = 0.05  # energy without work, over the stored energy
@@ -113,7 +112,7 @@ def level_of(r: Observables, share: float, dissipated: float) -> Level:
     """Compared values of a state at a share of the load; dissipated [J]: nan if energies do not count."""
     scene, threshold = r.model.scene, m.active_threshold(r.model)
     if scene.hook is None:
-        passed = [(median_force(r, name) or 0.0) > threshold for name in classes_of(r.model)]
+        passed = [(m.class_median_force(r, name) or 0.0) > threshold for name in m.classes_of(r.model)]
     else:
         passed = m.pair_active(r).tolist()
     passed += [stress > scene.wire.yield_stress for stress in (m.largest_stress(r), m.interior_stress(r))]

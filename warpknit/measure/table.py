@@ -18,7 +18,7 @@ import numpy as np
 from .. import measure as m
 from ..base.text import short_repr
 from ..knit.cloth import CLASS_NAMES
-from . import contact_classes, stress_peak
+from . import stress_peak
 from .observables import HookContact, Observables
 
 
@@ -129,11 +129,8 @@ MEASURES: tuple[Measure, ...] = (
     Measure("active", lambda r: m.contacts(r).active, summary="contacts"),
     Measure("active_pairs", lambda r: m.contacts(r).active, history=True),
     Measure("active_percent", lambda r: m.contacts(r).active_percent, history=True, summary="contacts", map="map"),
-    *(
-        Measure(f"active_{name}_percent", partial(contact_classes.active_percent, name=name), history=True)
-        for name in CLASS_NAMES
-    ),
-    *(Measure(f"force_{name}_N", partial(contact_classes.median_force, name=name), history=True) for name in CLASS_NAMES),
+    *(Measure(f"active_{name}_percent", partial(m.class_active_percent, name=name), history=True) for name in CLASS_NAMES),
+    *(Measure(f"force_{name}_N", partial(m.class_median_force, name=name), history=True) for name in CLASS_NAMES),
     Measure("bodies", lambda r: m.contacts(r).bodies, summary="contacts"),
     Measure("active_bodies", lambda r: m.contacts(r).active_bodies, summary="contacts"),
     Measure("active_bodies_percent", lambda r: m.contacts(r).active_bodies_percent, map="details"),

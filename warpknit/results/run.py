@@ -283,7 +283,6 @@ class Run:
 
     @property
     def _table(self) -> ResultTable:
-        """The table that the command prints."""
         if "cells" in self.summary:
             return map_table(MapSummary.of(self.summary))
         return summary_table(Summary.of(self.summary), self.directory)

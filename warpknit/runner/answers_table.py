@@ -24,13 +24,10 @@ from ..base.text import (
 from ..mechanics.driven_strain import TOLERANCE
 from ..results.finding import Finding
 from ..results.row import Row, Values
-from .answers import Answers
+from .answers import HEATED, SERVICE_TENSIONS, Answers, ClassAnswer, Heat, Service
 from .best_tension import SAME, Best
 from .branches import Event
-from .closings import ClassAnswer
-from .heat import HEATED, Heat
 from .history import mean_tension
-from .service_tensions import SERVICE_TENSIONS, Service
 
 LEAST_SHARE = 1e-4  # of the larger of both: smaller tensions are scatter about zero
 LEAST_CHANGE = 1e-7  # of a strain
@@ -80,7 +77,6 @@ def _classes(contacts: Sequence[ClassAnswer]) -> str:
 
 
 def _closed_at(one: ClassAnswer) -> str:
-    """Mean tension at which a class closes, in few words."""
     closes = one.closes
     if closes is None:
         return OPEN
@@ -99,7 +95,6 @@ def _place_of(one: Event, shown: Callable[[Row], str]) -> str:
 
 
 def _mean(state: Row) -> str:
-    """Mean tension of weft and warp."""
     return engineering(max(mean_tension(state), 0.0), "N/m")
 
 
@@ -296,7 +291,6 @@ def ahead_texts(here: Row, first_yield: Event | None, jump: Sequence[Row] | None
 
 
 def _span(low: Row, high: Row) -> str:
-    """The mean tensions of two states: 4.0 to 4.3 N/m."""
     return span(*alike([mean_tension(low), mean_tension(high)], "N/m"))
 
 
@@ -305,7 +299,6 @@ def _times(there: Row, here: Row) -> str:
 
 
 def _at_grips(answers: Answers, best: Best) -> str:
-    """Stress at the grips at the best tension, and first yield there."""
     stress = f"{engineering(best.stress_with_grips_Pa, 'Pa')} at the grips"
     first_yield = answers.first_yield
     if first_yield is None or not _inside(answers):

@@ -150,5 +150,4 @@ def _holds_tension(part: Sequence[Row]) -> bool:
 
 
 def _temperatures(part: Sequence[Row]) -> int:
-    """Number of temperatures on a part of the path."""
     return len({row.temperature_K for row in part})

@@ -162,7 +162,6 @@ def _about_constants(scene: Scene) -> Iterator[ResultWarning]:
 
 
 def _about_increments(scene: Scene) -> Iterator[ResultWarning]:
-    """Warning on strain increments of a tight knit that are too large."""
     strains = [np.zeros(2), *(np.array([stage.strain_weft or 0.0, stage.strain_warp or 0.0]) for stage in scene.stages)]
     largest, frames = max(float(np.abs(after - before).max()) for before, after in pairwise(strains)), scene.output.frames
     if not isinstance(frames, str) and largest > FOLLOWED_INCREMENT * frames * (1.0 + 1e-6) and is_tight(scene):

@@ -192,7 +192,6 @@ def fewer_nodes(scene: Scene) -> int:
 
 
 def _overshot(stage: Stage, overshoot: float) -> Stage:
-    """The first load step, further by a share of its strains and tensions."""
     names = ("strain_weft", "strain_warp", "tension_weft", "tension_warp")
     driven = {name: (1.0 + overshoot) * value for name in names if (value := getattr(stage, name)) is not None}
     return replace(stage, name="overshoot", **driven)

@@ -139,7 +139,6 @@ class Recorder:
     # --- records ---
 
     def _loop(self) -> LoopResult:
-        """Run and record the simulation."""
         return self.monitor.run(self._write_record)
 
     @property
@@ -199,7 +198,6 @@ class Recorder:
         return summary
 
     def _take_up(self, rows: list[Row]) -> None:
-        """Continue after the rows of a checkpoint."""
         names = list(self.probes)
         if rows and (began := list(rows[0].probes)) != names:
             raise RunDirectoryError(
@@ -233,7 +231,6 @@ class Recorder:
     # --- exports ---
 
     def _export(self) -> None:
-        """Draw the figures and write the VTK files, as the scene requests."""
         from ..export import export_record
         from ..export.knit_figure import knit_figure
         from ..export.run_record import read_run

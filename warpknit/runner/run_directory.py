@@ -157,7 +157,6 @@ def holds_killed_run(out: Path) -> bool:
 
 
 def _free_beside(out: Path, wanted: str) -> Path:
-    """Path of a new directory beside `out`."""
     place = out if out.name not in ("", "..") else out.resolve()
     number, path = 1, place.parent / f"{place.name}_{wanted}"
     while path.exists():

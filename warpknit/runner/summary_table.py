@@ -75,7 +75,6 @@ def heading(name: str, text: str, state: str) -> Finding:
 
 
 def _earlier_steps(stages: Sequence[Row]) -> Iterator[Finding]:
-    """The load steps before the last one; for two hooked wires only their number."""
     if len(stages) > 1:
         yield Finding("load step", stages[-1].stage, where=f", the last of {len(stages)}", short=True)
     for end in stages[:-1]:
@@ -87,7 +86,6 @@ def _earlier_steps(stages: Sequence[Row]) -> Iterator[Finding]:
 
 
 def _solver_findings(result: Summary) -> Iterator[Finding]:
-    """Further rows on the computation."""
     solver = result.solver
     yield Finding("  wall time", f"{duration(solver.wall_s, 3)} {TIMED}")
     if solver.compile_s > 1.0:
@@ -100,7 +98,6 @@ def _solver_findings(result: Summary) -> Iterator[Finding]:
 
 
 def _spatial_finding(other: SpatialMeans) -> Finding:
-    """Results of the spatial model under the load of a planar tile."""
     strain = f"{percent(other.strain_weft, 2)} weft, {percent(other.strain_warp, 2)} warp"
     tension = sides_text((other.tension_weft_N_per_m, other.tension_warp_N_per_m), "N/m")
     active, stress = percent(0.01 * other.active_percent), engineering(other.stress_max_Pa, "Pa")
@@ -171,7 +168,6 @@ def _range(variants: Means, names: Sequence[str]) -> str:
 
 
 def _shown(name: str, value: float) -> str:
-    """A figure of the meshes by its name."""
     if name.endswith("percent") or name.startswith("strain"):
         return f"{value if name.endswith('percent') else 100.0 * value:.3g} %"
     return engineering(value, "Pa" if name.endswith("Pa") else "N/m")
@@ -205,7 +201,6 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
 
 
 def _stress_findings(end: Row, has_grips: bool, variants: Means | None) -> Iterator[Finding]:
-    """Largest stress, and the yielded share of the wire."""
     stress, limit = end.stress_max_Pa, end.yield_stress_Pa
     shown = stress * (stress > LEAST_STRESS * limit)
     assumed = f" (assumed {engineering(limit, 'Pa')})" if end.yield_stress_assumed else ""
@@ -233,7 +228,6 @@ def model_findings(model: Values, cost: str) -> Iterator[Finding]:
 
 
 def _hook_findings(hook: Row) -> Iterator[Finding]:
-    """The rows of two hooked wires."""
     yield Finding("displacement", hook.displacement_m, "m", where=f", force {engineering(hook.drive_force_N, 'N')}", short=True)
     left, right = hook.force_left_N, hook.force_right_N
     both = f"{engineering(left, 'N')} on the left wire, {engineering(right, 'N')} on the right wire"

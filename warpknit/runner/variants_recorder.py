@@ -167,7 +167,6 @@ class VariantsRecorder(Recorder):
     # --- the mean
 
     def _write_mean(self, whole: dict[int, list[Row]], *, complete: bool) -> None:
-        """Write the mean row, the rows of each mesh, and the median mesh's states."""
         seen = self._mesh_values(whole)
         median = list(whole)[seen.median]
         self.model = self.meshes.of_scene(self.meshes.models.model(median))

@@ -93,7 +93,6 @@ def fragment_share(end: Row, side: str) -> float:
 
 
 def _yielding(stages: Sequence[Row]) -> str:
-    """The yielded share of a plastic wire, in words."""
     share = max((end.plastic_fraction or 0.0 for end in stages), default=0.0)
     if share == 0.0:
         return "it yields in bending alone, which stays below"
@@ -134,7 +133,6 @@ def _about_stages(stages: Sequence[Row]) -> Iterator[ResultWarning]:
 
 
 def _unevenly_pulled(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Panels whose median tension is far below the tension at the edges."""
     for end in stages:
         driven, panel = _driven_by_tension(model, end.stage), end.get("panel") or {}
         median: list[Any] = [panel.get(f"tension_median_{side}_N_per_m") for side in ("weft", "warp")]
@@ -184,7 +182,6 @@ def _contraction(model: MeshModel, rows: Sequence[Row]) -> str:
 
 
 def _lost_contact(rows: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Warning on two hooked wires that have lost contact."""
     force = [min(row.force_left_N, row.force_right_N) for row in rows]
     if not force or force[-1] > 0.0 or max(force) == 0.0:
         return

@@ -134,7 +134,6 @@ def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...]
 
 
 def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ...] = ()) -> Trait:
-    """Requested by a key of a stage."""
     return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
 
 

@@ -4,9 +4,9 @@
         damping: Annotated[float, Quantity("rate", least=0.0)] | None = key("Ramp: mass-proportional damping.", None)
 
 `Quantity` (values.py) is the unit and the range. From this line follow the check of the file, the attribute of the scene, the
-resolved file, the nearest known key, and the row in docs/scenes.md (docs/scene_reference.py). A class that derives from `Table` is first the
-checked table of the file, where values may be None, and then the frozen object of the scene, which `warpknit.scene.scene_loader`
-has filled in. The annotations describe the object.
+resolved file, the nearest known key, and the row in docs/scenes.md. A class that derives from `Table` is first the checked table
+of the file, where values may be None, and then the frozen object of the scene, which `warpknit.scene.scene_loader` has filled in.
+The annotations describe the object.
 """
 
 from __future__ import annotations

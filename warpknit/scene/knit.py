@@ -67,7 +67,6 @@ def _in_needles(bars: tuple[Bar, ...]) -> tuple[Bar, ...]:
 
 
 def _proportion(name: str) -> Quantity:
-    """The check of a proportion of the loops."""
     least, most = RANGES[name]
     return Quantity("number", least=least, most=most)
 

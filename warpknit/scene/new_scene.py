@@ -139,7 +139,6 @@ def _spacing(kind: str) -> Callable[[str], tuple[str, str]]:
 
 
 def _load(given: str) -> tuple[tuple[str, str], ...]:
-    """Keys and values of weft and warp."""
     parts = [part.strip() for part in given.split(",")]
     if len(parts) > 2:
         raise Refused(given, f"has {len(parts)} parts", LOAD)
@@ -159,7 +158,6 @@ def _load_of(direction: str, given: str) -> tuple[str, str]:
 
 
 def _is(text: str, dimension: str) -> bool:
-    """Whether a text is a quantity of this dimension."""
     try:
         si(text, dimension)
     except QuantityError:
@@ -221,7 +219,6 @@ def scene_text(request: SceneRequest, file_name: str) -> str:
 
 
 def _bars(bars: Sequence[GuideBar]) -> str:
-    """The entries of `[knit] bars`, a line each."""
     places = ("the only bar",) if len(bars) == 1 else ("back bar", *("middle bar",) * (len(bars) - 2), "front bar")
     lines = []
     for bar in bars:
@@ -243,7 +240,6 @@ def _sweep(loads: Sequence[tuple[str, str]]) -> str:
 
 
 def _toml(text: str) -> str:
-    """Text as a TOML string."""
     import tomli_w
 
     return tomli_w.dumps({"x": text.strip()}).partition("=")[2].strip()

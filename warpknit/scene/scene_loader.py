@@ -84,7 +84,6 @@ def load_scene(
 
 
 def _table_of(scene: Scene) -> Mapping[str, Any]:
-    """The table of a scene with every default."""
     table = toml.loads(resolved_toml(scene))
     if scene.wires is not None:
         table["wires"]["file"] = scene.wires.file
@@ -282,7 +281,6 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
 
 
 def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:
-    """[variants], with a count."""
     if file.variants.count is not None:
         return file.variants
     is_tile = file.hook is None and file.wires is None and file.model.boundary == "periodic" and file.model.of_kind.own_loops

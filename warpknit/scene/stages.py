@@ -74,7 +74,6 @@ def stages_of(source: Source, file: SceneFile, wire: Wire, knit: Knit, panel: Pa
 
 
 def _check_temperature(source: Source, location: Location, load: Stage, outline: Outline) -> None:
-    """Refuse a gradient that gives temperatures out of range."""
     from_middle = outline.corners - (outline.low + 0.5 * outline.size)
     there = load.temperature + from_middle @ np.array(load.temperature_gradient)
     if there.min() <= 0.0 or there.max() > 4000.0:
@@ -101,7 +100,6 @@ def _check_pull(source: Source, file: SceneFile, location: Location, pull: Pull,
 
 
 def _named_stages(source: Source, file: SceneFile) -> Iterator[tuple[Location, str, Stage]]:
-    """Location in the file, name and table of each stage."""
     tables: list[tuple[Location, Stage]] = [(("load",), file.load)]
     tables += [(("path", index), table) for index, table in enumerate(file.path)]
     names: set[str] = set()

@@ -15,10 +15,10 @@ import numpy as np
 from ..base.errors import Diverged
 from ..base.text import engineering, exact, of_sides, percent
 from ..results.row import Row
+from ..runner.answers import SERVICE_TENSIONS, Service
 from ..runner.branches import Jump, tensions_text
 from ..runner.estimates import FRICTIONS
 from ..runner.history import mean_tension
-from ..runner.service_tensions import SERVICE_TENSIONS, Service
 from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from .card import MaterialCard

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from ..base.errors import Diverged
 from ..base.text import celsius, exact
 from ..results.row import Row
+from ..runner.answers import Heat, heat_of
 from ..runner.branches import Jump, jumps_of
-from ..runner.heat import Heat, heat_of
 from ..scene import Scene
 from .equal_tension import EqualTensionPath, levels_between
 from .load_path import LoadPath, Meshes, part_of, under_strain, under_tension
