@@ -54,7 +54,7 @@ class RunDirectoryError(InputError):
     """The run directory cannot be used: it contains a finished run, or it is not a directory."""
 
 
-class ExportError(InputError):
+class ExportError(RunDirectoryError):
     """Nothing to export there, or not to that format."""
 
 

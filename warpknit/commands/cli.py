@@ -10,6 +10,7 @@ import json
 import logging
 import os
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,7 +87,7 @@ def show_results(table: ResultTable, directory: Path, asked: Asked) -> None:
     """Print the table of a finished command and where its results are."""
     from ..results.finding import Finding
 
-    show(table.with_lines([Finding("results", str(directory), short=True)]), asked)
+    show(replace(table, findings=(*table.findings, Finding("results", str(directory), short=True))), asked)
 
 
 @main.command()
@@ -304,4 +305,4 @@ def new(file: str | None, as_list: bool, source: str | None, force: bool, **valu
     request, path = SceneRequest(**given), file_of(file, force=force) if file else None
     if "knit" not in given and on_terminal():
         request, path = ask(given, path, force=force)
-    print_table(new_command(request, path or file_of(named_knit(request.knit).name, force=force), force=force))
+    print_table(new_command(request, path or file_of(named_knit(request.knit).name, force=force)))

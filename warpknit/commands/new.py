@@ -24,7 +24,7 @@ from ..mesh.layout import knit_scene
 from ..results.finding import Finding
 from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
-from ..scene.new_scene import Refused, SceneRequest, check_file_name, scene_text
+from ..scene.new_scene import SceneRequest, check_file_name, scene_text
 from ..scene.shipped import first_sentence, nearest_scene, shipped_scenes
 from ..scene.wire import Wire
 from .plan import Overview, overview_of
@@ -36,22 +36,14 @@ DENSEST = 4.0  # times the courses that were asked for: the most that are tried
 def file_of(name: str, *, force: bool) -> Path:
     """The file of a name, with .toml at its end. Raises `InputError` for a file that exists, unless `force`."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
-    try:
-        check_file_name(path.name)
-    except Refused as error:
-        raise InputError(f"FILE: {error}") from error
-    _refuse_existing(path, force)
-    return path
-
-
-def _refuse_existing(path: Path, force: bool) -> None:
-    """Refuse to overwrite a file without `force`, and a directory. Raises `InputError`."""
+    check_file_name(path.name)
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the name of a file")
     if not path.parent.is_dir():
         raise InputError(f"{path}: the directory {path.parent} does not exist; make it, or give another")
     if not force and path.exists():
         raise InputError(f"{path}: the file exists; give another name, or --force to replace it")
+    return path
 
 
 def planned_scene(request: SceneRequest, path: Path) -> tuple[str, Scene, Overview]:
@@ -90,9 +82,8 @@ def _has_room(request: SceneRequest) -> bool:
     return True
 
 
-def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Finding]:
+def new_command(request: SceneRequest, path: Path) -> list[Finding]:
     """Write the scene of a request; return the lines of its table."""
-    _refuse_existing(path, force)
     text, scene, overview = planned_scene(request, path)
     with write_aside(path) as file:
         file.write(text)

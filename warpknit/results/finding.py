@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..base.text import counted, engineering
@@ -135,7 +135,3 @@ class ResultTable:
             yield Finding(warning.code or "warning", str(warning).removeprefix(warning.code).strip())
         if more := len(warnings) - len(shown):
             yield Finding("", f"{counted(more, 'more warning')}: --verbose, or {self.file}")
-
-    def with_lines(self, more: Iterable[Finding]) -> ResultTable:
-        """The same with further findings."""
-        return ResultTable((*self.findings, *more), self.warnings, self.file)

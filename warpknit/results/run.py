@@ -7,7 +7,6 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ..base.errors import ExportError, RunDirectoryError, naming_arguments, needing_extra
+from ..base.errors import RunDirectoryError, naming_arguments, needing_extra
 from ..runner.run_directory import SUMMARIES, TABLES, Tree, directory_of, holds_killed_run
 from ..runner.summary import Summary
 from ..runner.summary_table import summary_table
@@ -64,23 +63,13 @@ class States(Sequence[Frame]):
         if self._record is None or not -len(self) <= which < len(self):
             instead = f"use {-len(self)} to {len(self) - 1}" if len(self) else "a map or an empty run has none"
             raise IndexError(f"states: {which} is not one of {len(self)} states; {instead}")
-        with _of_directory():
-            return self._record.frame(which)
+        return self._record.frame(which)
 
     def __len__(self) -> int:
         return 0 if self._record is None else len(self._record.states)
 
     def __repr__(self) -> str:
         return f"<{len(self)} states>"
-
-
-@contextmanager
-def _of_directory() -> Iterator[None]:
-    """Raise errors of a record as errors of its directory."""
-    try:
-        yield
-    except ExportError as error:
-        raise RunDirectoryError(str(error)) from error
 
 
 class Series(Mapping[str, np.ndarray]):
@@ -215,8 +204,7 @@ class Run:
         """Layout and states, one a record. Raises RunDirectoryError where they are damaged or one is missing."""
         from ..export.run_record import read_run
 
-        with _of_directory():
-            record = read_run(self.directory)
+        record = read_run(self.directory)
         for path in (state_file(self.directory, index) for index in range(max(len(record.states), self._records))):
             if not path.is_file():
                 raise RunDirectoryError(f"{path}: no such file; {AGAIN}")

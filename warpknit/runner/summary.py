@@ -6,7 +6,7 @@ Of panels, gripped meshes of a dozen repeats or more and those on cords, also th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TypeAlias
 
 import numpy as np
@@ -28,6 +28,7 @@ from .variants import OF_ONE_PATH, Means, variant_warnings
 from .warnings_of import warnings_of
 
 TABLES = ("probes", "panel")  # of a row
+OF_MESHES = ("variants", "spatial_model")  # sections of several meshes
 ERRORS = ("active_percent", "tension", "contact_force", "stress", "standard_error", "nodes", "friction", "strain")
 Value: TypeAlias = float | str | None
 PanelValues: TypeAlias = dict[str, Value | dict[str, float]]  # the section of summary.json
@@ -92,8 +93,7 @@ class Summary:
             "model": plain(self.model),
             "solver": plain(self.solver),
             **last,
-            **({} if self.variants is None else {"variants": plain(self.variants)}),
-            **({} if self.spatial_model is None else {"spatial_model": plain(self.spatial_model)}),
+            **{name: plain(part) for name in OF_MESHES if (part := getattr(self, name)) is not None},
             "jumps": self.jumps,
             "answers": plain(self.answers),
             "stages": stages,
@@ -102,22 +102,16 @@ class Summary:
     @classmethod
     def of(cls, tree: Tree) -> Summary:
         """The result that `json` gave."""
-        quality, of_model = tree.get("quality", {}), [ResultWarning.of(text) for text in tree["model"].get("warnings", [])]
-        return cls(
-            scene=Values(**tree["scene"]),
-            stop_reason=tree["stop_reason"],
-            model=Values(**tree["model"] | {"warnings": of_model}),
-            solver=Values(**tree["solver"]),
-            warnings=[ResultWarning.of(text) for text in tree["warnings"]],
-            stages=tuple(map(_row_of_sections, tree["stages"])),
-            estimate=Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
-            device=tree["device"],
-            message=tree["message"],
-            jumps=[(before, after) for before, after in tree["jumps"]],
-            variants=Means(**vars(valued(tree["variants"]))) if "variants" in tree else None,
-            spatial_model=SpatialMeans(**tree["spatial_model"]) if "spatial_model" in tree else None,
-            answers=tree["answers"] and valued(tree["answers"]),
-        )
+        given, quality = vars(valued(tree)), tree.get("quality", {})
+        warnings, of_model = ([ResultWarning.of(text) for text in part.get("warnings", ())] for part in (tree, tree["model"]))
+        given |= {
+            "model": given["model"].changed(warnings=of_model),
+            "warnings": warnings,
+            "stages": tuple(map(_row_of_sections, tree["stages"])),
+            "estimate": Estimate(quality.get("estimated_error"), **quality.get("estimated_errors", {})),
+            "version": __version__,
+        }
+        return cls(**{entry.name: given[entry.name] for entry in fields(cls) if entry.name in given})
 
 
 def sections_of(row: Row) -> dict[str, dict[str, object]]:

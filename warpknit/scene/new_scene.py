@@ -27,7 +27,7 @@ from .knit import KnitTable
 from .materials import MATERIALS
 from .options import SIDES, ModelOptions, Stage
 from .scene import SceneFile
-from .units import QuantityError, has_unit, shown, si
+from .units import has_unit, is_quantity, shown, si
 from .wire import Plating, Wire
 
 LOAD = "write a strain such as '6 %', a tension such as '2 N/m', or both, '6 %, 2 N/m', for weft and warp"
@@ -35,16 +35,7 @@ PLATING = "write a metal and the thickness of its coating, such as 'gold, 0.2 um
 SPACING = "write a count per length such as '26 /inch', a count an inch such as 26, or a distance such as '0.98 mm'"
 COMMENTS_AT = 28  # column of the comments behind keys
 SWEPT = (0.25, 0.5, 1.0, 1.75, 2.5)  # tensions of a map over the tension of the scene
-
-
 NO_PLATING = "none"
-
-
-class Refused(ValueError):
-    """A value that cannot stand in a scene: what was given, what is wrong with it and what to write instead."""
-
-    def __init__(self, given: str, wrong: str, instead: str) -> None:
-        super().__init__(f"{shown(given)} {wrong}; {instead}")
 
 
 @dataclass(frozen=True)
@@ -63,11 +54,8 @@ class SceneRequest:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            try:
-                if (given := getattr(self, entry.name)) != entry.default:
-                    _CHECKS[entry.name](given)
-            except Refused as error:
-                raise InputError(f"--{entry.name}: {error}") from error
+            if (given := getattr(self, entry.name)) != entry.default:
+                _CHECKS[entry.name](given)
 
     @property
     def filled_in(self) -> SceneRequest:
@@ -78,40 +66,45 @@ class SceneRequest:
 
 
 def check_file_name(name: str) -> None:
-    """Check a file name, which also names the directory of results. Raises `Refused`."""
+    """Check a file name, which also names the directory of results. Raises `InputError`."""
     if not name.isprintable():  # such as a byte that is no UTF-8
-        raise Refused(name, "cannot be shown", "write a name of printable characters")
-    _accept(name, name.removesuffix(".toml"), SceneFile, "name")
+        raise _refused("FILE", name, "cannot be shown", "write a name of printable characters")
+    _accept("FILE", name, name.removesuffix(".toml"), SceneFile, "name")
 
 
-def _accept(given: str, value: Any, table: type[Table], key: str, instead: str = "") -> Any:
-    """A value in SI, by the check of its key. `given`: the whole text; instead: what to write for it."""
+def _refused(option: str, given: str, wrong: str, instead: str) -> InputError:
+    return InputError(f"{option}: {shown(given)} {wrong}; {instead}")
+
+
+def _accept(option: str, given: str, value: Any, table: type[Table], key: str, instead: str = "") -> Any:
+    """A value in SI, by the check of its key. `given`: the whole text of an option; instead: what to write for it."""
     check = table.keys[key].check
     assert check is not None
     try:
         return check(value)
     except PydanticCustomError as error:
         context = error.context or {}
-        raise Refused(given, "cannot be used" if instead else context["wrong"], instead or context["instead"]) from error
+        wrong = "cannot be used" if instead else context["wrong"]
+        raise _refused(option, given, wrong, instead or context["instead"]) from error
 
 
 def _knit(given: str) -> NamedKnit:
     try:
         return named_knit(given)
     except KnitError as error:
-        raise Refused(given, "is no knit", error.instead) from error
+        raise _refused("--knit", given, "is no knit", error.instead) from error
 
 
 def _diameter(given: str) -> str:
     if not has_unit(given):
-        raise Refused(given, "has no unit", "write a length with its unit, such as '30 um'")
-    _accept(given, given, Wire, "diameter")
+        raise _refused("--diameter", given, "has no unit", "write a length with its unit, such as '30 um'")
+    _accept("--diameter", given, given, Wire, "diameter")
     return given
 
 
 def _ends(given: str) -> int:
     is_whole = given.strip().isdecimal() and len(given.strip()) <= 9
-    return int(_accept(given, int(given) if is_whole else given, Wire, "ends"))
+    return int(_accept("--ends", given, int(given) if is_whole else given, Wire, "ends"))
 
 
 def _plating(given: str) -> tuple[str, str]:
@@ -120,10 +113,10 @@ def _plating(given: str) -> tuple[str, str]:
         return "gold", "0.2 um"
     parts = re.split(r"\s*,\s*|\s+", given.strip(), maxsplit=1)
     if len(parts) < 2 or not has_unit(parts[1]):
-        raise Refused(given, "lacks a metal or a thickness with its unit", PLATING)
+        raise _refused("--plating", given, "lacks a metal or a thickness with its unit", PLATING)
     metal, thickness = parts
-    _accept(given, metal, Plating, "material", f"{PLATING}, of {', '.join(MATERIALS)}")
-    _accept(given, thickness, Plating, "thickness", PLATING)
+    _accept("--plating", given, metal, Plating, "material", f"{PLATING}, of {', '.join(MATERIALS)}")
+    _accept("--plating", given, thickness, Plating, "thickness", PLATING)
     return metal, thickness
 
 
@@ -131,8 +124,8 @@ def _spacing(kind: str) -> Callable[[str], tuple[str, str]]:
     def checked(given: str) -> tuple[str, str]:
         """Key and value of a spacing: a count per length, or the distance itself."""
         text = given.replace(" per ", " /") if has_unit(given) else f"{given.strip()} /inch"
-        key = f"{kind}s" if _is(text, "per_length") else f"{kind}_spacing"
-        _accept(given, text, KnitTable, key, SPACING)
+        key = f"{kind}s" if is_quantity(text, "per_length") else f"{kind}_spacing"
+        _accept(f"--{kind}s", given, text, KnitTable, key, SPACING)
         return key, text
 
     return checked
@@ -141,40 +134,32 @@ def _spacing(kind: str) -> Callable[[str], tuple[str, str]]:
 def _load(given: str) -> tuple[tuple[str, str], ...]:
     parts = [part.strip() for part in given.split(",")]
     if len(parts) > 2:
-        raise Refused(given, f"has {len(parts)} parts", LOAD)
+        raise _refused("--load", given, f"has {len(parts)} parts", LOAD)
     return tuple(_load_of(direction, part) for direction, part in zip(SIDES, (parts * 2)[:2], strict=True))
 
 
 def _load_of(direction: str, given: str) -> tuple[str, str]:
-    if not _is(given, "number"):
-        _accept(given, given if has_unit(given) else None, Stage, f"tension_{direction}", LOAD)
+    if not is_quantity(given, "number"):
+        _accept("--load", given, given if has_unit(given) else None, Stage, f"tension_{direction}", LOAD)
         return f"tension_{direction}", _toml(given)
     strain = si(given, "number")
     if not has_unit(given) and abs(strain) >= 1.0:
         instead = f"write a strain such as '{given} %' or {strain / 100:g}, or a tension such as '{given} N/m'"
-        raise Refused(given, "has no unit", instead)
-    _accept(given, given, Stage, f"strain_{direction}", LOAD)
+        raise _refused("--load", given, "has no unit", instead)
+    _accept("--load", given, given, Stage, f"strain_{direction}", LOAD)
     return f"strain_{direction}", _toml(given) if has_unit(given) else repr(strain)
-
-
-def _is(text: str, dimension: str) -> bool:
-    try:
-        si(text, dimension)
-    except QuantityError:
-        return False
-    return True
 
 
 _CHECKS: dict[str, Callable[[str], Any]] = {
     "knit": _knit,
-    "material": lambda given: _accept(given, given, Wire, "material"),
+    "material": lambda given: _accept("--material", given, given, Wire, "material"),
     "diameter": _diameter,
     "ends": _ends,
     "plating": _plating,
     "wales": _spacing("wale"),
     "courses": _spacing("course"),
     "load": _load,
-    "model": lambda given: _accept(given, given, ModelOptions, "kind"),
+    "model": lambda given: _accept("--model", given, given, ModelOptions, "kind"),
 }
 
 
@@ -182,7 +167,7 @@ _CHECKS: dict[str, Callable[[str], Any]] = {
 
 
 def scene_text(request: SceneRequest, file_name: str) -> str:
-    """The scene file of a request, in TOML: the template new_scene.template with its values. Raises `Refused` for a bad value."""
+    """The scene file of a request, in TOML: the template new_scene.template with its values."""
     request = request.filled_in
     knit, metal, loads = _knit(request.knit), MATERIALS[request.material], _load(request.load)
     coating, thickness = _plating(request.plating)

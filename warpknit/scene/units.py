@@ -86,9 +86,9 @@ def has_unit(text: str) -> bool:
     return False
 
 
-def is_quantity(text: str) -> bool:
-    """Whether a string is a number with a unit of any dimension."""
-    return any(_converted(text, kind) is not None for kind in DIMENSIONS.values())
+def is_quantity(text: str, *dimensions: str) -> bool:
+    """Whether a string is a quantity of one of these dimensions, by default of any."""
+    return any(_converted(text, DIMENSIONS[name]) is not None for name in dimensions or DIMENSIONS)
 
 
 def tidy(value: float) -> float:
