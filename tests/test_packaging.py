@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from warpknit import __version__, load_scene
 from warpknit.base.errors import SceneError
 from warpknit.commands.cli import main
-from warpknit.scene.shipped import first_sentence, shipped_scenes
+from warpknit.scene.scene_loader import first_sentence, shipped_scenes
 
 ROOT = Path(__file__).parents[1]
 WHEEL_LIMIT = 2e6  # [bytes]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from warpknit.measure.stress_peak import peak_position
+from warpknit.measure import peak_position
 
 
 @pytest.mark.parametrize(("boundary", "expected"), [("periodic", (0.315e-3, 0.1e-3)), ("gripped", (2.36e-3, 2.1e-3))])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from warpknit.knit.cloth import Cloth, knit_cloth
-from warpknit.measure.stress_peak import part_of_loop
+from warpknit.measure import part_of_loop
 from warpknit.scene.knit import Knit
 from warpknit.scene.scene_loader import make_scene
 

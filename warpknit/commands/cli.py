@@ -226,7 +226,7 @@ def reflect_states(run_dir: str, overrides: tuple[str, ...], quiet: bool) -> Non
     configure_logging(logging.WARNING if quiet else logging.INFO)
     from ..results.finding import ResultTable
     from ..runner.progress_display import progress_for
-    from .reflect import reflect_command
+    from .run import reflect_command
 
     with progress_for(quiet=quiet) as progress:
         result = reflect_command(Path(run_dir), overrides, progress)

@@ -25,7 +25,7 @@ from ..results.finding import Finding
 from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
 from ..scene.new_scene import SceneRequest, check_file_name, scene_text
-from ..scene.shipped import first_sentence, nearest_scene, shipped_scenes
+from ..scene.scene_loader import first_sentence, nearest_scene, shipped_scenes
 from ..scene.wire import Wire
 from .plan import Overview, overview_of
 from .run import naming_the_file

@@ -25,8 +25,7 @@ from ..studies.findings import Findings, report_scene
 from ..studies.inputs import Fitted, Known, fitted_overrides, with_known, write_fit
 from ..studies.report import write_report
 from ..studies.sweep import run_map as sweep_scene
-from .reflect import with_reflection
-from .run import Directory, Source, finished_run
+from .run import Directory, Source, finished_run, with_reflection
 
 
 def make_report(

@@ -1,17 +1,21 @@
-"""`warpknit run` and `warpknit map` as functions."""
+"""`warpknit run`, `warpknit map` and `warpknit reflect` as functions."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FINISHED, INTERRUPTED, Diverged, InputError, ModelError, in_python, naming_arguments
+from ..base.errors import FINISHED, INTERRUPTED, Diverged, InputError, ModelError, RunDirectoryError, in_python, naming_arguments
 from ..compute.ranks import One, Ranks
 from ..knit.lapping import KnitError
+from ..reflection.checks import options_of
+from ..reflection.study import reflect
+from ..reflection.table import Reflected
 from ..results.run import Run, load_run
 from ..runner.history import Probe
 from ..runner.interrupts import to_continue
@@ -27,7 +31,6 @@ from ..scene.overrides import as_written
 from ..scene.units import QuantityError, has_unit, shown, si, tidy
 from ..studies.contact_map import MapSummary
 from ..studies.sweep import run_map as sweep_scene
-from .reflect import with_reflection
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scene  # what `load_scene` takes
 Directory = str | os.PathLike[str]
@@ -175,3 +178,42 @@ def map_command(
         keep_states=scene.reflection is not None,
     )  # fmt: skip
     return with_reflection(scene, out, progress, command)
+
+
+# --- reflection
+
+TABLE = "reflection."  # the keys that may be set for finished results
+
+
+def reflect_command(directory: Path, overrides: Sequence[str], progress: Display) -> Reflected:
+    """Solve the waves from the states of finished results. Raises InputError, RunDirectoryError, KeyboardInterrupt.
+
+    overrides: keys of [reflection] that replace keys of their scene.
+    """
+    for override in overrides:
+        if not override.startswith(TABLE):
+            raise InputError(f"--set: {override!r} is not of [reflection]; other keys need a new run")
+    run = load_run(directory)
+    if not {"stages", "cells"} & set(run.summary):
+        raise RunDirectoryError(f"{directory}: has no states; give the directory of a run or a map")
+    scene = run.scene.changed(overrides)
+    refuse(scene)
+    return reflect(directory, scene, progress)
+
+
+def with_reflection(
+    scene: Scene, directory: Path, progress: Display, command: Callable[[], CommandResult[Any]], *, is_first: bool = True
+) -> CommandResult[Any]:
+    """The result of a command; if it finished and its scene has [reflection], the waves from its states are in `directory`.
+
+    is_first: whether this rank solves the waves. Raises InputError for a [reflection] that cannot be solved.
+    """
+    if scene.reflection is not None:
+        options_of(scene)
+    result = command()
+    if scene.reflection is not None and is_first and result.exit_code == 0 and not (directory / "reflection.csv").exists():
+        try:
+            reflect(directory, scene, progress)
+        except KeyboardInterrupt as stop:
+            return replace(result, exit_code=INTERRUPTED, message=str(stop) or "interrupted")
+    return result

@@ -18,7 +18,6 @@ import numpy as np
 from .. import measure as m
 from ..base.text import short_repr
 from ..knit.cloth import CLASS_NAMES
-from . import stress_peak
 from .observables import HookContact, Observables
 
 
@@ -155,11 +154,11 @@ MEASURES: tuple[Measure, ...] = (
     Measure("fragment_tension_warp_N_per_m", lambda r: m.fragment_tension(r)[1], history=True, summary="mesh"),
     # wires
     Measure("stress_max_Pa", m.largest_stress, history=True, summary="wire", map="map"),
-    Measure("stress_max_part", stress_peak.peak_part, history=True, summary="wire"),
-    Measure("stress_max_node", stress_peak.peak_node, history=True, summary="wire"),
-    Measure("stress_max_wire", stress_peak.peak_wire, history=True, summary="wire"),
-    Measure("stress_max_x_m", lambda r: float(stress_peak.peak_position(r)[0]), history=True, summary="wire"),
-    Measure("stress_max_y_m", lambda r: float(stress_peak.peak_position(r)[1]), history=True, summary="wire"),
+    Measure("stress_max_part", m.peak_part, history=True, summary="wire"),
+    Measure("stress_max_node", m.peak_node, history=True, summary="wire"),
+    Measure("stress_max_wire", m.peak_wire, history=True, summary="wire"),
+    Measure("stress_max_x_m", lambda r: float(m.peak_position(r)[0]), history=True, summary="wire"),
+    Measure("stress_max_y_m", lambda r: float(m.peak_position(r)[1]), history=True, summary="wire"),
     Measure("stress_p99_Pa", m.exceeded_stress, summary="wire"),
     Measure("shear_stress_max_Pa", _part("shear_stress", _largest), summary="wire"),
     Measure("yield_stress_Pa", lambda r: r.model.scene.wire.yield_stress, summary="wire"),

@@ -8,6 +8,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from .. import measure
 from ..base.text import celsius, engineering, exact, percent
 from ..knit.cloth import Cloth
 from ..knit.straight_wires import least_length
@@ -54,11 +55,7 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]
 
 def cut_cautions(model: MeshModel) -> Iterator[ResultWarning]:
     """Warning on a patch with much wire in pieces of less than a loop. Grips hold them at both ends."""
-    panel, cloth = model.panel, model.cloth
-    if cloth is None or panel.boundary == "periodic":
-        return
-    length = panel.wire_length
-    is_short = length < cloth.stitch_length
+    length, is_short = model.panel.wire_length, measure.short_wires(model)
     share = float(length[is_short].sum() / max(length.sum(), 1e-300))
     if share >= FRAGMENT_SHARE:
         pieces = f"{np.count_nonzero(is_short)} of {len(length)} wires"

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -48,6 +49,7 @@ NOT_ESTIMATED = "W45"
 Check = Callable[[int], None]  # is called with the time steps so far, may raise to stop
 ChangedRows = dict[str, dict[int, Row]]  # the last row of each mesh, by change and number
 Estimator = Callable[[Check], Estimate]
+Beside = Callable[[list[int], Check], "ChangedRows | None"]  # rows of meshes with each change, from another process
 
 
 def estimated(
@@ -117,7 +119,7 @@ class Sensitivity:
 
         By figure, as fractions of the means; of `active_percent` of all contacts.
         """
-        found = None if self._beside is None else self._beside.rows(self.numbers, check)
+        found = None if self._beside is None else self._beside(self.numbers, check)
         if found is None:
             found = changed_rows(self.scene, self.device, self.numbers, check)
         before = {name: self.rows if name == NODES else found.get(NODES, {}) for name in found}
@@ -216,24 +218,6 @@ def changed_rows(scene: Scene, device: str, numbers: list[int], check: Check) ->
 # --- beside the run
 
 
-class Beside:
-    """Rows of changed meshes from another process."""
-
-    def __init__(self, pipe: Connection, numbers: list[int]) -> None:
-        self._pipe, self._numbers = pipe, numbers
-
-    def rows(self, numbers: list[int], check: Check) -> ChangedRows | None:
-        """Rows of the meshes; None if other meshes were begun, or if the process has failed."""
-        if numbers != self._numbers:
-            return None
-        with suppress(EOFError, OSError):
-            while not self._pipe.poll(INTERVAL):
-                check(0)
-            rows: ChangedRows | None = self._pipe.recv()[0]
-            return rows
-        return None
-
-
 @contextmanager
 def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | None]:
     """Begin with the changes of meshes; None on a GPU or a single core, which both would share."""
@@ -241,8 +225,19 @@ def beside(scene: Scene, device: str, numbers: list[int]) -> Iterator[Beside | N
     with ExitStack() as stack:
         if process_count(2, device) > 1:
             with suppress(OSError):
-                begun = Beside(stack.enter_context(worker(send_changed_rows, scene, numbers)), numbers)
+                begun = partial(_rows_of, stack.enter_context(worker(send_changed_rows, scene, numbers)), numbers)
         yield begun
+
+
+def _rows_of(pipe: Connection, begun: list[int], numbers: list[int], check: Check) -> ChangedRows | None:
+    """Rows of the meshes from another process; None if other meshes were begun, or if the process has failed."""
+    with suppress(EOFError, OSError):
+        while numbers == begun:
+            if pipe.poll(INTERVAL):
+                rows: ChangedRows = pipe.recv()[0]
+                return rows
+            check(0)
+    return None
 
 
 def send_changed_rows(send: Callable[[ChangedRows], None], scene: Scene, numbers: list[int]) -> None:

@@ -189,7 +189,7 @@ def run_summary(
             mass_scaling=1.0 + model.added_mass,  # mass of a ramp over the real mass
             axial_softening=model.softening,  # at the start of the run
             preset=scene.solver.preset,  # preset of the settings
-            preset_error_percent=scene.preset_error_percent,
+            preset_error_percent=scene.preset_measured and scene.preset_measured.error_percent,
             drive=scene.solver.drive,  # `relax` or `ramp`
             notes=list(notes),  # load levels that needed more than one increment, and overlaps as knitted
         ),

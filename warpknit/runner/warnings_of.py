@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import measure
 from ..base.text import celsius, counted, engineering, is_at_grips, percent, short_percent, sides_text
 from ..measure import MeshModel
 from ..measure.jumps import UNBALANCED
@@ -70,11 +71,11 @@ def _overstressed(model: MeshModel, rows: Sequence[Row], stages: Sequence[Row]) 
 
 def _taut_between_grips(model: MeshModel, stages: Sequence[Row]) -> Iterator[ResultWarning]:
     """Warning on short wires between grips: with the largest stress, or much tension."""
-    if not stages or model.cloth is None or model.panel.boundary == "periodic":
+    is_short = measure.short_wires(model)
+    if not stages or not is_short.any():
         return
-    end, length = stages[-1], model.panel.wire_length
+    end = stages[-1]
     largest, interior = end.stress_max_Pa, end.stress_interior_max_Pa
-    is_short = length < model.cloth.stitch_length
     sides = {side: fragment_share(end, side) for side in ("weft", "warp")}
     carried = " and ".join(f"{percent(share, 0)} of the {side} tension" for side, share in sides.items() if share > CARRIED)
     is_taut = is_short[end.stress_max_wire] and largest > TAUT * interior

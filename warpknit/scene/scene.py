@@ -197,15 +197,11 @@ class Scene:
         return None if name is None else MEASURED[name, self.model.kind]
 
     @property
-    def preset_error_percent(self) -> float | None:
-        """[%] measured error of the preset in force; None without one."""
-        return None if self.preset_measured is None else self.preset_measured.error_percent
-
-    @property
     def preset_error_text(self) -> str:
         """Preset in force, its measured error and the measured knit, in words."""
         double_atlas = "on the double atlas tile" + ("" if self.knit.bars == Knit().bars else ", not measured on this knit")
-        return f"preset {self.preset_in_force}: error {self.preset_error_percent:g} % {double_atlas}"
+        assert self.preset_measured is not None
+        return f"preset {self.preset_in_force}: error {self.preset_measured.error_percent:g} % {double_atlas}"
 
     @property
     def preset_caveat(self) -> str:

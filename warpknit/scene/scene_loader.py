@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +28,13 @@ from .overrides import as_list, with_overrides
 from .panel_options import PanelOptions, covering_repeats, panel_options
 from .presets import PRESETS, Preset
 from .scene import Overrides, Scene, SceneFile, checked_file, resolved_toml
-from .shipped import file_of_scene, nearest_scene
 from .stages import file_diameter, hook_of, stages_of, wire_file
 from .units import has_unit, is_quantity, shown
 from .values import LINKS
 from .wire import Wire
 
+PACKAGE = Path(__file__).parents[1]
+FOLDER = next((folder for folder in (PACKAGE / "scenes", PACKAGE.parent / "scenes") if folder.is_dir()), PACKAGE / "scenes")
 IN_CODE = Path("scene")  # names a scene that no file holds
 SPACING_RATIO = 10.0  # largest ratio of wale and course spacing, either way
 SINGLE_NODES = 48  # nodes a loop above which double is the default: round-off grows as EI/h^2
@@ -124,6 +127,34 @@ def _unquoted(text: str, fault: str) -> tuple[str, str]:
                 return f"line {place[1]}: {value} without quotes", f'write "{value}"'
     remedy = "give each key once" if "overwrite" in fault else "correct this line"
     return fault, "" if place is None else remedy
+
+
+# --- scenes that ship with the package: in scenes/ of a clone, beside the modules in a wheel
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """Files of the scenes by name, such as `atlas_patch`."""
+    return {path.stem: path for path in sorted(FOLDER.rglob("*.toml"))}
+
+
+def first_sentence(path: Path) -> str:
+    """The first sentence of the comment on top of a scene."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    comment = " ".join(line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("#"), lines))
+    return re.split(r"(?<=[.:]) ", comment, maxsplit=1)[0].rstrip(":.")
+
+
+def file_of_scene(path: Path) -> Path:
+    """The file of a path: an existing file first, else the scene of that name; `path` itself where there is neither."""
+    return path if path.is_file() else shipped_scenes().get(str(path), path)
+
+
+def nearest_scene(path: Path) -> str | None:
+    """The name of the scene nearest to a path, if one is close."""
+    return next(iter(difflib.get_close_matches(path.stem, shipped_scenes(), n=1)), None)
+
+
+# --- the scene of a table
 
 
 def make_scene(

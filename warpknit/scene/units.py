@@ -87,7 +87,7 @@ def has_unit(text: str) -> bool:
 
 
 def is_quantity(text: str, *dimensions: str) -> bool:
-    """Whether a string is a quantity of one of these dimensions, by default of any."""
+    """Whether a string is a quantity of these dimensions, default any."""
     return any(_converted(text, DIMENSIONS[name]) is not None for name in dimensions or DIMENSIONS)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from .. import __version__, measure
 from ..base.files import write_aside
 from ..base.text import celsius, of_sides
-from ..measure.stress_peak import peak_position
+from ..measure import peak_position
 from ..results.row import Row, columns_of, write_json, write_rows
 from ..runner.estimates import FRICTIONS
 from ..runner.history import mean_tension
